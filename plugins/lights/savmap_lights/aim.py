@@ -1,0 +1,23 @@
+"""Which way to look: straight up, wide enough for two lamps. Paper, section III.B."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from savmap.geometry.pinhole import angles_from_rotation
+from savmap.stages.aim import Manual, Scout, fit_count
+from savmap.types import Aim, Detection, Floats, View, ViewSpec
+
+HFOV_DEG = 110.0
+WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def aim_at_ceiling(
+    scout: Scout, see: Callable[[View], list[Detection]], manual: Mapping[str, Manual], attitude: Floats | None
+) -> Aim:
+    """The view "ceiling" of a pass: its optical axis is the building's vertical, its x axis the aisle's where known."""
+    rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
+    yaw, pitch, roll = angles_from_rotation(rig_from_world @ WORLD_FROM_VIEW)
+    spec = ViewSpec("ceiling", yaw, pitch, roll, HFOV_DEG)
+    fitted = fit_count(scout, spec, lambda view: len(see(view)), at_least=2, manual=manual.get("ceiling", Manual()))
+    return Aim((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())

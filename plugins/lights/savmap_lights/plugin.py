@@ -1,0 +1,88 @@
+"""Lamps above an aisle, as a plugin of savmap."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from savmap.errors import SolveError
+from savmap.hookspecs import hookimpl
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+
+
+class Config(BaseModel):
+    """Settings of the plugin in a site file. `line`: the lamps are on a line parallel to the aisle, at one height."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    model: Path | None = None
+    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    line: bool = False
+
+
+class Lights:
+    """Strip and compact lamps of the line above the camera's path."""
+
+    name = "lights"
+    classes = ("light",)
+    model = Path(__file__).parent / "model" / "lights.onnx"
+    Config = Config
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+
+    @hookimpl
+    def render_views(
+        self, scout: Any, see: Callable[[View], list[Detection]], manual: Mapping[str, Any], attitude: Floats | None
+    ) -> Aim:
+        from savmap_lights.aim import aim_at_ceiling
+
+        return aim_at_ceiling(scout, see, manual, attitude)
+
+    @hookimpl
+    def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
+        from savmap_lights.features import extract_features
+
+        return extract_features(view, detections)
+
+    @hookimpl
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
+        from savmap_lights.tracking import track_lamps
+
+        if start is None:
+            raise SolveError(
+                f"row {facts.name}: lights alone do not locate the camera: "
+                "add a plugin that maps the face (--plugins shelves,lights), or give an earlier map with --trajectory"
+            )
+        return track_lamps(features, facts, start)
+
+    @hookimpl
+    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
+        from savmap_lights.constraints import constrain
+
+        return constrain(tracks, facts, start, self.name, self.config.line)
+
+    @hookimpl
+    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
+        from savmap_lights.describe import describe
+
+        return describe(tracks, solution, self.name)
+
+    @hookimpl
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
+        from savmap_lights.evaluate import evaluate
+
+        return evaluate(structures, survey)
+
+    @hookimpl
+    def draw(self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]) -> Any:
+        from savmap_lights.sketch import draw
+
+        return draw(structures, survey, deviations)
+
+    @hookimpl
+    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
+        from savmap_lights.scene import scene
+
+        return scene(section, rng, site)

@@ -1,0 +1,92 @@
+"""Lamps for the simulator: lines of strip or compact lamps below the ceiling, with their survey.
+
+A lamp's luminous body is labelled "light" on all its faces; its housing, if any, is not.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from savmap.sim.primitives import FACES, Box, Floats, Material
+from savmap.sim.scene import Rgb, RowFrame, SceneParts, Site, Strict, validated
+
+
+class LampLine(Strict):
+    """Lamps on a line parallel to the aisle at `z` and `height` (of the lamps' middle), every `pitch` metres."""
+
+    z: float
+    height: float = Field(gt=0.5)
+    pitch: float = Field(gt=0.1)
+    start: float | None = None
+    end: float | None = None
+    kind: Literal["strip", "compact"] = "strip"
+    across: bool = False
+    length: float = Field(1.25, gt=0.02)
+    width: float = Field(0.12, gt=0.01)
+    thickness: float = Field(0.06, gt=0.005)
+    housing: bool = False
+    hangers: bool = False
+    emission: float = Field(12.0, gt=0)
+    color: Rgb = (1.0, 0.98, 0.95)
+    broken: float = Field(0.0, ge=0, le=1)
+
+
+class Lamps(Strict):
+    """The section of a scene file."""
+
+    lines: tuple[LampLine, ...]
+
+
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+    """The boxes of all lamps and, for each mapped row, their ends in its frame."""
+    boxes: list[Box] = []
+    ends: list[Floats] = []
+    for line in validated(Lamps, section, "structures.lights").lines:
+        for x in _positions(line, site):
+            if rng.random() >= line.broken:
+                boxes += _lamp(line, x, site)
+                ends.append(_ends(line, x))
+    survey = {name: _survey(ends, frame) for name, frame in site.frames.items() if frame.mapped}
+    return SceneParts(boxes, survey)
+
+
+def _positions(line: LampLine, site: Site) -> Floats:
+    start = site.hall.x[0] + line.pitch / 2 if line.start is None else line.start
+    end = site.hall.x[1] - line.pitch / 4 if line.end is None else line.end
+    return np.arange(start, end, line.pitch)
+
+
+def _size(line: LampLine) -> Floats:
+    long = line.length if line.kind == "strip" else line.width
+    along, aside = (line.width, long) if line.across else (long, line.width)
+    return np.array([along, line.thickness, aside])
+
+
+def _ends(line: LampLine, x: float) -> Floats:
+    half = _size(line) / 2 * (np.array([0, 0, 1]) if line.across else np.array([1, 0, 0]))
+    middle = np.array([x, line.height, line.z])
+    return np.stack([middle - half, middle + half])
+
+
+def _survey(ends: list[Floats], frame: RowFrame) -> dict[str, Any]:
+    in_row = [frame.to_row(pair) for pair in ends]
+    ordered = sorted((pair[np.argsort(pair[:, 0], kind="stable")] for pair in in_row), key=lambda pair: float(pair[0, 0]))
+    return {"lights": [{"ends": pair.round(9).tolist()} for pair in ordered]}
+
+
+def _lamp(line: LampLine, x: float, site: Site) -> Iterator[Box]:
+    glow = Material(line.color, emission=line.emission)
+    body = Box(np.array([x, line.height, line.z]), _size(line), glow)
+    yield replace(body, face_labels=dict.fromkeys(FACES, "light"))
+    top = line.height + line.thickness / 2
+    metal = Material((0.6, 0.6, 0.6))
+    if line.housing:
+        size = _size(line) * np.array([1.05, 0, 1.3]) + np.array([0, 0.06, 0])
+        yield Box(np.array([x, top + 0.031, line.z]), size, metal)
+        top += 0.061
+    if line.hangers and site.hall.height > top + 0.05:
+        rod = np.array([0.012, site.hall.height - top, 0.012])
+        yield Box(np.array([x, (site.hall.height + top) / 2 + 0.0005, line.z]), rod, metal)

@@ -1,0 +1,60 @@
+"""Which way to look: the face-facing view of a pass. Paper, section III.B.
+
+A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
+uprights in its middle are seen from end to end.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from savmap.stages.aim import Face, Manual, Scout, choose_face, fit_height
+from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
+
+See = Callable[[View], list[Detection]]
+Extract = Callable[[View, Sequence[Detection]], list[Feature]]
+MAX_SLOPE = 0.2
+
+
+def aim_at_face(
+    scout: Scout, see: See, extract: Extract, side: Literal["left", "right"] | None, manual: Mapping[str, Manual]
+) -> Aim:
+    """The view "face" of a pass, the attitude and the direction of travel that go with it."""
+
+    def score(spec: ViewSpec, panorama: Panorama) -> float:
+        view = scout.renderer.render(panorama, spec)
+        return face_likeness(extract(view, see(view)), view.spec)
+
+    face: Face = choose_face(scout, score, side)
+    fitted = fit_height(scout, face.spec, lambda view: extent(see(view)), manual=manual.get("face", Manual()), name="face")
+    notes = (fitted.warning,) if fitted.warning else ()
+    return Aim((fitted.spec,), face.world_from_rig, face.travel, notes)
+
+
+def face_likeness(features: Sequence[Feature], spec: ViewSpec) -> float:
+    """Length of level beams' edges, in widths of the view, and of plumb uprights' edges, in heights."""
+    total = 0.0
+    for feature in features:
+        if len(feature.pixels) != 2:
+            continue
+        along = np.abs(feature.pixels[1] - feature.pixels[0])
+        if feature.label == "beam" and along[1] < MAX_SLOPE * along[0]:
+            total += float(along[0]) / spec.width
+        if feature.label == "upright" and along[0] < MAX_SLOPE * along[1]:
+            total += float(along[1]) / spec.height
+    return total
+
+
+def extent(detections: Sequence[Detection]) -> tuple[float, float] | None:
+    """First and last row of the uprights in the middle half of a view, or None when there is none."""
+    tops, bottoms = [], []
+    for detection in detections:
+        if detection.label != "upright":
+            continue
+        rows, columns = np.nonzero(detection.mask)
+        width = detection.mask.shape[1]
+        if abs(float(np.median(columns)) - width / 2) < width / 4 and np.ptp(rows) > detection.mask.shape[0] / 4:
+            tops.append(float(rows.min()))
+            bottoms.append(float(rows.max()))
+    return (min(tops), max(bottoms)) if tops else None

@@ -1,0 +1,185 @@
+"""Masks to labelled edges and corners: boundary detection, outlier removal, intersections (paper, section III.C).
+
+Uprights come first: the beams' masks are cut at them, so that each beam is fitted section by section.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry.lines import Lines, crossing, crossing_covariance
+from savmap.stages.edges import Ints, Probability, Runs, separated, union_of_longest
+from savmap.types import Axis, Detection, Feature, Floats, View
+from savmap_shelves.boundary_settings import BoundarySettings
+from savmap_shelves.strips import Bools, Strips, askew, strips_of
+
+CUT_MARGIN_PX = 2.0
+LEAST_SEPARATOR = 0.25
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Whose features: the view, its size in pixels, and the settings."""
+
+    view: View
+    width: int
+    height: int
+    settings: BoundarySettings
+
+
+@dataclass(frozen=True)
+class Separators:
+    """All that may bound a section, left to right: strips (s,), and which are uprights to be reported (s,).
+
+    Too short, cut or askew ones still end beams, but nothing is measured at them.
+    """
+
+    strips: Strips
+    kept: Bools
+
+    @property
+    def instance(self) -> Ints:
+        """Numbers (s,) of the reported uprights, -1 for the others."""
+        return np.where(self.kept, np.cumsum(self.kept) - 1, -1)
+
+
+def extract_features(
+    view: View, detections: Sequence[Detection], settings: BoundarySettings | None = None
+) -> list[Feature]:
+    """The edges of uprights and beams of one view, and the beams' corners at the uprights.
+
+    Per upright: edges "left" and "right", extended to the frame's borders, top end first. Per beam of one section: edges
+    "upper" and "lower", extended to the next uprights, left end first, and corners "upper left" ... at the uprights that
+    it ends at, which `neighbours` name by role. Covariances px^2.
+    """
+    frame = Frame(view, view.spec.width, view.spec.height, settings or BoundarySettings())
+    separators = _separators(frame, detections)
+    beams = _beams(frame, detections, separators)
+    return [*_upright_edges(frame, separators), *_beam_features(frame, beams, separators)]
+
+
+def _class_mask(
+    detections: Sequence[Detection], label: str, turned: bool, overlap: float
+) -> tuple[NDArray[np.uint8], Probability] | None:
+    """The union of a class's masks, duplicates left out, and its probability; both transposed if `turned`."""
+    own = [detection for detection in detections if detection.label == label]
+    if not own:
+        return None
+    union = union_of_longest([detection.mask for detection in own], overlap, int(turned))
+    probability = own[0].probability
+    return (np.ascontiguousarray(union.T), np.ascontiguousarray(probability.T)) if turned else (union, probability)
+
+
+def _separators(frame: Frame, detections: Sequence[Detection]) -> Separators:
+    found = _class_mask(detections, "upright", True, frame.settings.overlap)
+    if found is None:
+        return Separators(_no_strips(frame.settings), np.zeros(0, dtype=np.bool_))
+    runs, part = separated(found[0], frame.settings.least_run_px, frame.settings.most_thick)
+    strips = strips_of(runs, part, np.zeros_like(part), found[1], frame.settings)
+    strips = strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * frame.height)]
+    strips = strips[np.argsort(strips.either_upper.at(frame.height / 2), kind="stable")]
+    kept = (strips.length >= frame.settings.least_upright * frame.height) & strips.two_edged
+    kept[kept] = ~askew(strips[kept], (frame.height, frame.width), frame.settings)
+    return Separators(strips, kept)
+
+
+def _no_strips(settings: BoundarySettings) -> Strips:
+    none = np.zeros(0, dtype=np.int64)
+    return strips_of(Runs(none, none, none), none, none, np.zeros((1, 1), dtype=np.float32), settings)
+
+
+def _beams(frame: Frame, detections: Sequence[Detection], separators: Separators) -> Strips:
+    """Beams, section by section from the left, each from the top."""
+    settings = frame.settings
+    found = _class_mask(detections, "beam", False, settings.overlap)
+    if found is None:
+        return _no_strips(settings)
+    runs, part = separated(found[0], settings.least_run_px, settings.most_thick)
+    cell = _cells(runs, separators.strips)
+    inside = cell >= 0
+    strips = strips_of(runs[inside], part[inside], cell[inside], found[1], settings)
+    long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
+    strips = strips[long & strips.two_edged]
+    strips = strips[~askew(strips, (frame.width, frame.height), settings)]
+    return strips[np.lexsort((strips.upper.at(frame.width / 2), strips.cell))]
+
+
+def _cells(runs: Runs, separators: Strips) -> Ints:
+    """Which gap between separators each run is in (n,), from 0 left of the first; -1 on a separator."""
+    rows = runs.middle[:, None]
+    left, right = separators.either_upper.at(rows), separators.either_lower.at(rows)
+    column = runs.column[:, None]
+    covered = ((column > left - CUT_MARGIN_PX) & (column < right + CUT_MARGIN_PX)).any(axis=1)
+    return np.where(covered, -1, (column > (left + right) / 2).sum(axis=1))
+
+
+def _upright_edges(frame: Frame, separators: Separators) -> Iterator[Feature]:
+    strips = separators.strips[separators.kept]
+    borders = np.broadcast_to([-0.5, frame.height - 0.5], (len(strips), 2))
+    for part, lines in (("left", strips.upper), ("right", strips.lower)):
+        across, covariances = _line_ends(lines, borders, frame.settings)
+        pixels = np.stack([across, borders], axis=-1)
+        for index in range(len(strips)):
+            name, score = ("upright", part, index), float(strips.score[index])
+            yield _feature(frame, name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score, {})
+
+
+def _line_ends(lines: Lines, u: Floats, settings: BoundarySettings) -> tuple[Floats, Floats]:
+    """v (n, 2) of lines at `u` (n, 2), and the covariance (n, 2, 2, 2) px^2 of (u, v) there: long along the line."""
+    column = lines.column
+    along = np.concatenate([np.ones_like(column.slope), column.slope], axis=1)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    variance = np.maximum(column.variance_at(u) * along[:, :1] ** 2, settings.least_sigma_px**2)
+    stretch = settings.along_sigma_px**2 * along[:, :, None] * along[:, None, :]
+    squeeze = across[:, :, None] * across[:, None, :]
+    return column.at(u), stretch[:, None] + variance[..., None, None] * squeeze[:, None]
+
+
+def _beam_features(frame: Frame, beams: Strips, separators: Separators) -> Iterator[Feature]:
+    instance = np.append(separators.instance, -1)
+    left, right = instance[beams.cell - 1], instance[np.minimum(beams.cell, len(instance) - 1)]
+    uprights = separators.strips[separators.kept]
+    touching = [_neighbours(int(one), int(other)) for one, other in zip(left, right, strict=True)]
+    for part, lines in (("lower", beams.lower), ("upper", beams.upper)):
+        ends = np.stack([beams.first, beams.last], axis=-1)
+        for end, role, edges, number in ((0, "left", uprights.lower, left), (1, "right", uprights.upper, right)):
+            at = np.flatnonzero(number >= 0)
+            points, covariances = _corners(lines[at], edges[number[at]], frame.settings)
+            ends[at, end] = points[:, 0]
+            for index, point, covariance in zip(at.tolist(), points, covariances, strict=True):
+                name, score = ("beam", f"{part} {role}", index), float(beams.score[index])
+                yield _feature(frame, name, point[None], covariance[None], None, score, touching[index])
+        across, spread = _line_ends(lines, ends, frame.settings)
+        pixels = np.stack([ends, across], axis=-1)
+        for index in range(len(beams)):
+            name, score = ("beam", part, index), float(beams.score[index])
+            yield _feature(frame, name, pixels[index], spread[index], "x", score, touching[index])
+
+
+def _neighbours(left: int, right: int) -> dict[str, int]:
+    return {role: number for role, number in (("left", left), ("right", right)) if number >= 0}
+
+
+def _corners(lines: Lines, edges: Lines, settings: BoundarySettings) -> tuple[Floats, Floats]:
+    """Points (n, 2) where beams' lines meet the uprights' inner edges, and their covariances (n, 2, 2) px^2."""
+    points = crossing(lines, edges)
+    return points, crossing_covariance(lines, edges, points, settings.least_sigma_px)
+
+
+def _feature(
+    frame: Frame,
+    name: tuple[str, str, int],
+    pixels: Floats,
+    covariance: Floats,
+    axis: Axis | None,
+    score: float,
+    neighbours: Mapping[str, int],
+) -> Feature:
+    label, part, instance = name
+    view = frame.view
+    return Feature(
+        view.frame, view.spec.name, label, part, instance, pixels, covariance, axis, min(score, 1.0), neighbours
+    )

@@ -1,0 +1,178 @@
+"""The grid of uprights and beam levels with the camera's path, all on the face plane: from features to a labelled fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.types import Feature, Floats, Ints, RowFacts
+from savmap_shelves.adjust import Fit, Sighted, adjusted
+from savmap_shelves.levels import Levels, find_levels
+from savmap_shelves.odometry import Glance, chained, glances, shifts, typical_spacing
+from savmap_shelves.passes import Shape, laid_on, moved
+from savmap_shelves.rectify import facing, rectified
+from savmap_shelves.sightings import Catalogue, Tangents, catalogue, tangents
+from savmap_shelves.uprights import Uprights, find_uprights
+
+STATE_PRIOR = np.array([0.3, 3.0, 1.0, 0.01, 0.01, 0.01])
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Least support of an upright, and of a level, as a share of the usual one; `gate`: an observation farther than this
+    many standard deviations from the fitted grid is dropped; least_frames: fewer are refused."""
+
+    upright_support: float = 0.35
+    level_support: float = 0.3
+    gate: float = 4.0
+    least_frames: int = 3
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What was found: uprights, levels, and the fit of both (states (n, 6) as in adjust.py; edges: x of uprights' left and
+    right edges, then y of levels' lower and upper edges) over `observations`; `source`: each one's row in Pixels."""
+
+    seen: Catalogue
+    world_from_rig: Floats
+    uprights: Uprights
+    levels: Levels
+    fit: Fit
+    observations: Sighted
+    source: Ints
+
+
+def observed_edges(seen: Catalogue, face: Tangents, uprights: Uprights, levels: Levels) -> tuple[Sighted, Ints]:
+    """All sightings of the found uprights' edges (both ends) and beams' corners, and each one's row in Pixels."""
+    base = 2 * len(uprights.x)
+    known = np.flatnonzero(uprights.which >= 0)
+    vertical = (2 * uprights.which[known][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)
+    beams = np.flatnonzero(levels.which >= 0)
+    level = base + (2 * levels.which[beams][:, None] + np.arange(2))[:, None, :] + np.zeros((2, 1), dtype=np.int64)
+    usable = (seen.corners[beams] >= 0) & levels.ends[beams][:, :, None]
+    source = np.concatenate([seen.uprights[known].ravel(), seen.corners[beams][usable]])
+    edge = np.concatenate([vertical.ravel(), level[usable]])
+    row = (np.arange(len(source)) >= vertical.size).astype(np.int64)
+    sigma = np.where(row == 0, face.sigma_p[source], face.sigma_q[source])
+    fine = np.isfinite(face.p[source]) & np.isfinite(sigma)
+    source, edge, row, sigma = source[fine], edge[fine], row[fine], sigma[fine]
+    return Sighted(seen.points.frame[source], edge, row, face.p[source], face.q[source], sigma), source
+
+
+def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, attitudes: Floats | None = None) -> Grid:
+    """Find the grid in the features of all frames. attitudes (n, 3, 3): world_from_rig as far as known (see `rectified`).
+
+    Raises StructureError where there are too few frames, too little motion, or no uprights or beams.
+    """
+    seen = catalogue(features, facts.views)
+    _require_sightings(seen, facts, settings)
+    world_from_rig = _attitudes(seen, facts, attitudes)
+    across = np.zeros(len(seen.points.frame), dtype=np.bool_)
+    across[seen.edges.ravel()] = True
+    face = tangents(seen.points, seen.views, world_from_rig, across)
+    passes = [frames for name in dict.fromkeys(facts.frames.passes) if len(frames := facts.frames.of_pass(name))]
+    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(facts.frames), 1))
+    spacing = typical_spacing(seen, face)
+    if not np.isfinite(spacing):
+        raise StructureError(f"row {facts.name}: no picture shows two uprights; widen the view or check its direction")
+    views = glances(seen, face, len(facts.frames))
+    for frames in passes:
+        states[frames] = _odometry(views, facts, frames, spacing)
+    fitter = Fitter(seen, face, world_from_rig, settings, spacing)
+    if len(passes) > 1:
+        states = _joined([fitter.grid(states, frames, facts.name) for frames in passes], passes, facts.name)
+    return fitter.grid(states, np.arange(len(facts.frames)), facts.name)
+
+
+def _require_sightings(seen: Catalogue, facts: RowFacts, settings: Settings) -> None:
+    shown = np.unique(seen.upright_frame)
+    if not len(shown):
+        raise StructureError(f"row {facts.name}: no upright was found in any of {len(facts.frames)} frames; check the view's direction")
+    if not len(seen.corners):
+        raise StructureError(f"row {facts.name}: no beam that meets an upright was found in any of {len(facts.frames)} frames")
+    if len(shown) < settings.least_frames:
+        raise StructureError(
+            f"row {facts.name}: uprights were found in {len(shown)} frames only, {settings.least_frames} are needed"
+        )
+
+
+def _attitudes(seen: Catalogue, facts: RowFacts, attitudes: Floats | None) -> Floats:
+    begins = np.array([a != b for a, b in zip(facts.frames.passes[:-1], facts.frames.passes[1:], strict=True)], dtype=np.bool_)
+    tie = np.where(begins, np.inf, np.radians(1.0 if attitudes is not None else 2.0))
+    if attitudes is not None:
+        return rectified(seen, attitudes, tie, np.radians(3.0))
+    main = int(np.bincount(seen.upright_view, minlength=len(seen.views)).argmax())
+    return rectified(seen, np.tile(facing(seen.views[main]), (len(facts.frames), 1, 1)), tie, np.radians(20.0))
+
+
+def _odometry(views: list[Glance], facts: RowFacts, frames: Ints, spacing: float) -> Floats:
+    stamps = facts.frames.stamps_s[frames]
+    steps = np.diff(stamps)
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    steps = np.clip(steps / usual, 0.2, 5.0) if usual > 0 else np.ones(len(steps))
+    own = [views[frame] for frame in frames]
+    reach = float(np.clip(0.6 * spacing, 0.4, 1.5))
+    moved = shifts(own, steps, reach, int(facts.travel.get(facts.frames.passes[frames[0]], 0)))
+    return np.column_stack([chained(own, moved), np.zeros((len(frames), 3))])
+
+
+def _joined(grids: Sequence[Grid], passes: Sequence[Ints], row: str) -> Floats:
+    """States of all passes in the frame of the one that saw most."""
+    shapes = [Shape(g.uprights.x.mean(axis=1), g.levels.section, g.levels.y.mean(axis=1)) for g in grids]
+    main = int(np.argmax([len(shape.y) for shape in shapes]))
+    states = grids[main].fit.states.copy()
+    for index, (grid, frames) in enumerate(zip(grids, passes, strict=True)):
+        if index != main:
+            similarity = laid_on(shapes[main], shapes[index])
+            if similarity is None:
+                raise StructureError(f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same sections")
+            states[frames] = moved(grid.fit.states[frames], similarity)
+    return states
+
+
+@dataclass(frozen=True)
+class Fitter:
+    """Finds uprights and levels and fits the grid, in turns that sharpen each other."""
+
+    seen: Catalogue
+    face: Tangents
+    world_from_rig: Floats
+    settings: Settings
+    spacing: float
+
+    def grid(self, states: Floats, frames: Ints, row: str) -> Grid:
+        """The grid that `frames` show, from a rough path `states` (n, 6)."""
+        for width, height in ((0.06, 0.6), (0.04, 0.4), (0.03, 0.35)):
+            uprights, levels = self._found(states, frames, (width, height), row)
+            sighted, source = observed_edges(self.seen, self.face, uprights, levels)
+            start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
+            fit = adjusted(states, start, sighted, STATE_PRIOR, rounds=5)
+            states = _filled(fit.states, sighted, frames)
+        fitted = fit.edges[: 2 * len(uprights.x)].reshape(-1, 2)
+        return Grid(self.seen, self.world_from_rig, replace(uprights, x=fitted), levels, fit, sighted, source)
+
+    def _found(self, states: Floats, frames: Ints, sizes: tuple[float, float], row: str) -> tuple[Uprights, Levels]:
+        width, height = sizes
+        limits = (width * self.spacing, 3 * width * self.spacing, self.settings.upright_support)
+        uprights = find_uprights(self.seen, self.face, states, self.world_from_rig, frames, limits)
+        if len(uprights.x) < 2:
+            raise StructureError(f"row {row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part")
+        kernel = (height, self.settings.level_support)
+        levels = find_levels(self.seen, self.face, states, self.world_from_rig, uprights, frames, kernel)
+        if not len(levels.section):
+            raise StructureError(f"row {row}: {len(uprights.x)} uprights but no beam between them were found")
+        return uprights, levels
+
+
+def _filled(states: Floats, sighted: Sighted, frames: Ints) -> Floats:
+    """States with those of frames that show too little put between their neighbours'."""
+    kinds = np.unique(np.column_stack([sighted.frame, sighted.edge]), axis=0)
+    shown = np.bincount(kinds[:, 0], minlength=len(states))[frames]
+    good = frames[shown >= 6]
+    if not len(good):
+        return states
+    filled = states.copy()
+    for frame in frames[shown < 6]:
+        filled[frame] = [np.interp(frame, good, states[good, k]) for k in range(states.shape[1])]
+    return filled

@@ -1,0 +1,156 @@
+"""Beam levels of every section by kernel density over the corners' heights, and which sighting is of which (paper, III.D)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Floats, Ints
+from savmap_shelves.density import modes, nearest, one_each
+from savmap_shelves.sightings import Catalogue, Tangents, visible
+from savmap_shelves.uprights import Uprights
+
+SIDES = 2
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Found beams: section (k,) from 0, y (k, 2) of their lower and upper edges, sorted by section, then height; of each
+    sighting (m,) which beam it is, or -1; ends (m, 2): whether its corners at the left and right upright may be used;
+    support (k,)."""
+
+    section: Ints
+    y: Floats
+    which: Ints
+    ends: NDArray[np.bool_]
+    support: Floats
+
+
+def heights(seen: Catalogue, face: Tangents, states: Floats) -> Floats:
+    """y (m, 2, 2) of every sighted beam's corners: side (left, right), edge (lower, upper); nan where not seen."""
+    p, q = face.p[seen.corners], face.q[seen.corners]
+    state = states[seen.beam_frame][:, None, None]
+    y = (q + state[..., 2] - state[..., 3] * p * q - state[..., 4] * (1 + q**2) + state[..., 5] * p) / state[..., 0]
+    return np.where(seen.corners >= 0, y, np.nan)
+
+
+def sections_of(seen: Catalogue, face: Tangents, states: Floats, uprights: Uprights) -> tuple[Ints, NDArray[np.bool_]]:
+    """The section (m,) that each sighted beam lies in, -1 if that is not sure, and which of its ends (m, 2) are in it.
+
+    A beam whose two uprights are not neighbours, or whose own extent passes over an upright that was not seen in that
+    frame, may lie in either section and is not used.
+    """
+    bound = np.where(seen.bounds >= 0, np.append(uprights.which, -1)[seen.bounds], -1)
+    left = np.where(bound[:, 0] >= 0, bound[:, 0], -1)
+    right = np.where(bound[:, 1] >= 0, bound[:, 1] - 1, -1)
+    section = np.where(left >= 0, left, right)
+    unsure = (left >= 0) & (right >= 0) & (left != right)
+    outside = (section < 0) | (section > len(uprights.x) - 2)
+    section = np.where(unsure | outside | _crosses(seen, face, states, uprights), -1, section)
+    return section, (bound >= 0) & (section >= 0)[:, None]
+
+
+def _crosses(seen: Catalogue, face: Tangents, states: Floats, uprights: Uprights) -> NDArray[np.bool_]:
+    """Whether a beam's own extent (m,) passes over the middle of an upright."""
+    state = states[seen.beam_frame][:, None]
+    x = (np.where(seen.spans >= 0, face.p[seen.spans], np.nan) + state[..., 1]) / state[..., 0]
+    inner = uprights.x.mean(axis=1)
+    margin = 0.04 * float(np.median(np.diff(inner))) if len(inner) > 1 else 0.0
+    over = (inner > x.min(axis=1)[:, None] + margin) & (inner < x.max(axis=1)[:, None] - margin)
+    crosses: NDArray[np.bool_] = over.any(axis=1)
+    return crosses
+
+
+def find_levels(
+    seen: Catalogue,
+    face: Tangents,
+    states: Floats,
+    world_from_rig: Floats,
+    uprights: Uprights,
+    frames: Ints,
+    sizes: tuple[float, float],
+) -> Levels:
+    """Levels with enough support among the sightings of `frames`. sizes: the kernel's bandwidth as a share of a beam's
+    height; the least support, as a share of the usual one."""
+    section, ends = sections_of(seen, face, states, uprights)
+    edges = _edges(np.where(ends[:, :, None], heights(seen, face, states), np.nan))
+    centre = edges.mean(axis=1)
+    section = np.where(np.isin(seen.beam_frame, frames) & np.isfinite(centre), section, -1)
+    if not (section >= 0).any():
+        return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends, np.zeros(0))
+    thickness = float(np.median(np.diff(edges[section >= 0], axis=1)))
+    places = [
+        np.column_stack([np.full(len(found), number), found])
+        for number in range(len(uprights.x) - 1)
+        for found in [modes(centre[section == number], sizes[0] * thickness)]
+    ]
+    levels = np.concatenate(places)
+    for _ in range(20):
+        which = _assigned(seen, section, centre, levels, 0.8 * thickness)
+        hits, shown = _hits(seen, which, (len(levels), len(states))), _shown(seen, states, world_from_rig, uprights, levels)
+        hits, shown = hits[:, frames], shown[:, frames]
+        kept = _distinct(levels, hits, thickness)
+        support = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+        if kept.all():
+            kept = _supported(support, hits.sum(axis=1), sizes[1])
+        if kept.all():
+            break
+        levels = levels[kept]
+    y = np.array([np.median(edges[which == k], axis=0) for k in range(len(levels))]).reshape(-1, 2)
+    return Levels(levels[:, 0].astype(np.int64), y, which, ends, support)
+
+
+def _edges(y: Floats) -> Floats:
+    """Heights (m, 2) of the lower and upper edge: means over the sides (left, right) that were seen."""
+    known = np.isfinite(y)
+    total = np.where(known, y, 0.0).sum(axis=1)
+    return np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
+
+
+def _assigned(seen: Catalogue, section: Ints, centre: Floats, levels: Floats, reach: float) -> Ints:
+    which = np.full(len(section), -1)
+    for number in np.unique(section[section >= 0]):
+        own = np.flatnonzero(levels[:, 0] == number)
+        mine = np.flatnonzero(section == number)
+        near = nearest(centre[mine], levels[own, 1], reach)
+        which[mine] = np.where(near >= 0, np.append(own, -1)[near], -1)
+    group = seen.beam_frame * len(seen.views) + seen.beam_view
+    return one_each(group, which, np.abs(centre - np.append(levels[:, 1], np.nan)[which]))
+
+
+def _hits(seen: Catalogue, which: Ints, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    hits = np.zeros(shape, dtype=np.bool_)
+    hits[which[which >= 0], seen.beam_frame[which >= 0]] = True
+    return hits
+
+
+def _shown(seen: Catalogue, states: Floats, world_from_rig: Floats, uprights: Uprights, levels: Floats) -> NDArray[np.bool_]:
+    """Frames (k, n) that should show a level: its middle is in a view and one of its uprights was seen."""
+    known = np.zeros((len(uprights.x) + 1, len(states)), dtype=np.bool_)
+    known[uprights.which, seen.upright_frame] = uprights.which >= 0
+    number = levels[:, 0].astype(np.int64)
+    middle = (uprights.x[number, 1] + uprights.x[number + 1, 0]) / 2
+    p = middle[:, None] * states[:, 0] - states[:, 1]
+    q = levels[:, 1:] * states[:, 0] - states[:, 2]
+    frame = np.tile(np.arange(len(states)), len(levels))
+    inside = visible(p.ravel(), q.ravel(), frame, world_from_rig, seen.views, 0.02).reshape(p.shape)
+    return inside & (known[number] | known[number + 1])
+
+
+def _distinct(levels: Floats, hits: NDArray[np.bool_], thickness: float) -> NDArray[np.bool_]:
+    """Leaves the stronger of two levels that overlap, or that are close and hardly ever seen together."""
+    count = hits.sum(axis=1)
+    together = hits.astype(float) @ hits.T.astype(float)
+    rarely = together < 0.2 * np.minimum(count[:, None], count)
+    apart = np.abs(levels[:, 1, None] - levels[:, 1])
+    clash = (apart < 1.1 * thickness) | ((apart < 2.5 * thickness) & rarely)
+    clash &= levels[:, 0, None] == levels[:, 0]
+    kept = np.zeros(len(levels), dtype=np.bool_)
+    for index in np.argsort(count, kind="stable")[::-1]:
+        kept[index] = not clash[index, kept].any()
+    return kept
+
+
+def _supported(support: Floats, count: Ints, least: float) -> NDArray[np.bool_]:
+    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
+    return np.asarray((support >= least * usual) & (count >= 3))

@@ -1,0 +1,97 @@
+"""Racks: uprights and beams of a shelf face, as a plugin of savmap."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from savmap.hookspecs import hookimpl
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+
+
+class LowestBeam(BaseModel):
+    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    values: float | tuple[float, ...]
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
+
+
+class Config(BaseModel):
+    """Settings of the plugin in a site file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    model: Path | None = None
+    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    lowest_beam_bottom_height_m: LowestBeam | None = None
+    beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
+
+
+class Shelves:
+    """Uprights and beams of the face of a rack."""
+
+    name = "shelves"
+    classes = ("upright", "beam")
+    model = Path(__file__).parent / "model" / "shelves.onnx"
+    Config = Config
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+
+    @hookimpl
+    def render_views(
+        self, scout: Any, see: Callable[[View], list[Detection]], side: Literal["left", "right"] | None, manual: Mapping[str, Any]
+    ) -> Aim:
+        from savmap_shelves.aim import aim_at_face
+
+        return aim_at_face(scout, see, self.extract_features, side, manual)
+
+    @hookimpl
+    def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
+        from savmap_shelves.boundaries import extract_features
+
+        return extract_features(view, detections)
+
+    @hookimpl
+    def track(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> list[Track]:
+        from savmap_shelves.tracking import track_structures
+
+        return track_structures(features, facts, attitudes=attitudes)
+
+    @hookimpl
+    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
+        from savmap_shelves.constraints import GridSettings, constrain
+
+        known = self.config.lowest_beam_bottom_height_m
+        settings = GridSettings(
+            lowest_beam_bottom_height_m=known.values if known else None,
+            sigma_m=known.sigma if known else 0.002,
+            beam_setback_m=self.config.beam_setback_m,
+        )
+        return constrain(tracks, facts, start, room=self.name, settings=settings)
+
+    @hookimpl
+    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
+        from savmap_shelves.describe import describe
+
+        return describe(tracks, solution, room=self.name)
+
+    @hookimpl
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
+        from savmap_shelves.evaluate import evaluate
+
+        return evaluate(structures, survey)
+
+    @hookimpl
+    def draw(self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]) -> Any:
+        from savmap_shelves.sketch import draw
+
+        return draw(structures, survey, deviations)
+
+    @hookimpl
+    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
+        from savmap_shelves.scene import scene
+
+        return scene(section, rng, site)

@@ -1,0 +1,82 @@
+"""Uprights on the common axis of all frames: how many there are, and which sighting is of which (paper, III.D)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Floats, Ints
+from savmap_shelves.density import modes, nearest, one_each
+from savmap_shelves.odometry import at_horizon
+from savmap_shelves.sightings import Catalogue, Tangents, visible
+
+
+@dataclass(frozen=True)
+class Uprights:
+    """Found uprights, left to right: x (k, 2) of their left and right edges; of each sighting (n,) which upright it is, or
+    -1; support (k,): share of the frames that should show it in which it was seen."""
+
+    x: Floats
+    which: Ints
+    support: Floats
+
+
+def places(seen: Catalogue, face: Tangents, states: Floats) -> Floats:
+    """x (n, 2) of every sighted upright's edges."""
+    horizon = at_horizon(seen, face)
+    state = states[seen.upright_frame]
+    x: Floats = (horizon + state[:, 1:2] - state[:, 3:4] * (1 + horizon**2)) / state[:, :1]
+    return x
+
+
+def find_uprights(
+    seen: Catalogue, face: Tangents, states: Floats, world_from_rig: Floats, frames: Ints, sizes: tuple[float, float, float]
+) -> Uprights:
+    """Uprights with enough support among the sightings of `frames`.
+
+    sizes: kernel bandwidth and reach of a cluster, in x; and the least support, as a share of the usual one.
+    """
+    bandwidth, reach, least = sizes
+    x = places(seen, face, states)
+    mine = np.isin(seen.upright_frame, frames) & np.isfinite(x).all(axis=1)
+    centre = np.where(mine, x.mean(axis=1), np.nan)
+    found = modes(centre[mine], bandwidth)
+    group = seen.upright_frame * len(seen.views) + seen.upright_view
+    for _ in range(20):
+        which = nearest(centre, found, reach)
+        which = one_each(group, which, np.abs(centre - np.append(found, np.nan)[which]))
+        support, count = _support(seen, found, which, states, world_from_rig, frames)
+        kept = _strong(found, support, count, least, 2 * reach)
+        if kept.all():
+            break
+        found = found[kept]
+    edges = np.array([np.median(x[which == k], axis=0) for k in range(len(found))]).reshape(-1, 2)
+    return Uprights(edges, which, support)
+
+
+def _support(
+    seen: Catalogue, x: Floats, which: Ints, states: Floats, world_from_rig: Floats, frames: Ints
+) -> tuple[Floats, Ints]:
+    """Share and number of frames (k,) in which each was seen, of those in which it lies well inside a view."""
+    state = states[frames]
+    p = x[:, None] * state[:, 0] - state[:, 1]
+    shown = np.zeros(p.shape, dtype=np.bool_)
+    for height in (-1.5, -0.5, 0.0, 0.5, 1.5):
+        at = np.full(p.size, height)
+        shown |= visible(p.ravel(), at, np.tile(frames, len(x)), world_from_rig, seen.views, 0.06).reshape(p.shape)
+    hits = np.zeros((len(x), len(states)), dtype=np.bool_)
+    hits[which[which >= 0], seen.upright_frame[which >= 0]] = True
+    hits = hits[:, frames]
+    share = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+    return np.where(shown.sum(axis=1) >= 3, share, 0.0), hits.sum(axis=1)
+
+
+def _strong(x: Floats, support: Floats, count: Ints, least: float, apart: float) -> NDArray[np.bool_]:
+    """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
+    kept = np.zeros(len(x), dtype=np.bool_)
+    for index in np.lexsort((count, support))[::-1]:
+        kept[index] = not (np.abs(x[kept] - x[index]) < apart).any()
+    if not kept.all():
+        return kept
+    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
+    return np.asarray((support >= least * usual) & (count >= 3))

@@ -1,0 +1,1 @@
+"""savmap: metric, semantic wireframe maps of structured places from panoramic video."""

@@ -1,0 +1,126 @@
+"""The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+
+from savmap.errors import SavmapError
+
+app = typer.Typer(
+    name="savmap",
+    help="Metric, semantic wireframe maps of structured places from panoramic video.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+Plugins = Annotated[Optional[str], typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
+Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+
+
+@app.command("map")
+def map_(
+    source: Annotated[Path, typer.Argument(help="A site file, or a panoramic video for a first map.")] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    camera_height: Annotated[Optional[float], typer.Option(help="Camera height above the floor, m (for a video).")] = None,
+    side: Annotated[Optional[str], typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
+    trajectory: Annotated[Optional[Path], typer.Option(help="A map whose camera path is taken as known.")] = None,
+    preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
+) -> None:
+    """Map the rows of a site (default: site.yaml of this folder), or of one video."""
+    from savmap import run
+
+    job = run.job_for(source, _names(plugins), output, camera_height, side, trajectory)
+    for line in run.preview(job) if preview else run.run(job):
+        typer.echo(line)
+
+
+@app.command()
+def demo(output: Output = Path("out/demo")) -> None:
+    """Map the footage that ships with savmap, score it against its survey and write pictures."""
+    from savmap import run
+
+    for line in run.demo(output):
+        typer.echo(line)
+
+
+@app.command()
+def evaluate(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    survey: Annotated[Path, typer.Argument(help="A survey file.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    box_plot: Annotated[Optional[Path], typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
+) -> None:
+    """Score a map against a survey."""
+    from savmap import run
+
+    evaluation = run.evaluate_files(map_file, survey, box_plot)
+    typer.echo(run.scores_json(evaluation) if as_json else run.scores_table(evaluation))
+
+
+@app.command("plugins")
+def plugins_() -> None:
+    """List the installed plugins with their classes, models and hooks."""
+    from savmap import run
+
+    for line in run.plugin_lines():
+        typer.echo(line)
+
+
+@app.command()
+def simulate(
+    scene: Annotated[Path, typer.Argument(help="A scene file.")],
+    output: Output = Path("simulated"),
+) -> None:
+    """Make panoramic footage of a made-up place, with its truth."""
+    from savmap import run
+
+    for line in run.simulate(scene, output):
+        typer.echo(line)
+
+
+@app.command()
+def train(
+    plugin: Annotated[str, typer.Argument(help="The plugin whose network is to be trained.")],
+    data: Annotated[list[Path], typer.Option(help="A folder of labelled pictures; may be given more than once.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
+    minutes: Annotated[float, typer.Option(help="How long to train.")] = 60.0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    init: Annotated[Optional[Path], typer.Option(help="A checkpoint to go on from.")] = None,
+) -> None:
+    """Train a plugin's network on labelled pictures (needs the `train` extra)."""
+    from savmap import run
+
+    for line in run.train(plugin, data, output, minutes, seed, init):
+        typer.echo(line)
+
+
+def _names(text: str | None) -> list[str] | None:
+    return [name.strip() for name in text.split(",") if name.strip()] if text is not None else None
+
+
+def _plugin_commands() -> None:
+    """Let installed third-party plugins add commands, when the first argument is none of ours."""
+    ours = {command.name or (command.callback.__name__ if command.callback else "") for command in app.registered_commands}
+    wanted = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
+    if wanted is not None and wanted not in ours:
+        from savmap.rooms import register_commands
+
+        register_commands(app)
+
+
+def main() -> None:
+    """Run the command line. Expected errors end it with one line and their exit code (docs/exit-codes.md)."""
+    try:
+        _plugin_commands()
+        app()
+    except SavmapError as error:
+        typer.echo(f"savmap: {error}", err=True)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        typer.echo("savmap: interrupted", err=True)
+        sys.exit(130)

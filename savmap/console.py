@@ -1,0 +1,45 @@
+"""The terminal: progress bars and notes on standard error, and a log file in the output folder."""
+
+import logging
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import TypeVar
+
+from rich.console import Console as Terminal
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+Item = TypeVar("Item")
+log = logging.getLogger("savmap")
+
+
+class Console:
+    """A Monitor that shows progress bars and notes, and writes the notes to a log file."""
+
+    def __init__(self, log_file: Path) -> None:
+        self.terminal = Terminal(stderr=True, highlight=False)
+        self.handler = logging.FileHandler(log_file, mode="w", encoding="utf-8")
+        self.handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+
+    def __enter__(self) -> "Console":
+        log.setLevel(logging.INFO)
+        log.addHandler(self.handler)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if error is not None:
+            log.error(str(error), exc_info=error)
+        log.removeHandler(self.handler)
+        self.handler.close()
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        """The items with a progress bar."""
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        log.info(doing)
+        with Progress(*columns, console=self.terminal, transient=True) as progress:
+            yield from progress.track(items, total=total, description=doing)
+
+    def note(self, line: str) -> None:
+        """A line on the terminal and in the log."""
+        self.terminal.print(line, markup=False, soft_wrap=True)
+        log.info(line)

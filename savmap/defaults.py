@@ -1,0 +1,36 @@
+"""What happens where a plugin says nothing: these implementations answer last."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from savmap.hookspecs import hookimpl
+from savmap.types import Detection, Structure, View
+
+if TYPE_CHECKING:
+    from savmap.evaluation import Score
+    from savmap.report.sketch import Shape
+    from savmap.stages.segment import Segmenter
+
+
+@hookimpl(trylast=True)
+def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
+    """Connected regions of the network's classes above the threshold."""
+    from savmap.stages.segment import detections
+
+    return detections(segmenter.probabilities(view.image), segmenter.classes, threshold)
+
+
+@hookimpl(trylast=True)
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+    """Nothing is scored."""
+    from savmap.evaluation import Score
+
+    return Score()
+
+
+@hookimpl(trylast=True)
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> "tuple[Shape, ...]":
+    """Nothing is drawn."""
+    return ()

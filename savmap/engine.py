@@ -1,0 +1,97 @@
+"""A row's map, from its passes of video: the whole method as one paragraph."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.graph import References, Solution, SolveOptions, gauge, merge, published_start, solve
+from savmap.monitor import Monitor
+from savmap.observe import Observations, observe
+from savmap.rooms import Room
+from savmap.site import Pass
+from savmap.stages.attitude import attitudes
+from savmap.types import Floats, RowMap, Structure, Trajectory
+
+SPEED_MPS = 1.0
+HEIGHT_M = 2.5
+DISTANCE_M = 1.5
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row to be mapped: its passes, its references, and the camera's path where an earlier map gives it."""
+
+    name: str
+    passes: Sequence[Pass]
+    references: References
+    travel_m: float | None = None
+    path: Trajectory | None = None
+
+
+def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
+    """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
+    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row))
+    start = first_path(row, seen)
+    frames = gauge(seen.facts, start, row.references, fixed=row.path)
+    path, tracks, constraints = row.path, {}, []
+    for room in face_first(rooms, seen):
+        if path is None and constraints:
+            path = solve(merge(frames, *constraints), SolveOptions(covariance=False)).trajectory
+        tracks[room.name] = room.track(
+            features=seen.features[room.name], facts=seen.facts, attitudes=start.world_from_rig[:, :3, :3], start=path
+        )
+        constraints.append(room.constrain(tracks=tracks[room.name], facts=seen.facts, start=path or start))
+    monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {sum(map(len, tracks.values()))} points")
+    solution = solve(merge(frames, *constraints))
+    structures = {room.name: tuple(room.describe(tracks=tracks[room.name], facts=seen.facts, solution=solution)) for room in rooms}
+    return row_map(row, seen, solution, structures)
+
+
+def face_first(rooms: Sequence[Room], seen: Observations) -> list[Room]:
+    """Rooms that found the face come first: what they see locates the camera for the others."""
+    return sorted(rooms, key=lambda room: room.name not in seen.found_face)
+
+
+def first_path(row: Row, seen: Observations) -> Trajectory:
+    """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
+    SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
+    if row.path is not None:
+        return row.path
+    stamps = seen.facts.frames.stamps_s
+    return published_start(
+        seen.facts,
+        attitudes_of(seen),
+        length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
+        height_m=row.references.camera_heights[0].value if row.references.camera_heights else HEIGHT_M,
+        distance_m=DISTANCE_M,
+    )
+
+
+def attitudes_of(seen: Observations) -> Floats:
+    """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
+    missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
+    if missing:
+        raise StructureError(f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it")
+    first = np.stack([seen.attitudes[name] for name in seen.facts.frames.passes])
+    edges = [feature for features in seen.features.values() for feature in features if feature.axis is not None]
+    return attitudes(edges, seen.facts.views, first)
+
+
+def first_attitudes(row: Row) -> Mapping[str, Floats]:
+    """What an earlier map says of the attitude at the start of the row's (only) pass."""
+    return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}
+
+
+def row_map(row: Row, seen: Observations, solution: Solution, structures: Mapping[str, tuple[Structure, ...]]) -> RowMap:
+    """The record that is written to disk."""
+    return RowMap(
+        name=row.name,
+        frames=seen.facts.frames,
+        views=seen.facts.views,
+        trajectory=solution.trajectory,
+        structures=structures,
+        references=tuple(solution.references),
+        report={**solution.report, **{f"note {number}": note for number, note in enumerate(seen.notes, start=1)}},
+    )

@@ -1,0 +1,49 @@
+"""Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program with."""
+
+
+class SavmapError(Exception):
+    """An error the user can mend. `exit_code` is what the command line returns for it."""
+
+    exit_code = 1
+
+
+class SiteError(SavmapError):
+    """The site file or an option is wrong: unknown key, wrong unit, missing file, contradiction."""
+
+    exit_code = 3
+
+
+class VideoError(SavmapError):
+    """A video cannot be used: not a video, not 2:1, empty, damaged, or a time range outside it."""
+
+    exit_code = 4
+
+
+class PluginError(SavmapError):
+    """A plugin is unknown, raised, or returned something of the wrong type. The message names it."""
+
+    exit_code = 5
+
+
+class ModelError(SavmapError):
+    """A network file is missing, malformed, or does not give the plugin's classes."""
+
+    exit_code = 6
+
+
+class StructureError(SavmapError):
+    """The pictures do not show enough: no structure found, too few frames, too little motion, a row seen in part."""
+
+    exit_code = 7
+
+
+class SolveError(SavmapError):
+    """The graph cannot be solved: scale or gauge is not observable, or references contradict one another."""
+
+    exit_code = 8
+
+
+class OutputError(SavmapError):
+    """A result cannot be written, or a file to be read is not what it should be."""
+
+    exit_code = 9

@@ -1,0 +1,1 @@
+"""Cameras and rays, poses, lines and vanishing points: numpy only."""

@@ -1,0 +1,195 @@
+"""Straight lines through many points at once: least squares, robust, with honest variances.
+
+A line here is v = offset + slope (u - centre). `u` runs along the structure (columns for what lies level, rows for what
+stands), `v` across it. All functions work on many lines together: `group` says to which line a point belongs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SAMPLES = 32
+ROUNDS = 4
+BIWEIGHT = 4.685
+LEAST_SIGMA_PX = 0.08
+MOST_CORRELATION = 0.95
+
+
+@dataclass(frozen=True)
+class Lines:
+    """g lines: centre, slope, offset (g,); variances of slope and offset at the centre (g,), px^2; the first and last u
+    of their inliers (g,); how many inliers (g,). A line that could not be fitted is nan and has no inliers."""
+
+    centre: Floats
+    slope: Floats
+    offset: Floats
+    slope_var: Floats
+    offset_var: Floats
+    first: Floats
+    last: Floats
+    inliers: Floats
+
+    def __len__(self) -> int:
+        return len(self.slope)
+
+    def __getitem__(self, index: slice | NDArray[np.intp] | NDArray[np.bool_]) -> "Lines":
+        return Lines(*(value[index] for value in vars(self).values()))
+
+    @property
+    def column(self) -> "Lines":
+        """The same with shape (g, 1), to be asked for many u each."""
+        return Lines(*(value[:, None] for value in vars(self).values()))
+
+    @property
+    def at_zero(self) -> Floats:
+        """v at u = 0."""
+        return self.offset - self.slope * self.centre
+
+    def at(self, u: Floats | float) -> Floats:
+        """v at `u`, which broadcasts against (g,)."""
+        return self.offset + self.slope * (u - self.centre)
+
+    def variance_at(self, u: Floats | float) -> Floats:
+        """Variance of v at `u`, px^2: it grows away from the points."""
+        grown: Floats = self.offset_var + self.slope_var * (u - self.centre) ** 2
+        return grown
+
+
+def robust_lines(group: Ints, u: Floats, v: Floats, count: int, tolerance_px: float, max_slope: float = 0.6) -> Lines:
+    """Lines through the points (n,) of each group 0..count-1, however large a minority of them lies elsewhere.
+
+    A vote of point pairs (most points within `tolerance_px`) starts a reweighted least-squares fit (Tukey's biweight).
+    Where there are no outliers it is the least-squares line of the paper (section III.C, Fig. "Boundary detection").
+    """
+    order = np.lexsort((u, group))
+    group, u, v = group[order], u[order], v[order]
+    slope, offset = _voted(group, u, v, count, tolerance_px, max_slope)
+    centre, sigma = np.zeros(count), np.full(count, tolerance_px)
+    residual = v - offset[group] - slope[group] * u
+    weight = np.ones(len(u))
+    for _ in range(ROUNDS):
+        weight = _biweight(residual, sigma[group])
+        centre, slope, offset = weighted_lines(group, u, v, weight, count)
+        residual = v - offset[group] - slope[group] * (u - centre[group])
+        sigma = _sigma(group, residual, weight, count, tolerance_px)
+    return _summary(group, u, weight, weight * residual, (centre, slope, offset))
+
+
+def weighted_lines(group: Ints, u: Floats, v: Floats, weight: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+    """Centre, slope and offset (count,) of each group's weighted least-squares line; nan where none is fixed."""
+    total = _sums_or_nan(group, weight, count)
+    centre = _sums(group, weight * u, count) / total
+    offset = _sums(group, weight * v, count) / total
+    du = u - centre[group]
+    slope = _sums(group, weight * du * v, count) / _sums_or_nan(group, weight * du * du, count)
+    return centre, slope, offset
+
+
+def where(condition: NDArray[np.bool_], one: Lines, other: Lines) -> Lines:
+    """Lines (g,) of `one` where the condition (g,) holds, else of `other`."""
+    return Lines(*(np.where(condition, a, b) for a, b in zip(vars(one).values(), vars(other).values(), strict=True)))
+
+
+def crossing(level: Lines, upright: Lines) -> Floats:
+    """Points (n, 2), x and y, where `level` lines (v = y over u = x) cross `upright` lines (v = x over u = y)."""
+    x = (upright.at_zero + upright.slope * level.at_zero) / (1 - upright.slope * level.slope)
+    return np.stack([x, level.at(x)], axis=-1)
+
+
+def crossing_covariance(level: Lines, upright: Lines, points: Floats, least_px: float) -> Floats:
+    """Covariance (n, 2, 2) px^2 of the `points` (n, 2) of `crossing`; neither line is trusted below `least_px`."""
+    floor = least_px**2
+    across = np.maximum(level.variance_at(points[:, 0]), floor)
+    along = np.maximum(upright.variance_at(points[:, 1]), floor)
+    ones = np.ones(len(points))
+    normals = np.stack([np.stack([-level.slope, ones], -1), np.stack([ones, -upright.slope], -1)], axis=1)
+    inverse = np.linalg.inv(normals)
+    noise = np.stack([across, along], axis=-1)[:, None, :]
+    covariance: Floats = (inverse * noise) @ inverse.transpose(0, 2, 1)
+    return covariance
+
+
+def convergence(lines: Lines) -> float:
+    """How much lines through a common vanishing point change slope, per pixel of their v at u = 0.
+
+    Such lines obey slope = c + k v(0); k is 0 for parallels. The median over all pairs (Theil-Sen) is not misled by a
+    minority of other lines. 0 for fewer than 3 lines, and if v(0) hardly differs among them.
+    """
+    if len(lines) < 3:
+        return 0.0
+    one, other = np.triu_indices(len(lines), 1)
+    apart = lines.at_zero[other] - lines.at_zero[one]
+    far = np.abs(apart) > 0.25 * np.ptp(lines.at_zero)
+    if np.ptp(lines.at_zero) < 1:
+        return 0.0
+    return float(np.median((lines.slope[other] - lines.slope[one])[far] / apart[far]))
+
+
+def _sums(group: Ints, values: Floats, count: int) -> Floats:
+    return np.bincount(group, values, count).astype(np.float64)
+
+
+def _sums_or_nan(group: Ints, values: Floats, count: int) -> Floats:
+    sums = _sums(group, values, count)
+    return np.where(sums > 1e-9, sums, np.nan)
+
+
+def _voted(
+    group: Ints, u: Floats, v: Floats, count: int, tolerance: float, max_slope: float
+) -> tuple[Floats, Floats]:
+    """Slope and v at u = 0 (count,) of the line through two of `SAMPLES` points of each group that most support."""
+    sizes = np.bincount(group, minlength=count)
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    pick = starts[:, None] + ((np.arange(SAMPLES) + 0.5) / SAMPLES * sizes[:, None]).astype(np.int64)
+    pick = np.minimum(pick, len(u) - 1)
+    us, vs = u[pick], v[pick]
+    one, other = _pairs()
+    run = us[:, other] - us[:, one]
+    slope = (vs[:, other] - vs[:, one]) / np.where(run > 0, run, np.inf)
+    offset = vs[:, one] - slope * us[:, one]
+    residual = vs[:, None, :] - offset[..., None] - slope[..., None] * us[:, None, :]
+    vote = np.maximum(0.0, 1 - (residual / tolerance) ** 2).sum(axis=-1)
+    best = np.argmax(np.where((np.abs(slope) <= max_slope) & (run > 0), vote, -1.0), axis=1)
+    rows = np.arange(count)
+    return slope[rows, best], offset[rows, best]
+
+
+def _pairs() -> tuple[Ints, Ints]:
+    one, other = np.triu_indices(SAMPLES, SAMPLES // 4)
+    widest_first = np.argsort(one - other, kind="stable")[:: max(1, len(one) // 48)]
+    return one[widest_first], other[widest_first]
+
+
+def _biweight(residual: Floats, sigma: Floats) -> Floats:
+    inside = 1 - np.square(residual / (BIWEIGHT * sigma))
+    return np.asarray(np.square(np.maximum(np.nan_to_num(inside), 0.0)))
+
+
+def _sigma(group: Ints, residual: Floats, weight: Floats, count: int, most: float) -> Floats:
+    mean = _sums(group, np.nan_to_num(weight * residual**2), count) / _sums_or_nan(group, weight, count)
+    return np.clip(1.2 * np.sqrt(mean), LEAST_SIGMA_PX, most)
+
+
+def _summary(group: Ints, u: Floats, weight: Floats, residual: Floats, fit: tuple[Floats, Floats, Floats]) -> Lines:
+    """Lines with variances: residuals (weighted) that keep their sign from point to point count as fewer points."""
+    centre, slope, offset = fit
+    count = len(slope)
+    residual = np.nan_to_num(residual)
+    du = u - centre[group]
+    total = _sums_or_nan(group, weight, count)
+    square = _sums(group, residual**2, count)
+    same = group[1:] == group[:-1]
+    lagged = _sums(group[1:], np.where(same, residual[1:] * residual[:-1], 0.0), count)
+    kept = np.clip(lagged / np.maximum(square, 1e-12), 0.0, MOST_CORRELATION)
+    variance = np.maximum(square / total, LEAST_SIGMA_PX**2) * (1 + kept) / (1 - kept)
+    inlier = weight > 0
+    first, last = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(first, group[inlier], u[inlier])
+    np.maximum.at(last, group[inlier], u[inlier])
+    spread = _sums_or_nan(group, weight * du * du, count)
+    inliers = np.bincount(group[inlier], minlength=count).astype(np.float64)
+    return Lines(centre, slope, offset, variance / spread, variance / total, first, last, inliers)

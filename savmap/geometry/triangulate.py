@@ -1,0 +1,25 @@
+"""Points from rays."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Floats:
+    """The point (3,) nearest to rays (n, 3) + s (n, 3), re-weighted by 1 / (distance + 5 cm) so that strays count little.
+
+    Raises ValueError when the rays are parallel.
+    """
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
+    weights = np.ones(len(unit))
+    point = np.zeros(3)
+    for _ in range(rounds):
+        normal = np.einsum("n,nij->ij", weights, across)
+        if np.linalg.cond(normal) > 1e9:
+            raise ValueError("the rays are parallel")
+        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, origins))
+        distance = np.linalg.norm(np.einsum("nij,nj->ni", across, point - origins), axis=1)
+        weights = 1 / (distance + 0.05)
+    return point

@@ -1,0 +1,94 @@
+"""Covariances of all points and places at once.
+
+`gtsam.Marginals` asks for one variable at a time. Frames meet only their neighbours, so they are eliminated sparsely, and what
+is left, the points' information, is small and inverted whole: joint covariances come with it.
+"""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.linalg import splu
+
+from savmap.errors import SolveError
+from savmap.types import Floats, Ints
+
+CHUNK = 256
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places."""
+
+    keys: tuple[int, ...]
+    points: Floats
+    places: Floats
+
+    def of(self, keys: list[int]) -> Floats:
+        """Joint covariance (3n, 3n) of some variables."""
+        slots = np.concatenate([3 * self.keys.index(key) + np.arange(3) for key in keys])
+        return self.points[np.ix_(slots, slots)]
+
+
+def covariance(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: list[int], centres: list[int]) -> Covariance:
+    """From a graph without robust losses, at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
+
+    Raises SolveError if the graph leaves a variable undetermined.
+    """
+    information, slots = _information(graph, values, set(frames))
+    inner = np.concatenate([slots[key] for key in sorted((*frames, *centres))])
+    outer_keys = sorted(set(slots) - set(frames) - set(centres))
+    outer = np.concatenate([slots[key] for key in outer_keys])
+    near = splu(information[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    cross = information[inner][:, outer].tocsc()
+    position = np.empty(information.shape[0], np.int64)
+    position[inner] = np.arange(len(inner))
+    wanted = position[np.concatenate([slots[key] for key in centres])]
+    solved, schur = np.empty((len(wanted), len(outer))), information[outer][:, outer].toarray()
+    for first in range(0, len(outer), CHUNK):
+        part = slice(first, min(first + CHUNK, len(outer)))
+        columns = near.solve(cross[:, part].toarray())
+        schur[:, part] -= cross.T @ columns
+        solved[:, part] = columns[wanted]
+    points = _inverse((schur + schur.T) / 2)
+    own = np.concatenate([_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)])
+    places = own + np.einsum("ij,ij->i", solved @ points, solved)
+    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3))
+
+
+def _information(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int]) -> tuple[csc_matrix, dict[int, Ints]]:
+    """Information matrix, and the rows of each key in it: keys are laid out in order."""
+    entries = graph.linearize(values).sparseJacobian_()
+    rows, cols = entries[:2].astype(np.int64) - 1
+    slots: dict[int, Ints] = {}
+    size = 0
+    for key in sorted(values.keys()):
+        width = 6 if key in poses else 3
+        slots[key] = np.arange(size, size + width)
+        size += width
+    kept = cols < size
+    jacobian = coo_matrix((entries[2][kept], (rows[kept], cols[kept])), shape=(int(rows.max()) + 1, size)).tocsc()
+    return (jacobian.T @ jacobian).tocsc(), slots
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Inverse of a positive definite matrix, scaled so that tight and loose variables do not drown one another."""
+    diagonal = np.diag(matrix)
+    if not np.isfinite(matrix).all() or diagonal.min() <= 0:
+        raise SolveError("the solution leaves some points undetermined: too few observations for what is asked")
+    scale = 1.0 / np.sqrt(diagonal)
+    try:
+        inverse = cho_solve(cho_factor(matrix * scale[:, None] * scale), np.eye(len(matrix)))
+    except LinAlgError as error:
+        raise SolveError("the solution leaves some points undetermined: too few observations for what is asked") from error
+    result: Floats = inverse * scale[:, None] * scale
+    return result
+
+
+def _diagonal(near: object, wanted: Ints, size: int) -> Floats:
+    unit = np.zeros((size, len(wanted)))
+    unit[wanted, np.arange(len(wanted))] = 1.0
+    solved: Floats = near.solve(unit)  # type: ignore[attr-defined]
+    return solved[wanted, np.arange(len(wanted))]

@@ -1,0 +1,144 @@
+"""The problem as GTSAM's own compiled factors, and estimates as GTSAM values.
+
+A frame's place is bound to a point of its own (`ReferenceFrameFactor` with the rig's origin), so that heights and motion are
+plain relations between points in the world's axes. Axes that a relation leaves free have no weight at all.
+"""
+
+from collections.abc import Iterator
+
+import gtsam
+import numpy as np
+
+from savmap.graph.constraints import TIGHT_M, Relation
+from savmap.graph.keys import ORIGIN, centre_key, frame_key, mast_key
+from savmap.graph.problem import Problem
+from savmap.graph.start import Estimate, first_poses
+from savmap.types import Floats
+
+HUBER = 1.345
+LOOSE_M = 10.0
+ATTITUDE_RAD = 0.2
+MOTION_M = 0.5
+HELD_M, HELD_RAD = 1e-4, 1e-5
+
+
+def observation_factors(problem: Problem, robust: bool) -> list[gtsam.NonlinearFactor]:
+    """One projection factor an observation, with its full covariance, in Huber's loss if `robust`."""
+    observations = problem.observations
+    lenses = [_calibration(spec.camera) for spec in observations.views]
+    mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in observations.views]
+    poses = {frame: frame_key(frame) for frame in problem.used.tolist()}
+    loss = gtsam.noiseModel.mEstimator.Huber.Create(HUBER)
+    rows = zip(
+        observations.pixels, observations.covariances, observations.frames.tolist(), observations.keys.tolist(), observations.view, strict=True
+    )
+    made = []
+    for pixel, covariance, frame, key, view in rows:
+        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+        noise = gtsam.noiseModel.Robust.Create(loss, noise) if robust else noise
+        made.append(gtsam.GenericProjectionFactorCal3_S2(pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]))
+    return made
+
+
+def _calibration(camera: Floats) -> gtsam.Cal3_S2:
+    return gtsam.Cal3_S2(camera[0, 0], camera[1, 1], 0.0, camera[0, 2], camera[1, 2])
+
+
+def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
+    """All but the observations: relations, frames, references, and the plugins' own. `at` gives the motion to keep near to."""
+    graph = gtsam.NonlinearFactorGraph()
+    for relation in problem.relations:
+        graph.push_back(relation_factor(relation))
+    for key in problem.keys.tolist():
+        graph.push_back(gtsam.PriorFactorPoint3(key, at.points[problem.index(key)], gtsam.noiseModel.Isotropic.Sigma(3, LOOSE_M)))
+    for room in problem.rooms:
+        if room.factors is not None:
+            graph.push_back(room.factors)
+    for factor in _frame_factors(problem, at):
+        graph.push_back(factor)
+    return graph
+
+
+def relation_factor(relation: Relation) -> gtsam.NonlinearFactor:
+    """The paper's BetweenFactor or PriorFactor on one axis."""
+    value = relation.value * np.eye(3)[relation.column]
+    noise = _along(relation.column, relation.sigma)
+    if relation.b is None:
+        return gtsam.PriorFactorPoint3(relation.a, value, noise)
+    return gtsam.BetweenFactorPoint3(relation.a, relation.b, value, noise)
+
+
+def _along(axis: int, sigma: float) -> gtsam.noiseModel.Diagonal:
+    return gtsam.noiseModel.Diagonal.Precisions(np.eye(3)[axis] / sigma**2)
+
+
+def _frame_factors(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
+    rigid = gtsam.noiseModel.Isotropic.Sigma(3, TIGHT_M)
+    yield gtsam.PriorFactorPoint3(ORIGIN, np.zeros(3), rigid)
+    for frame in problem.used.tolist():
+        yield gtsam.ReferenceFrameFactorPoint3Pose3(centre_key(frame), frame_key(frame), ORIGIN, rigid)
+    if problem.frames.fixed is not None:
+        yield from _held(problem)
+        return
+    given = first_poses(problem)
+    for frame, pose in zip(problem.used.tolist(), given, strict=True):
+        yield _attitude(frame, pose, ATTITUDE_RAD)
+    yield from _motion(problem, at)
+    yield from _heights(problem)
+
+
+def _attitude(frame: int, pose: Floats, sigma: float) -> gtsam.NonlinearFactor:
+    return gtsam.PoseRotationPrior3D(frame_key(frame), gtsam.Rot3(pose[:3, :3]), gtsam.noiseModel.Isotropic.Sigma(3, sigma))
+
+
+def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
+    """Poses of an earlier map; their places only, if rotations are free."""
+    place = gtsam.noiseModel.Isotropic.Sigma(3, HELD_M)
+    for frame, pose in zip(problem.used.tolist(), first_poses(problem), strict=True):
+        yield gtsam.PoseTranslationPrior3D(frame_key(frame), pose[:3, 3], place)
+        yield _attitude(frame, pose, ATTITUDE_RAD if problem.frames.free_rotation else HELD_RAD)
+
+
+def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
+    """Steps stay near those of the estimate: far too weak to matter but where a frame sees next to nothing."""
+    for chunk in problem.passes():
+        for before, after in zip(chunk[:-1], chunk[1:], strict=True):
+            step = at.poses[after, :3, 3] - at.poses[before, :3, 3]
+            a, b = int(problem.used[before]), int(problem.used[after])
+            noise = gtsam.noiseModel.Isotropic.Sigma(3, MOTION_M * np.sqrt(b - a))
+            yield gtsam.BetweenFactorPoint3(centre_key(a), centre_key(b), step, noise)
+
+
+def _heights(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
+    """One unknown height for each reference, to which its frames are bound with their sway."""
+    for number, height in enumerate(problem.frames.references.camera_heights):
+        mast = mast_key(number)
+        noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0, height.sigma_m, 1.0]))
+        yield gtsam.PriorFactorPoint3(mast, np.array([0.0, height.value_m, 0.0]), noise)
+        for chunk in problem.passes(height.passes):
+            for frame in problem.used[chunk].tolist():
+                yield gtsam.BetweenFactorPoint3(mast, centre_key(frame), np.zeros(3), _along(1, height.sway_m))
+
+
+def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:
+    """GTSAM's values of an estimate."""
+    values = gtsam.Values()
+    values.insert(ORIGIN, np.zeros(3))
+    for frame, pose in zip(problem.used.tolist(), estimate.poses, strict=True):
+        values.insert(frame_key(frame), gtsam.Pose3(pose))
+        values.insert(centre_key(frame), pose[:3, 3].copy())
+    for key, point in zip(problem.keys.tolist(), estimate.points, strict=True):
+        values.insert(key, point)
+    if problem.frames.fixed is None:
+        for number, height in enumerate(estimate.heights):
+            values.insert(mast_key(number), np.array([0.0, height, 0.0]))
+    return values
+
+
+def estimate_of(problem: Problem, values: gtsam.Values, before: Estimate) -> Estimate:
+    """The estimate in GTSAM's values."""
+    poses = np.array([values.atPose3(frame_key(frame)).matrix() for frame in problem.used.tolist()])
+    points = np.array([values.atPoint3(key) for key in problem.keys.tolist()])
+    if problem.frames.fixed is not None:
+        return Estimate(poses, points, before.heights)
+    return Estimate(poses, points, np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))]))

@@ -1,0 +1,92 @@
+"""Observed pixels as arrays: what the projection factors are made of."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.types import Floats, Ints, Track, ViewSpec
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Landmark `keys` (n,) seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)]."""
+
+    frames: Ints
+    keys: Ints
+    view: Ints
+    pixels: Floats
+    covariances: Floats
+    views: tuple[ViewSpec, ...]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def take(self, chosen: Ints) -> "Observations":
+        """The observations of these numbers (or where a mask is true)."""
+        return Observations(
+            self.frames[chosen], self.keys[chosen], self.view[chosen], self.pixels[chosen], self.covariances[chosen], self.views
+        )
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Observations as linear forms: whitened pixel error = (forms @ (point - camera)) / depth, exact for a pinhole.
+
+    forms (n, 2, 3) and axes (n, 3), the view's optical axis in the rig or world frame, so that depth = axes . (point - camera).
+    """
+
+    forms: Floats
+    axes: Floats
+
+    def turned(self, world_from_rig: Floats) -> "Sight":
+        """The same in the world frame, for attitudes (n, 3, 3)."""
+        return Sight(self.forms @ np.swapaxes(world_from_rig, 1, 2), np.einsum("nij,nj->ni", world_from_rig, self.axes))
+
+    def residuals(self, offsets: Floats) -> tuple[Floats, Floats]:
+        """Whitened errors (n, 2) and depths (n,) of points at `offsets` (n, 3) m from the camera; behind it: error 1e6."""
+        depths = np.einsum("ni,ni->n", self.axes, offsets)
+        safe = np.where(depths > 1e-6, depths, 1.0)
+        errors = np.einsum("nij,nj->ni", self.forms, offsets) / safe[:, None]
+        return np.where((depths > 1e-6)[:, None], errors, 1e6), depths
+
+
+def observe(
+    tracks: Sequence[Track], keys: Mapping[str, int], views: Mapping[str, ViewSpec], weights: Mapping[str, float] | None = None
+) -> Observations:
+    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given."""
+    specs = tuple(views.values())
+    number = {name: index for index, name in enumerate(views)}
+    scale = [1.0 / (weights or {}).get(track.name, 1.0) for track in tracks]
+    return Observations(
+        np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
+        np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
+        np.array([number[view] for track in tracks for view in track.views], np.int64),
+        np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
+        np.concatenate([np.zeros((0, 2, 2)), *(track.covariances * s for track, s in zip(tracks, scale, strict=True))]),
+        specs,
+    )
+
+
+def join(parts: Sequence[Observations]) -> Observations:
+    """Observations of several rooms in one, sorted by nothing: room after room."""
+    offsets = np.cumsum([0, *(len(part.views) for part in parts)])
+    return Observations(
+        np.concatenate([np.zeros(0, np.int64), *(part.frames for part in parts)]),
+        np.concatenate([np.zeros(0, np.int64), *(part.keys for part in parts)]),
+        np.concatenate([np.zeros(0, np.int64), *(part.view + offset for part, offset in zip(parts, offsets, strict=False))]),
+        np.concatenate([np.zeros((0, 2)), *(part.pixels for part in parts)]),
+        np.concatenate([np.zeros((0, 2, 2)), *(part.covariances for part in parts)]),
+        tuple(spec for part in parts for spec in part.views),
+    )
+
+
+def sight(observations: Observations) -> Sight:
+    """The observations' linear forms in the rig frame."""
+    cameras = np.array([spec.camera for spec in observations.views]).reshape(-1, 3, 3)[observations.view]
+    rotations = np.array([spec.rig_from_view for spec in observations.views]).reshape(-1, 3, 3)[observations.view]
+    forms = np.zeros((len(observations), 2, 3))
+    forms[:, 0, 0], forms[:, 1, 1] = cameras[:, 0, 0], cameras[:, 1, 1]
+    forms[:, :, 2] = cameras[:, :2, 2] - observations.pixels
+    whiten = np.linalg.inv(np.linalg.cholesky(observations.covariances))
+    return Sight(whiten @ forms @ np.swapaxes(rotations, 1, 2), rotations[:, :, 2])

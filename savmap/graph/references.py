@@ -1,0 +1,90 @@
+"""What the user measured, and the frames it applies to: this gives the map its scale and its place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SolveError
+from savmap.types import Axis, RowFacts, Trajectory
+
+
+@dataclass(frozen=True)
+class CameraHeight:
+    """The camera's height above the floor: one unknown common height, given as value_m +- sigma_m, about which the camera
+    sways by sway_m from frame to frame. `passes`: which ones it was measured for (none named: all)."""
+
+    value_m: float
+    sigma_m: float
+    sway_m: float = 0.03
+    passes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if min(self.sigma_m, self.sway_m) <= 0:
+            raise SolveError("camera height: sigma and sway must be greater than 0 m")
+
+
+@dataclass(frozen=True)
+class KnownLength:
+    """A measured distance between two named edges or vertices, such as "upright 1 / left" to "upright 5 / right"."""
+
+    start: str
+    end: str
+    value_m: float
+    sigma_m: float
+    axis: Axis | None = None
+
+    def __post_init__(self) -> None:
+        if self.sigma_m <= 0:
+            raise SolveError(f"length {self.start} to {self.end}: sigma must be greater than 0 m")
+
+
+@dataclass(frozen=True)
+class SurveyedPoint:
+    """A vertex measured in the row's frame; a coordinate that is not known is None."""
+
+    name: str
+    position_m: tuple[float | None, float | None, float | None]
+    sigma_m: float
+
+    def __post_init__(self) -> None:
+        if self.sigma_m <= 0:
+            raise SolveError(f"surveyed point {self.name}: sigma must be greater than 0 m")
+
+
+@dataclass(frozen=True)
+class References:
+    """All that the user measured of a row."""
+
+    camera_heights: tuple[CameraHeight, ...] = ()
+    lengths: tuple[KnownLength, ...] = ()
+    points: tuple[SurveyedPoint, ...] = ()
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The cameras' part of the problem: start (attitudes good, places rough), references, and, if poses are taken from an
+    earlier map, `fixed`; `free_rotation` holds only the places then (the published way for lights)."""
+
+    facts: RowFacts
+    start: Trajectory
+    references: References
+    fixed: Trajectory | None = None
+    free_rotation: bool = False
+
+
+def gauge(
+    facts: RowFacts,
+    start: Trajectory,
+    references: References | None = None,
+    fixed: Trajectory | None = None,
+    free_rotation: bool = False,
+) -> Frames:
+    """Bring frames and references together. Raises SolveError for a pass that is not in the row."""
+    chosen = references or References()
+    for height in chosen.camera_heights:
+        unknown = sorted(set(height.passes) - set(facts.frames.passes))
+        if unknown:
+            raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
+    if not np.isfinite(start.world_from_rig).all():
+        raise SolveError(f"row {facts.name}: the start has frames without a pose")
+    return Frames(facts, start, chosen, fixed, free_rotation)

@@ -1,0 +1,102 @@
+"""Is the map's scale and place known? Asked before solving, of the references alone.
+
+Whatever the pictures say, they say the same of a scaled and shifted scene: X -> s X + t (attitudes are held by the grid).
+Every reference is one linear equation in (s, t). Their covariance tells what is known, their residuals whether they agree.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SolveError
+from savmap.graph.constraints import TIGHT_M, Relation
+from savmap.graph.problem import Problem
+from savmap.types import Floats
+
+SCALE_LIMIT = 0.05
+PLACE_LIMIT_M = 0.5
+LOOSE = np.array([10.0, 1e3, 1e3, 1e3])
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """scale (1) and shift (3,) m that bring a scene to the references, with their covariance (4, 4) in that order."""
+
+    scale: float
+    shift: Floats
+    covariance: Floats
+
+    def points(self, positions: Floats) -> Floats:
+        """Move positions (n, 3)."""
+        return self.scale * positions + self.shift
+
+    def sigma_at(self, position: Floats) -> Floats:
+        """Standard deviation (3,) m that the references leave to a place (3,)."""
+        slope = np.hstack([position[:, None], np.eye(3)])
+        return np.sqrt(np.diag(slope @ self.covariance @ slope.T))
+
+
+def fit(problem: Problem, cameras: Floats, points: Floats) -> Similarity:
+    """The similarity that best fits all references to a scene: camera places (f, 3), points (m, 3)."""
+    rows = list(_equations(problem, cameras, points))
+    matrix = np.array([row[:4] / row[5] for row in rows]).reshape(-1, 4)
+    values = np.array([row[4] / row[5] for row in rows])
+    information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
+    covariance = np.linalg.inv(information)
+    solved = covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0]))
+    return Similarity(float(solved[0]), solved[1:], covariance)
+
+
+def require_metric(problem: Problem, similarity: Similarity, centre: Floats) -> None:
+    """Raise SolveError, naming what is missing, unless scale and place are known at the scene's `centre` (3,) m.
+
+    `centre` is in the scene before the similarity. Sigmas above 5 % of scale or 0.5 m of place count as not known.
+    """
+    row = problem.frames.facts.name
+    scale_sigma = float(np.sqrt(similarity.covariance[0, 0])) / max(abs(similarity.scale), 1e-9)
+    if scale_sigma > SCALE_LIMIT or similarity.scale <= 0:
+        raise SolveError(f"row {row}: the map's scale is not known; {_scale_advice(problem)}")
+    for axis, sigma in zip("xyz", similarity.sigma_at(centre), strict=True):
+        if sigma > PLACE_LIMIT_M:
+            raise SolveError(f"row {row}: the map's place along {axis} is not known; {_place_advice(axis)}")
+
+
+def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Floats]:
+    """Rows (6,): factors of s, t_x, t_y, t_z, then value and sigma. Structure that is pinned stays where it is."""
+    for height in problem.frames.references.camera_heights:
+        seen = [chunk for chunk in problem.passes(height.passes) if len(chunk)]
+        if seen:
+            level = float(np.median(cameras[np.concatenate(seen), 1]))
+            yield np.array([level, 0, 1, 0, height.value_m, height.sigma_m])
+    yield from (_equation(problem, relation, points) for relation in problem.relations if relation.name)
+    for axis in sorted({r.column for r in problem.relations if r.b is None and not r.name}):
+        yield np.concatenate([np.zeros(1), np.eye(3)[axis], [0.0, TIGHT_M]])
+
+
+def _equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
+    axis = relation.column
+    row = np.zeros(6)
+    row[0] = points[problem.index(relation.a), axis]
+    row[1 + axis] = 1
+    if relation.b is not None:
+        row[0] = points[problem.index(relation.b), axis] - row[0]
+        row[1 + axis] = 0
+    row[4:] = relation.value, relation.sigma
+    return row
+
+
+def _scale_advice(problem: Problem) -> str:
+    heights = bool(problem.frames.references.camera_heights)
+    levels = any(r.name and r.axis == "y" and r.b is None for r in problem.relations)
+    if heights and not levels:
+        return "a camera height alone does not give it: add a known height on the structure (lowest_beam_bottom_height_m) or a known length"
+    if levels and not heights:
+        return "heights of the lowest edges alone do not give it: add a camera height or a known length under 'references'"
+    return "add a known length, or a camera height and a known height on the structure, or two surveyed points under 'references'"
+
+
+def _place_advice(axis: str) -> str:
+    if axis == "y":
+        return "give a camera height, a known height on the structure or a surveyed point under 'references'"
+    return "give a surveyed point under 'references'"

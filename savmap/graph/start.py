@@ -1,0 +1,90 @@
+"""Where the solve starts: as published (paper, section III.E), or from linear equations that need attitudes only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from savmap.errors import StructureError
+from savmap.graph import linear
+from savmap.graph.problem import Problem
+from savmap.graph.scale import fit, require_metric
+from savmap.types import Floats, RowFacts, Trajectory
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Poses world_from_rig (f, 4, 4) of the used frames, points (m, 3), camera heights (h,) of the references."""
+
+    poses: Floats
+    points: Floats
+    heights: Floats
+
+
+def published_start(facts: RowFacts, attitudes: Floats, length_m: float, height_m: float, distance_m: float) -> Trajectory:
+    """All frames of a row: constant speed over length_m along x (n L / N), constant height and distance.
+
+    attitudes (n, 3, 3) world_from_rig; nan where not known: then interpolated. A pass whose direction of travel is not known
+    is taken to go towards +x. Raises StructureError if no attitude is known.
+    """
+    count = len(facts.frames)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = _filled(attitudes, facts)
+    poses[:, 1, 3], poses[:, 2, 3] = height_m, distance_m
+    for name in dict.fromkeys(facts.frames.passes):
+        numbers = facts.frames.of_pass(name)
+        along = np.linspace(0.0, length_m, len(numbers))
+        poses[numbers, 0, 3] = along[::-1] if facts.travel.get(name, 0) < 0 else along
+    return Trajectory(np.arange(count), poses)
+
+
+def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
+    known = np.isfinite(attitudes).all(axis=(1, 2))
+    if not known.any():
+        raise StructureError(f"row {facts.name}: the camera's attitude is not known in any frame")
+    filled = attitudes.copy()
+    for name in dict.fromkeys(facts.frames.passes):
+        numbers = facts.frames.of_pass(name)
+        good = numbers[known[numbers]] if known[numbers].any() else np.flatnonzero(known)
+        filled[numbers] = rotations_at(numbers, good, attitudes[good])
+    return filled
+
+
+def rotations_at(wanted: Floats, frames: Floats, rotations: Floats) -> Floats:
+    """Rotations (w, 3, 3) at frame numbers `wanted`, interpolated between those at sorted `frames`; held beyond the ends."""
+    if len(frames) == 1:
+        return np.repeat(rotations, len(wanted), axis=0)
+    spline = Slerp(frames, Rotation.from_matrix(rotations))
+    turned: Floats = spline(np.clip(wanted, frames[0], frames[-1])).as_matrix()
+    return turned
+
+
+def start(problem: Problem, kind: str) -> Estimate:
+    """The start of the solve; `kind` is "linear" or "published". Raises SolveError if gauge or scale are not observable."""
+    poses, points = first_poses(problem), first_points(problem)
+    cameras, found = linear.places(problem, poses, points)
+    if problem.frames.fixed is None:
+        similarity = fit(problem, cameras, found)
+        require_metric(problem, similarity, found.mean(axis=0))
+        cameras, found = similarity.points(cameras), similarity.points(found)
+    if kind == "linear" or problem.frames.fixed is not None:
+        poses, points = poses.copy(), found
+        poses[:, :3, 3] = cameras
+    heights = problem.frames.references.camera_heights
+    return Estimate(poses, points, np.array([height.value_m for height in heights]))
+
+
+def first_poses(problem: Problem) -> Floats:
+    """Given poses (f, 4, 4) of the used frames: the fixed ones, or the start's."""
+    given = problem.frames.fixed or problem.frames.start
+    order = np.argsort(given.frames)
+    return given.world_from_rig[order[np.searchsorted(given.frames[order], problem.used)]]
+
+
+def first_points(problem: Problem) -> Floats:
+    """The rooms' own starts (m, 3)."""
+    points = np.zeros((len(problem.keys), 3))
+    for room in problem.rooms:
+        for name, key in room.keys.items():
+            points[problem.index(key)] = room.initial[name]
+    return points

@@ -1,0 +1,104 @@
+"""The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
+
+A plugin is a class named by an entry point of the group `savmap.plugins`. It has `name`, `classes` (what its network
+sees), `model` (the network's file) and `Config` (a pydantic model); the engine makes it with its validated config. Every
+hook but the last two is asked of one plugin at a time. docs/hooks.md shows each with an example.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pluggy
+
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+
+if TYPE_CHECKING:
+    import typer
+
+    from savmap.evaluation import Score
+    from savmap.graph.constraints import Constraints
+    from savmap.graph.solve import Solution
+    from savmap.report.sketch import Shape
+    from savmap.sim.scene import SceneParts, Site
+    from savmap.stages.aim import Manual, Scout
+    from savmap.stages.segment import Segmenter
+
+hookspec = pluggy.HookspecMarker("savmap")
+hookimpl = pluggy.HookimplMarker("savmap")
+
+
+@hookspec(firstresult=True)
+def render_views(
+    scout: "Scout",
+    see: Callable[[View], list[Detection]],
+    side: Literal["left", "right"] | None,
+    manual: Mapping[str, "Manual"],
+    attitude: Floats | None,
+) -> Aim:  # type: ignore[empty-body]
+    """View rendering: the views of one pass that this plugin wants to look at.
+
+    `scout` has key frames of the pass, `see` runs the plugin's network on a view, `side` is the hand that the site file
+    says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig (3, 3) of the
+    first key frame if an earlier plugin or map knows it.
+    """
+
+
+@hookspec(firstresult=True)
+def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:  # type: ignore[empty-body]
+    """Detection: what the network sees in a view. Default: connected regions of each of the plugin's classes."""
+
+
+@hookspec(firstresult=True)
+def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:  # type: ignore[empty-body]
+    """Feature extraction: points and edges with their covariance, in pixels of the view."""
+
+
+@hookspec(firstresult=True)
+def track(
+    features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None
+) -> list[Track]:  # type: ignore[empty-body]
+    """Tracking: which features of which frames are one physical point.
+
+    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them.
+    """
+
+
+@hookspec(firstresult=True)
+def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":  # type: ignore[empty-body]
+    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks."""
+
+
+@hookspec(firstresult=True)
+def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:  # type: ignore[empty-body]
+    """Solution to structures: what goes into the map."""
+
+
+@hookspec(firstresult=True)
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":  # type: ignore[empty-body]
+    """Structures against a surveyor's sheet of the row."""
+
+
+@hookspec(firstresult=True)
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> "tuple[Shape, ...]":  # type: ignore[empty-body]
+    """How structures look in the face view and in the plan, over the survey where there is one.
+
+    `deviations`: by structure id, how far it is off the survey, m.
+    """
+
+
+@hookspec(firstresult=True)
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts | None":
+    """What a simulator should build for this plugin's section of a scene file."""
+
+
+@hookspec
+def exporters() -> Mapping[str, Any]:  # type: ignore[empty-body]
+    """Further map formats: name to a function (SiteMap, path) -> None. Every plugin is asked."""
+
+
+@hookspec
+def register_commands(app: "typer.Typer") -> None:
+    """Add commands to `savmap`. Every plugin is asked."""

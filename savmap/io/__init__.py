@@ -1,0 +1,1 @@
+"""Files: reading and writing, whole or not at all."""

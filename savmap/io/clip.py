@@ -1,0 +1,78 @@
+"""What a pass of video is, and what is known of it: the records of `savmap.io.video`."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.errors import VideoError
+
+Image = NDArray[np.uint8]
+Source = Iterator[tuple[float, Callable[[], Image | None]]]
+"""Frames in order: time in the video, and a function that gives the RGB picture, or None where it is damaged."""
+
+END_TOLERANCE_S = 0.5
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One pass: a video file or a folder of pictures (sorted by name, `images_fps` a second), the part of it from
+    `start_s` up to `end_s` (None: its beginning, its end), and the rate `fps` at which frames are sampled."""
+
+    path: Path
+    start_s: float | None = None
+    end_s: float | None = None
+    fps: float = 15.0
+    images_fps: float = 30.0
+
+    def __post_init__(self) -> None:
+        if self.fps <= 0 or self.images_fps <= 0:
+            raise VideoError(f"{self.path}: the rate must be above 0 frames a second")
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What a file says of itself. `codec` is "images" for a folder."""
+
+    path: Path
+    width: int
+    height: int
+    codec: str
+    pixel_format: str
+    rate_fps: float
+    duration_s: float
+
+
+@dataclass
+class DecodeReport:
+    """Running count of one pass's frames: decoded within the range, skipped because damaged or lost (known when the
+    pass has ended), used (sampled), and the seconds of the range that the file turned out not to hold."""
+
+    decoded: int = 0
+    skipped: int = 0
+    used: int = 0
+    short_s: float = 0.0
+
+    def text(self) -> str:
+        """One line for the log."""
+        line = f"{self.decoded} frames decoded, {self.skipped} damaged frames skipped, {self.used} used"
+        return line + (f"; the file ends {self.short_s:.1f} s early" if self.short_s > 0 else "")
+
+
+def check_shape(path: Path, width: int, height: int) -> None:
+    """VideoError where a picture is not twice as wide as high."""
+    if width != 2 * height or height < 2:
+        raise VideoError(f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video")
+
+
+def time_range(clip: Clip, duration_s: float) -> tuple[float, float]:
+    """Start and end (s) of a clip in a video of this length; VideoError where they lie outside it."""
+    start = 0.0 if clip.start_s is None else clip.start_s
+    end = duration_s if clip.end_s is None else clip.end_s
+    if start < 0 or start >= duration_s or end > duration_s + END_TOLERANCE_S:
+        raise VideoError(f"{clip.path}: {start:g} s to {end:g} s is outside the video, {duration_s:.2f} s long")
+    if end <= start:
+        raise VideoError(f"{clip.path}: the time range ends at {end:g} s, before its start at {start:g} s")
+    return start, (np.inf if clip.end_s is None else end)

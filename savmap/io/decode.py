@@ -1,0 +1,167 @@
+"""Decoding of video files with PyAV, damaged ones too."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import av.error
+import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.reformatter import VideoReformatter
+from av.video.stream import VideoStream
+
+from savmap.errors import VideoError
+from savmap.io.clip import DecodeReport, Image, Source, VideoInfo, check_shape
+
+NOT_VIDEO = {"tty", "image2", "gif", "apng", "ico", "lrc", "srt", "ass", "webvtt"}
+INSTANT_S = 1e-6
+SEEK_MARGIN_S = 0.5
+LARGE_PIXELS = 16_000_000
+LARGE_THREADS = 4
+
+
+def probe_file(path: Path) -> VideoInfo:
+    """What a video file's header says. VideoError: not a video, damaged, not 2:1."""
+    with opened(path) as (container, stream):
+        context = stream.codec_context
+        check_shape(path, context.width, context.height)
+        duration = _duration_s(container, stream)
+        rate = float(stream.average_rate or stream.guessed_rate or 0)
+        return VideoInfo(path, context.width, context.height, context.name, context.pix_fmt or "", rate, duration)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+    """A video file's container and first video stream."""
+    try:
+        container = av.open(str(path), "r")
+    except (av.error.FFmpegError, OSError) as error:
+        raise VideoError(_why_unreadable(path)) from error
+    with container:
+        if container.format.name in NOT_VIDEO or container.format.name.endswith("_pipe"):
+            raise VideoError(f"{path}: not a video file")
+        streams = [stream for stream in container.streams.video if stream.codec_context is not None]
+        if not streams:
+            raise VideoError(f"{path}: has no video stream that can be decoded")
+        yield container, streams[0]
+
+
+def _why_unreadable(path: Path) -> str:
+    with path.open("rb") as file:
+        head = file.read(12)
+    if head[4:8] == b"ftyp":
+        return f"{path}: the file is cut off or damaged (its index is missing); copy it from the camera again"
+    return f"{path}: not a video file"
+
+
+def _duration_s(container: InputContainer, stream: VideoStream) -> float:
+    if stream.duration and stream.time_base:
+        return float(stream.duration * stream.time_base)
+    if container.duration:
+        return container.duration / av.time_base
+    last = 0.0
+    for packet in container.demux(stream):
+        if packet.pts is not None:
+            last = max(last, _seconds(packet.pts + (packet.duration or 0), stream))
+    return last
+
+
+def _seconds(pts: int, stream: VideoStream) -> float:
+    return float((pts - (stream.start_time or 0)) * (stream.time_base or Fraction(1)))
+
+
+def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
+    """Good frames of a file from start_s up to end_s. Frames that the decoder flags as damaged or loses are counted."""
+    with opened(info.path) as (container, stream):
+        _configure(stream, info)
+        if start_s > 0:
+            _seek(container, stream, start_s)
+        reformatter = VideoReformatter()
+        expected: set[float] = set()
+        good: set[float] = set()
+        already = report.skipped
+        for frame in _frames(container, stream, expected):
+            stamp = _seconds(frame.pts or 0, stream)
+            if stamp >= end_s - INSTANT_S:
+                break
+            if stamp >= start_s - INSTANT_S and _is_good(frame, info):
+                report.decoded += 1
+                good.add(stamp)
+                yield stamp, _converter(frame, reformatter)
+        report.skipped = already + len({s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good)
+
+
+def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image]]:
+    """The first good frame at or after each time (ascending); nothing for those that cannot be decoded.
+
+    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice.
+    """
+    found: list[tuple[float, Image]] = []
+    with opened(info.path) as (container, stream):
+        _configure(stream, info)
+        reformatter = VideoReformatter()
+        frames = _frames(container, stream, set())
+        entry = 0
+        for wanted in stamps_s:
+            ahead = stream.index_entries.search_timestamp(_pts(wanted - SEEK_MARGIN_S, stream))
+            if ahead > entry:
+                _seek(container, stream, wanted)
+                frames, entry = _frames(container, stream, set()), ahead
+            for frame in frames:
+                stamp = _seconds(frame.pts or 0, stream)
+                if stamp >= wanted - INSTANT_S and _is_good(frame, info):
+                    found.append((stamp, _converter(frame, reformatter)()))
+                    break
+    return found
+
+
+def _is_good(frame: VideoFrame, info: VideoInfo) -> bool:
+    return not frame.is_corrupt and (frame.width, frame.height) == (info.width, info.height)
+
+
+def _pts(stamp_s: float, stream: VideoStream) -> int:
+    return int(stamp_s / (stream.time_base or Fraction(1))) + (stream.start_time or 0)
+
+
+def _seek(container: InputContainer, stream: VideoStream, stamp_s: float) -> None:
+    """To the key frame before a time. Key frames are found by decoding time, which runs ahead of the time shown."""
+    container.seek(max(_pts(stamp_s - SEEK_MARGIN_S, stream), stream.start_time or 0), stream=stream, backward=True)
+
+
+def _configure(stream: VideoStream, info: VideoInfo) -> None:
+    """Frame threads hold a picture each: fewer of them where pictures are large."""
+    stream.thread_type = "AUTO"
+    large = info.width * info.height > LARGE_PIXELS
+    stream.codec_context.thread_count = min(LARGE_THREADS, os.cpu_count() or 1) if large else 0
+
+
+def _frames(container: InputContainer, stream: VideoStream, expected: set[float]) -> Iterator[VideoFrame]:
+    """Decoded frames; the times of the packets read go into `expected`."""
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except StopIteration:
+            return
+        except av.error.FFmpegError:
+            return
+        if packet.pts is not None and packet.size and not packet.is_discard:
+            expected.add(_seconds(packet.pts, stream))
+        try:
+            frames = packet.decode()
+        except av.error.FFmpegError:
+            continue
+        for frame in frames:
+            if isinstance(frame, VideoFrame) and frame.pts is not None:
+                yield frame
+
+
+def _converter(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Image]:
+    def convert() -> Image:
+        return np.asarray(reformatter.reformat(frame, format="rgb24").to_ndarray(), np.uint8)
+
+    return convert

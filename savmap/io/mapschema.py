@@ -1,0 +1,106 @@
+"""The shape of map.json, from which its JSON Schema is made.
+
+`python -m savmap.io.mapschema > docs/map.schema.json` writes the published one.
+"""
+
+import json
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+FORMAT = "savmap-map"
+VERSION = 1
+
+Vector = Annotated[tuple[float, float, float], Field(description="x, y, z in the row's frame, m")]
+Sigma = Annotated[tuple[float, float, float], Field(description="standard deviation of x, y, z, m")]
+Quaternion = Annotated[tuple[float, float, float, float], Field(description="x, y, z, w of world_from_rig, w >= 0")]
+UpperTriangle = Annotated[
+    tuple[float, float, float, float, float, float], Field(description="covariance xx, xy, xz, yy, yz, zz, m^2")
+]
+Value = float | int | str
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class VertexEntry(_Part):
+    """A labelled corner, edge end or centre of a structure."""
+
+    label: str
+    position_m: Vector
+    sigma_m: Sigma
+    covariance_m2: UpperTriangle
+
+
+class StructureEntry(_Part):
+    """One mapped thing. Edges join vertices by their number in `vertices`, from 0."""
+
+    id: str
+    label: str
+    vertices: list[VertexEntry]
+    edges: list[tuple[int, int]]
+    attributes: dict[str, Value]
+
+
+class FrameEntry(_Part):
+    """A frame of the row in order of its number; pose null where the camera could not be placed."""
+
+    frame: int = Field(ge=0)
+    stamp_s: float = Field(description="time in its own video")
+    pass_name: str = Field(alias="pass")
+    position_m: Vector | None
+    orientation_xyzw: Quaternion | None
+    sigma_m: Sigma | None
+
+
+class ViewEntry(_Part):
+    """A rectilinear view: where it looks in the panorama, and its size."""
+
+    yaw_deg: float
+    pitch_deg: float
+    roll_deg: float
+    hfov_deg: float
+    width: int
+    height: int
+
+
+class ReferenceEntry(_Part):
+    """A reference of the solve; residual = solved - value."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    solved: float
+    residual: float
+
+
+class RowEntry(_Part):
+    """One row in its own frame: x along the aisle from the first element's outer edge, y up from the floor, z towards
+    the camera, face at z = 0. Structures by plugin."""
+
+    trajectory: list[FrameEntry]
+    views: dict[str, ViewEntry]
+    structures: dict[str, list[StructureEntry]]
+    references: list[ReferenceEntry]
+    report: dict[str, Value]
+
+
+class MapFile(_Part):
+    """A savmap map: metres and seconds."""
+
+    format: Literal["savmap-map"]
+    version: Literal[1]
+    units: Literal["m"]
+    made_by: dict[str, str] = Field(description="software and model versions, SHA-256 of models")
+    rows: dict[str, RowEntry]
+
+
+def schema_text() -> str:
+    """The JSON Schema of a map file."""
+    return json.dumps(MapFile.model_json_schema(by_alias=True), indent=2, sort_keys=True) + "\n"
+
+
+if __name__ == "__main__":
+    print(schema_text(), end="")

@@ -1,0 +1,192 @@
+"""The only walk over pixels: every frame decoded once, in order; every view rendered and segmented once."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.errors import ModelError, StructureError
+from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
+from savmap.monitor import Monitor
+from savmap.rooms import Room
+from savmap.site import Pass
+from savmap.stages.aim import Manual, Scout
+from savmap.stages.render import Renderer
+from savmap.stages.segment import Segmenter
+from savmap.types import Aim, Detection, Feature, Floats, FrameTable, Panorama, RowFacts, View, ViewSpec
+
+MIN_FRAMES = 3
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What was seen of a row: its facts, each room's features, and the first attitude of every pass that is known."""
+
+    facts: RowFacts
+    features: Mapping[str, Sequence[Feature]]
+    attitudes: Mapping[str, Floats]
+    found_face: frozenset[str]
+    notes: tuple[str, ...]
+
+
+class Eyes:
+    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once."""
+
+    def __init__(self, rooms: Sequence[Room]) -> None:
+        networks = {path: OnceSegmenter(path) for path in dict.fromkeys(room.model for room in rooms)}
+        self.networks = {room.name: networks[room.model] for room in rooms}
+        for room in rooms:
+            missing = set(room.classes) - set(self.networks[room.name].classes)
+            if missing:
+                raise ModelError(f"{room.model}: the network does not give `{sorted(missing)[0]}`, which `{room.name}` needs")
+
+    def see(self, room: Room, view: View) -> list[Detection]:
+        """What a room detects in a view."""
+        return room.detect(view=view, segmenter=self.networks[room.name])
+
+
+class OnceSegmenter(Segmenter):
+    """A segmenter that remembers its last picture, so that rooms which share a view share its inference."""
+
+    _last: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None
+
+    def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        if self._last is None or self._last[0] is not image:
+            self._last = (image, super().probabilities(image))
+        return self._last[1]
+
+
+@dataclass(frozen=True)
+class PassAims:
+    """One pass with what each room wants to see of it."""
+
+    name: str
+    clip: Clip
+    aims: Mapping[str, Aim]
+
+    def first(self, attribute: str) -> object:
+        """The first aim's answer that is not empty."""
+        answers = (getattr(aim, attribute) for aim in self.aims.values())
+        return next((answer for answer in answers if answer is not None and np.any(answer)), None)
+
+    def views(self) -> dict[tuple[str, str], ViewSpec]:
+        """Views by (room, name as the room gave it), renamed so that a name is unique in the row."""
+        return {
+            (room, spec.name): replace(spec, name=f"{self.name} / {spec.name}" if self._alone(spec) else f"{self.name} / {room} {spec.name}")
+            for room, aim in self.aims.items()
+            for spec in aim.views
+        }
+
+    def _alone(self, spec: ViewSpec) -> bool:
+        return all(other == spec for aim in self.aims.values() for other in aim.views if other.name == spec.name)
+
+
+def clip_of(one: Pass) -> Clip:
+    """The part of a video that a pass of the site file means."""
+    return Clip(one.video, one.start_s or None, one.end_s, one.fps)
+
+
+def aim_pass(name: str, one: Pass, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, attitude: Floats | None) -> tuple[PassAims, Scout]:
+    """Ask every room for its views of a pass; what one finds out about the attitude, the next is told."""
+    clip = clip_of(one)
+    scout = Scout.look(*scout_frames(clip), renderer=renderer)
+    manual = {key: Manual(**view.model_dump()) for key, view in one.views.items()}
+    aims: dict[str, Aim] = {}
+    for room in rooms:
+        aims[room.name] = room.render_views(
+            scout=scout, see=lambda view, room=room: eyes.see(room, view), side=one.side, manual=manual, attitude=attitude
+        )
+        attitude = aims[room.name].world_from_rig if attitude is None else attitude
+    return PassAims(name, clip, aims), scout
+
+
+def pass_names(passes: Sequence[Pass]) -> list[str]:
+    """Names of a row's passes, in order."""
+    return [f"pass {number}" for number in range(1, len(passes) + 1)]
+
+
+def observe(
+    row: str, passes: Sequence[Pass], rooms: Sequence[Room], monitor: Monitor, attitudes: Mapping[str, Floats] | None = None
+) -> Observations:
+    """Features of all rooms over all passes of a row.
+
+    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it.
+    Raises VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
+    """
+    eyes, renderer = Eyes(rooms), Renderer()
+    known = dict(attitudes or {})
+    walk = Walk(rooms, eyes, renderer)
+    for name, one in zip(pass_names(passes), passes, strict=True):
+        monitor.note(f"row {row}, {name}: aiming the views")
+        aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))
+        walk.over(row, aimed, monitor)
+    facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
+    return Observations(facts, walk.features, {**walk.attitudes, **known}, frozenset(walk.found_face), tuple(walk.notes))
+
+
+class Walk:
+    """Gathers what the rooms see as passes are walked through."""
+
+    def __init__(self, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer) -> None:
+        self.rooms, self.eyes, self.renderer = rooms, eyes, renderer
+        self.stamps: list[float] = []
+        self.passes: list[str] = []
+        self.views: dict[str, ViewSpec] = {}
+        self.travel: dict[str, int] = {}
+        self.attitudes: dict[str, Floats] = {}
+        self.features: dict[str, list[Feature]] = {room.name: [] for room in rooms}
+        self.found_face: set[str] = set()
+        self.notes: list[str] = []
+
+    def over(self, row: str, aimed: PassAims, monitor: Monitor) -> None:
+        """Walk through one pass."""
+        report = DecodeReport()
+        first = len(self.passes)
+        frames = panoramas(aimed.clip, first, report)
+        total = expected_frames(aimed.clip, probe(aimed.clip.path))
+        for panorama in monitor.each(frames, f"row {row}, {aimed.name}: looking", total):
+            self._frame(panorama, aimed)
+        if len(self.passes) - first < MIN_FRAMES:
+            raise StructureError(f"{aimed.clip.path}: {len(self.passes) - first} frames in the range of {aimed.name} are too few to map from")
+        self._keep(aimed, report)
+        for note in self.notes:
+            monitor.note(note)
+
+    def _keep(self, aimed: PassAims, report: DecodeReport) -> None:
+        self.views |= {spec.name: spec for spec in aimed.views().values()}
+        travel, attitude = aimed.first("travel"), aimed.first("world_from_rig")
+        self.travel[aimed.name] = travel if isinstance(travel, int) else 0
+        if isinstance(attitude, np.ndarray):
+            self.attitudes[aimed.name] = attitude
+        self.found_face |= {room for room, aim in aimed.aims.items() if aim.world_from_rig is not None}
+        self.notes += [note for aim in aimed.aims.values() for note in aim.notes]
+        if report.skipped:
+            self.notes.append(f"{aimed.clip.path}: {report.text()}")
+
+    def _frame(self, panorama: Panorama, aimed: PassAims) -> None:
+        self.stamps.append(panorama.stamp_s)
+        self.passes.append(aimed.name)
+        specs = aimed.views()
+        for spec in dict.fromkeys(specs.values()):
+            view = self.renderer.render(panorama, spec)
+            for room in self.rooms:
+                if spec in [own for (name, _), own in specs.items() if name == room.name]:
+                    self.features[room.name] += room.extract(view=view, detections=self.eyes.see(room, view))
+
+
+def preview(passes: Sequence[Pass], rooms: Sequence[Room], folder: Path) -> Iterator[Path]:
+    """Write a picture of the chosen views of each pass over its key frames; gives the paths written."""
+    import cv2
+
+    from savmap.io.files import write_bytes
+    from savmap.stages.aim import overview
+
+    eyes, renderer = Eyes(rooms), Renderer()
+    for name, one in zip(pass_names(passes), passes, strict=True):
+        aimed, scout = aim_pass(name, one, rooms, eyes, renderer, None)
+        picture = overview(scout, list(dict.fromkeys(aimed.views().values())))
+        path = folder / f"views {name}.jpg".replace(" ", "-")
+        write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
+        yield path

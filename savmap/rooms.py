@@ -1,0 +1,163 @@
+"""Rooms: each plugin with its config, behind typed calls that check what came back and name the plugin that gave it."""
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+from pydantic import BaseModel
+
+from savmap import defaults, hookspecs
+from savmap.errors import PluginError, SavmapError
+from savmap.io.sitefile import validated
+from savmap.types import Aim, Detection, Feature, Structure, Track
+
+if TYPE_CHECKING:
+    from savmap.evaluation import Score
+    from savmap.graph import Constraints
+    from savmap.report.sketch import Shape
+
+GROUP = "savmap.plugins"
+
+
+def installed() -> dict[str, EntryPoint]:
+    """Entry points of the plugins that can be named, by name. Nothing is imported."""
+    return {point.name: point for point in sorted(entry_points(group=GROUP))}
+
+
+def load_class(name: str) -> Any:
+    """The class of an installed plugin.
+
+    Raises PluginError when there is none of that name (with the nearest) or when importing it fails.
+    """
+    points = installed()
+    if name not in points:
+        near = difflib.get_close_matches(name, points, 1)
+        hint = f"did you mean `{near[0]}`?" if near else f"installed are: {', '.join(points) or 'none'}"
+        raise PluginError(f"unknown plugin `{name}`: {hint}")
+    try:
+        return points[name].load()
+    except Exception as error:
+        raise PluginError(f"plugin `{name}` ({points[name].value}) cannot be imported: {error}") from error
+
+
+@dataclass(frozen=True)
+class Room:
+    """One plugin at work: its instance, its config, and the manager that asks it (and the defaults) alone."""
+
+    name: str
+    plugin: Any
+    config: BaseModel
+    manager: pluggy.PluginManager = field(repr=False)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Segmentation classes that the plugin's network must give."""
+        return tuple(self.plugin.classes)
+
+    @property
+    def model(self) -> Path:
+        """The network's file: the config's `model` if set, else the one that comes with the plugin."""
+        return Path(getattr(self.config, "model", None) or self.plugin.model)
+
+    @property
+    def threshold(self) -> float:
+        """Confidence above which a pixel belongs to a class."""
+        return float(getattr(self.config, "threshold", 0.5))
+
+    def ask(self, hook: str, expected: type, **arguments: Any) -> Any:
+        """What the plugin answers to a hook; PluginError if it raises or the answer is not of the expected type."""
+        try:
+            answer = getattr(self.manager.hook, hook)(**arguments)
+        except SavmapError:
+            raise
+        except Exception as error:
+            raise PluginError(f"plugin `{self.name}` failed in `{hook}`: {type(error).__name__}: {error}") from error
+        if not isinstance(answer, expected):
+            given = type(answer).__name__
+            raise PluginError(f"plugin `{self.name}` returned {given} from `{hook}`, not {expected.__name__}")
+        return answer
+
+    def ask_list(self, hook: str, item: type, **arguments: Any) -> list[Any]:
+        """Like `ask`, for a list whose items must all be of one type."""
+        answer: list[Any] = self.ask(hook, list, **arguments)
+        wrong = next((one for one in answer if not isinstance(one, item)), None)
+        if wrong is not None:
+            raise PluginError(
+                f"plugin `{self.name}` returned a list with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
+            )
+        return answer
+
+    def render_views(self, **arguments: Any) -> Aim:
+        answer: Aim = self.ask("render_views", Aim, **arguments)
+        return answer
+
+    def detect(self, **arguments: Any) -> list[Detection]:
+        return self.ask_list("detect", Detection, threshold=self.threshold, **arguments)
+
+    def extract(self, **arguments: Any) -> list[Feature]:
+        return self.ask_list("extract_features", Feature, **arguments)
+
+    def track(self, **arguments: Any) -> list[Track]:
+        return self.ask_list("track", Track, **arguments)
+
+    def constrain(self, **arguments: Any) -> "Constraints":
+        from savmap.graph import Constraints
+
+        answer: Constraints = self.ask("constrain", Constraints, **arguments)
+        return answer
+
+    def evaluate(self, **arguments: Any) -> "Score":
+        from savmap.evaluation import Score
+
+        answer: Score = self.ask("evaluate", Score, **arguments)
+        return answer
+
+    def draw(self, **arguments: Any) -> "tuple[Shape, ...]":
+        answer: tuple[Shape, ...] = self.ask("draw", tuple, **arguments)
+        return answer
+
+    def describe(self, **arguments: Any) -> list[Structure]:
+        return self.ask_list("describe", Structure, **arguments)
+
+
+def open_room(name: str, config: Mapping[str, Any], where: str = "options") -> Room:
+    """A room for an installed plugin.
+
+    Raises PluginError for an unknown or broken plugin, SiteError for a config it does not take.
+    """
+    plugin_class = load_class(name)
+    settings = validated(plugin_class.Config, config, f"{where}: plugins.{name}")
+    return room_of(name, plugin_class, settings)
+
+
+def room_of(name: str, plugin_class: Callable[[Any], Any], settings: BaseModel) -> Room:
+    """A room for a plugin's class and its validated config. Raises PluginError for a hook that does not exist."""
+    try:
+        plugin = plugin_class(settings)
+        manager = pluggy.PluginManager("savmap")
+        manager.add_hookspecs(hookspecs)
+        manager.register(defaults)
+        manager.register(plugin, name=name)
+        manager.check_pending()
+    except SavmapError:
+        raise
+    except Exception as error:
+        raise PluginError(f"plugin `{name}` cannot be set up: {error}") from error
+    return Room(name, plugin, settings, manager)
+
+
+def open_rooms(names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str) -> Sequence[Room]:
+    """Rooms for the named plugins, in that order, each once."""
+    return [open_room(name, configs(name), where) for name in dict.fromkeys(names)]
+
+
+def register_commands(app: Any) -> None:
+    """Let every installed plugin whose class answers `register_commands` add to the command line."""
+    for name in installed():
+        add = getattr(load_class(name), "register_commands", None)
+        if add is not None:
+            add(app)

@@ -1,0 +1,257 @@
+"""What the commands do: each function yields or returns the lines to print. docs/commands.md tells the user's side."""
+
+import json
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from savmap import site as sites
+from savmap.errors import OutputError, SiteError
+from savmap.io.files import sha256, write_text
+from savmap.io.sitefile import load_site
+from savmap.monitor import Monitor
+from savmap.rooms import Room, installed, load_class, open_rooms
+from savmap.types import RowMap, SiteMap
+
+if TYPE_CHECKING:
+    from savmap.evaluation import Evaluation
+
+log = logging.getLogger("savmap")
+VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known."""
+
+    site: sites.Site
+    source: Path
+    plugins: Sequence[str]
+    output: Path
+    earlier: Path | None = None
+
+
+def job_for(
+    source: Path,
+    plugins: Sequence[str] | None,
+    output: Path,
+    camera_height_m: float | None = None,
+    side: str | None = None,
+    earlier: Path | None = None,
+) -> Job:
+    """The job that the command line describes. `source` is a site file, or a video (or folder of pictures).
+
+    Raises SiteError for a bad site file or options that do not fit it.
+    """
+    if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
+        site = video_site(source, camera_height_m, side)
+        return Job(site, source, plugins or list(installed()), output, earlier)
+    if camera_height_m is not None or side is not None:
+        raise SiteError(f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`")
+    site = load_site(source)
+    names = plugins or list(site.plugins) or list(installed())
+    return Job(site, source, names, output, earlier)
+
+
+def video_site(video: Path, camera_height_m: float | None, side: str | None) -> sites.Site:
+    """A site of one row and one pass."""
+    if side not in (None, "left", "right"):
+        raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
+    if camera_height_m is not None and not 0.1 < camera_height_m < 50:
+        raise SiteError(f"--camera-height {camera_height_m}: metres are expected, between 0.1 and 50")
+    height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
+    one = {"video": video, "side": side}
+    return sites.Site.model_validate({"references": height, "rows": {"row": {"passes": [one]}}})
+
+
+def rooms_for(job: Job, row: str) -> Sequence[Room]:
+    """The job's plugins, each with its settings for one row."""
+    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source))
+
+
+def run(job: Job) -> Iterator[str]:
+    """Map all rows of a job into its folder; yields lines for the user.
+
+    Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
+    """
+    from savmap.console import Console
+
+    prepare(job.output)
+    with Console(job.output / "savmap.log") as console:
+        rows = {name: map_one(job, name, console) for name in job.site.rows}
+        site_map = SiteMap(rows, made_by(job))
+        yield from write_results(job, site_map)
+        yield from scored(job, site_map)
+
+
+def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
+    """The map of one of the job's rows."""
+    from savmap.engine import Row, map_row
+    from savmap.references import references_of
+
+    known = job.site.row_references(name)
+    row = Row(name, job.site.rows[name].passes, references_of(known), known.travel_m, earlier_path(job, name))
+    return map_row(row, rooms_for(job, name), monitor)
+
+
+def earlier_path(job: Job, name: str) -> Any:
+    """The camera's path in a row of an earlier map, if the job has one."""
+    from savmap.io.mapfile import read_map
+
+    if job.earlier is None:
+        return None
+    rows = read_map(job.earlier).rows
+    if name not in rows:
+        raise SiteError(f"{job.earlier}: has no row `{name}` whose camera path could be used; it has {', '.join(rows)}")
+    return rows[name].trajectory
+
+
+def prepare(folder: Path) -> None:
+    """Make the output folder. Raises OutputError when nothing can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".savmap-probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(f"{folder}: nothing can be written there: {error.strerror or error}") from None
+
+
+def made_by(job: Job) -> dict[str, str]:
+    """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
+    first = next(iter(job.site.rows))
+    models = {f"model {room.name}": sha256(room.model) for room in rooms_for(job, first)}
+    return {**{name: version(name) for name in ("savmap", "gtsam", "onnxruntime")}, **models}
+
+
+def write_results(job: Job, site_map: SiteMap) -> Iterator[str]:
+    """Write the map, the resolved site, and each row's two pictures; yields a line for each file."""
+    from savmap.io.mapfile import write_map
+    from savmap.report.plots import write_face_view, write_plan_view
+
+    write_map(site_map, job.output / "map.json")
+    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_defaults=True) + "\n")
+    yield f"wrote {job.output / 'map.json'}"
+    for name, row in site_map.rows.items():
+        shapes = shapes_of(job, name, row)
+        write_face_view(shapes, row, job.output / f"face-{name}.png")
+        write_plan_view(shapes, row, job.output / f"plan-{name}.png")
+        yield f"wrote {job.output / f'face-{name}.png'} and {job.output / f'plan-{name}.png'}"
+
+
+def survey_rows(job: Job) -> Mapping[str, Mapping[str, Any]]:
+    """The site's survey, row by row; empty when it names none."""
+    from savmap.io.survey import read_survey
+
+    return read_survey(job.site.survey).rows if job.site.survey else {}
+
+
+def shapes_of(job: Job, name: str, row: RowMap) -> list[Any]:
+    """What all rooms draw of a row, over its survey where there is one."""
+    survey = survey_rows(job).get(name)
+    shapes: list[Any] = []
+    for room in rooms_for(job, name):
+        own = row.structures[room.name]
+        deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
+        shapes += room.draw(structures=own, survey=survey, deviations=deviations)
+    return shapes
+
+
+def scored(job: Job, site_map: SiteMap) -> Iterator[str]:
+    """The scores against the site's survey and their box plot, where it names one."""
+    if job.site.survey is None:
+        return
+    evaluation = evaluate_files(job.output / "map.json", job.site.survey, job.output / "errors.png")
+    yield f"wrote {job.output / 'errors.png'}"
+    yield scores_table(evaluation)
+
+
+def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> "Evaluation":
+    """A map against a survey, scored by the plugins that made the map."""
+    from savmap.evaluation import evaluate_site
+    from savmap.io.mapfile import read_map
+    from savmap.io.survey import read_survey
+    from savmap.report.plots import write_box_plot
+    from savmap.rooms import open_room
+
+    site_map = read_map(map_file)
+    names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
+    rooms = {name: open_room(name, {}) for name in names}
+    evaluation = evaluate_site(
+        site_map, read_survey(survey_file), lambda name, own, survey: rooms[name].evaluate(structures=own, survey=survey)
+    )
+    if box_plot is not None:
+        write_box_plot(evaluation, box_plot)
+    return evaluation
+
+
+def scores_json(evaluation: "Evaluation") -> str:
+    """The scores as one JSON object."""
+    from savmap.evaluation import as_json
+
+    return json.dumps(as_json(evaluation), indent=2)
+
+
+def scores_table(evaluation: "Evaluation") -> str:
+    """The scores as a table for people."""
+    from savmap.evaluation import as_table
+
+    return as_table(evaluation)
+
+
+def preview(job: Job) -> Iterator[str]:
+    """Write pictures of the views that the aim chooses; yields a line for each."""
+    from savmap.observe import preview as write_previews
+
+    prepare(job.output)
+    for name, row in job.site.rows.items():
+        for path in write_previews(row.passes, rooms_for(job, name), job.output):
+            yield f"row {name}: wrote {path}"
+
+
+def demo(output: Path) -> Iterator[str]:
+    """Map the footage of examples/aisle-dev, which lies beside the package in a clone of the repository."""
+    places = [Path.cwd(), Path(__file__).resolve().parent.parent]
+    found = next((p for place in places if (p := place / "examples" / "aisle-dev" / "site.yaml").is_file()), None)
+    if found is None:
+        raise SiteError("examples/aisle-dev/site.yaml: not found; run `savmap demo` in a clone of savmap's repository")
+    yield from run(job_for(found, None, output))
+
+
+def plugin_lines() -> Iterator[str]:
+    """What is installed: name, classes, model, hooks."""
+    for name, point in installed().items():
+        plugin = load_class(name)
+        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
+        yield f"{name}  ({point.value})"
+        yield f"  classes  {', '.join(plugin.classes)}"
+        yield f"  model    {plugin.model}"
+        yield f"  hooks    {', '.join(hooks)}"
+
+
+def simulate(scene: Path, output: Path) -> Iterator[str]:
+    """Footage of a made-up place."""
+    from savmap.console import Console
+    from savmap.sim.scene import load_scene
+    from savmap.sim.simulate import simulate as make
+
+    loaded = load_scene(scene)
+    prepare(output)
+    with Console(output / "savmap.log") as console:
+        for path in make(loaded, output, console):
+            yield f"wrote {path}"
+
+
+def train(plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None) -> Iterator[str]:
+    """A new network for a plugin's classes."""
+    from savmap.console import Console
+    from savmap.train import train as train_network
+
+    prepare(output.parent)
+    with Console(output.with_suffix(".log")) as console:
+        result = train_network(load_class(plugin).classes, data, output, minutes, seed, init, console)
+    yield f"wrote {output}"
+    yield str(result)

@@ -1,0 +1,131 @@
+"""Where cameras are: random views for training, and the cart's drive for footage.
+
+World: x along the aisle, y up, z out of the first row's face. A view's frame is x right, y down, z forward.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry.pinhole import intrinsics, rays_from_pixels, rig_from_view
+from savmap.sim.build import Built
+from savmap.sim.primitives import Box, Floats
+from savmap.sim.scene import Cart, SceneError
+
+Kind = Literal["shelf", "ceiling"]
+
+_FRONT_M = 0.05
+
+
+@dataclass(frozen=True)
+class CameraSample:
+    """A rectilinear camera: `origin` (3,) m and `world_from_view` (3, 3) in the world; `hfov_deg` to the outer borders."""
+
+    origin: Floats
+    world_from_view: Floats
+    hfov_deg: float
+
+
+def world_from_level(heading: Floats) -> Floats:
+    """Rotation (3, 3) of a level camera looking along the horizontal unit vector `heading` (3,)."""
+    down = np.array([0.0, -1.0, 0.0])
+    return np.stack([np.cross(down, heading), down, heading], axis=1)
+
+
+def view_rays(width: int, height: int, hfov_deg: float, offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Unit rays (height, width, 3) in the view frame through the pixels' centres, moved by `offset` pixels."""
+    u, v = np.meshgrid(np.arange(width) + offset[0], np.arange(height) + offset[1])
+    return rays_from_pixels(np.stack([u, v], axis=-1).astype(np.float64), intrinsics(hfov_deg, width, height))
+
+
+def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "shelf") -> CameraSample:
+    """A random camera in the aisle between the mapped rows, as a panorama's shelf-facing or ceiling-facing views are.
+
+    Raises SceneError for a scene without a mapped row.
+    """
+    name = mapped_rows(built)[int(rng.integers(len(mapped_rows(built))))]
+    frame, (length, top) = built.frames[name], face_size(built, name)
+    aisle = built.aisle_z[1] - built.aisle_z[0]
+    away = float(rng.uniform(0.8, max(0.9, min(3.0, aisle - 0.4))))
+    height = float(rng.uniform(1.0, max(1.1, min(4.5, top + 0.3, built.scene.hall.height - 0.8))))
+    origin = frame.to_world(np.array([rng.uniform(-0.5, length + 0.5), height, away]))
+    turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_shelf_turn(rng), 155)
+    return CameraSample(origin, world_from_level(-frame.world_from_row[:, 2]) @ turn, float(rng.uniform(80, widest)))
+
+
+def mapped_rows(built: Built) -> list[str]:
+    """The names of the rows with labelled fronts. Raises SceneError where there is none."""
+    names = [name for name, frame in built.frames.items() if frame.mapped and _fronts(built, name)]
+    if not names:
+        raise SceneError("the scene has no mapped row with labelled structures; see `rows` and `structures`")
+    return names
+
+
+def face_size(built: Built, name: str) -> tuple[float, float]:
+    """How far the labelled fronts of a row reach along its x axis and up, in metres."""
+    fronts = _fronts(built, name)
+    right = max(float(built.frames[name].to_row(box.center)[0] + box.size[0] / 2) for box in fronts)
+    return right, max(float(box.center[1] + box.size[1] / 2) for box in fronts)
+
+
+def _fronts(built: Built, name: str) -> list[Box]:
+    frame = built.frames[name]
+    labelled = [box for box in built.boxes if set(box.face_labels) == {"+z"}]
+    return [box for box in labelled if abs(frame.to_row(box.center)[2] + box.size[2] / 2) < _FRONT_M]
+
+
+def _shelf_turn(rng: np.random.Generator) -> Floats:
+    yaw = rng.uniform(-35, 35) if rng.random() < 0.85 else rng.choice([-1, 1]) * rng.uniform(35, 90)
+    return rig_from_view(float(yaw), float(rng.uniform(-20, 20)), float(rng.uniform(-10, 10)))
+
+
+def _ceiling_turn(rng: np.random.Generator) -> Floats:
+    about_up = rig_from_view(float(rng.uniform(-180, 180)), 0.0, 0.0)
+    return about_up @ rig_from_view(0.0, float(rng.uniform(60, 120)), float(rng.uniform(-180, 180)))
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The cart's drive: `stamps_s` (n,), `origins` (n, 3) m and `world_from_rig` (n, 3, 3)."""
+
+    stamps_s: Floats
+    origins: Floats
+    world_from_rig: Floats
+
+
+def drive(cart: Cart, seed: int) -> Drive:
+    """Poses of the panorama's rig along the drive. Without sway, weave, bounce and tilt it is a straight line."""
+    rng = np.random.default_rng([seed, 3])
+    start, end = np.array(cart.start), np.array(cart.end)
+    share = _progress(cart, rng)
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+    heading = np.array([along[0], 0.0, along[1]])
+    path = start + share[:, None] * (end - start)
+    side = world_from_level(heading)[:, 0]
+    sway, yaw, bounce, pitch, roll = (_wander(cart.frames, share, rng) for _ in range(5))
+    origins = np.stack([path[:, 0], cart.height + cart.bounce * bounce, path[:, 1]], axis=1)
+    origins += cart.sway * sway[:, None] * side
+    level, mount = world_from_level(heading), rig_from_view(cart.yaw, cart.pitch, cart.roll)
+    angles = np.stack([cart.weave * yaw, cart.tilt * pitch, cart.tilt * roll], axis=1)
+    turns = np.stack([level @ rig_from_view(float(a), float(b), float(c)) @ mount for a, b, c in angles])
+    return Drive(np.arange(cart.frames) / cart.fps, origins, turns)
+
+
+def _progress(cart: Cart, rng: np.random.Generator) -> Floats:
+    time = np.linspace(0, 1, cart.frames)
+    waves = rng.uniform(1, 3, 2)
+    phases = rng.uniform(0, 2 * np.pi, 2)
+    speed = 1 + cart.speed_variation * np.sin(2 * np.pi * waves[:, None] * time + phases[:, None]).mean(0)
+    steps = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)])
+    share: Floats = steps / max(steps[-1], 1e-9)
+    return share
+
+
+def _wander(frames: int, share: Floats, rng: np.random.Generator) -> NDArray[np.float64]:
+    waves = rng.uniform([0.8, 2.0, 4.0], [1.6, 4.0, 9.0])
+    phases = rng.uniform(0, 2 * np.pi, 3)
+    weights = np.array([0.6, 0.3, 0.1])
+    wave: Floats = (weights[:, None] * np.sin(2 * np.pi * waves[:, None] * share + phases[:, None])).sum(0)
+    return wave if frames > 1 else np.zeros(1)

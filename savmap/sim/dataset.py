@@ -1,0 +1,124 @@
+"""Labelled pictures of random scenes for training networks: `python -m savmap.sim.dataset --count 100 --seed 1 -o DIR`.
+
+DIR/images/NAME.jpg, DIR/masks/NAME.png (0 background, k for classes[k - 1], 255 not to be judged) and DIR/dataset.json.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from savmap.geometry.pinhole import focal_px
+from savmap.sim.build import build
+from savmap.sim.camera import CameraSample, Kind, sample_camera, view_rays
+from savmap.sim.primitives import Floats
+from savmap.sim.random_scene import random_scene
+from savmap.sim.raycast import Caster, Hits
+from savmap.sim.scene import Look
+from savmap.sim.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
+
+CLASSES = ("upright", "beam", "light")
+WIDTH, HEIGHT = 640, 480
+IGNORED = 255
+
+_SUBPIXELS = ((-0.25, -0.12), (0.12, -0.25), (0.25, 0.12), (-0.12, 0.25))
+_TOO_FAR_M = 14.0
+_VIEWS_A_SCENE = 4
+_CEILING_SHARE = 0.25
+
+
+def view_mask(caster: Caster, camera: CameraSample, width: int = WIDTH, height: int = HEIGHT) -> Mask:
+    """The classes (height, width) that a camera sees at its pixels' centres; 0 background, 255 too far to be judged."""
+    return _mask(caster, caster.cast(camera.origin, _rays(camera, width, height)), (height, width))
+
+
+def _mask(caster: Caster, hits: Hits, shape: tuple[int, int]) -> Mask:
+    labels = caster.labels(hits, CLASSES)
+    fronts = (labels > 0) & (labels != CLASSES.index("light") + 1)
+    labels[fronts & (hits.distance > _TOO_FAR_M)] = IGNORED
+    return labels.reshape(shape)
+
+
+def _rays(camera: CameraSample, width: int, height: int, offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    rays = view_rays(width, height, camera.hfov_deg, offset)
+    world: Floats = (rays @ camera.world_from_view.T).reshape(-1, 3)
+    return world
+
+
+def view_picture(
+    scene: Renderer, camera: CameraSample, look: Look, rng: np.random.Generator, size: tuple[int, int] = (WIDTH, HEIGHT)
+) -> tuple[Image, Mask]:
+    """A camera's picture (h, w, 3) and its classes (h, w), edges smoothed by four more rays a pixel."""
+    width, height = size
+    pixel_rad = 1 / focal_px(camera.hfov_deg, width)
+    color, hits = scene.radiance(camera.origin, _rays(camera, width, height), pixel_rad)
+    color = compressed(color)
+    edge = np.flatnonzero(different(hits, (height, width)))
+    samples = [_rays(camera, width, height, offset)[edge] for offset in _SUBPIXELS]
+    finer, _ = scene.radiance(camera.origin, np.concatenate(samples), pixel_rad / 2)
+    color[edge] = compressed(finer).reshape(len(_SUBPIXELS), -1, 3).mean(0)
+    linear = color.reshape(height, width, 3)
+    picture = developed(linear, metered(look, linear, float(rng.uniform(0.4, 1.0))), _vignette(width, height, rng), rng)
+    return picture, _mask(scene.caster, hits, (height, width))
+
+
+def _vignette(width: int, height: int, rng: np.random.Generator) -> Floats:
+    u, v = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
+    shade: Floats = 1 - float(rng.uniform(0, 0.3)) * (u**2 + v**2) / 2
+    return shade
+
+
+def samples(seed: int, count: int, kind: Literal["shelf", "ceiling", "mixed"]) -> Iterator[tuple[str, Image, Mask]]:
+    """`count` named pictures with masks; the same seed gives the same."""
+    for index in range(0, count, _VIEWS_A_SCENE):
+        rng = np.random.default_rng([seed, index])
+        built = build(random_scene(seed * 1_000_003 + index))
+        scene = renderer(built)
+        for view in range(index, min(index + _VIEWS_A_SCENE, count)):
+            ceiling = rng.random() < _CEILING_SHARE
+            wanted: Kind = kind if kind != "mixed" else "ceiling" if ceiling else "shelf"
+            camera = _worthwhile(scene, wanted, rng)
+            yield f"{wanted}-{seed}-{view:05d}", *view_picture(scene, camera, built.scene.look, rng)
+
+
+def _worthwhile(scene: Renderer, kind: Kind, rng: np.random.Generator) -> CameraSample:
+    """A camera that sees something labelled and is not inside or right at a box; nearly always, after a few tries."""
+    for _ in range(8):
+        camera = sample_camera(scene.built, rng, kind)
+        hits = scene.caster.cast(camera.origin, _rays(camera, 64, 48))
+        wanted = scene.caster.labels(hits, ("light",) if kind == "ceiling" else ("upright", "beam")) > 0
+        clear = wanted.mean() > 0.005 and (hits.distance < 0.3).mean() < 0.05
+        if clear or rng.random() < 0.05:
+            break
+    return camera
+
+
+def write(folder: Path, seed: int, count: int, kind: Literal["shelf", "ceiling", "mixed"]) -> None:
+    """Writes a labelled data set; pictures that are there already are kept."""
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    (folder / "masks").mkdir(exist_ok=True)
+    about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
+    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    for name, picture, mask in samples(seed, count, kind):
+        cv2.imwrite(str(folder / "masks" / f"{name}.png"), mask)
+        flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
+        cv2.imwrite(str(folder / "images" / f"{name}.jpg"), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), flags)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="labelled pictures of random scenes")
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--kind", choices=("shelf", "ceiling", "mixed"), default="mixed")
+    options = parser.parse_args(arguments)
+    write(options.output, options.seed, options.count, options.kind)
+
+
+if __name__ == "__main__":
+    main()

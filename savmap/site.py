@@ -1,0 +1,110 @@
+"""The site file: which videos show which rows, what is known of them, and which plugins look at them. Strict YAML."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+Metres = Annotated[float, Field(gt=-1000, lt=1000)]
+Sigma = Annotated[float, Field(gt=0, le=10)]
+
+
+class Strict(BaseModel):
+    """A section of a site file: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Known(Strict):
+    """A number the user knows, with its standard deviation, both in metres."""
+
+    value: Metres
+    sigma: Sigma
+
+
+class CameraHeight(Strict):
+    """Height of the camera above the floor, in metres (a value above 50 is taken for a wrong unit)."""
+
+    value: Annotated[float, Field(gt=0.1, lt=50)]
+    sigma: Sigma = 0.02
+
+
+class Length(Known):
+    """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
+
+    between: tuple[str, str]
+    axis: Literal["x", "y"] = "x"
+
+
+class SurveyedPoint(Strict):
+    """A labelled vertex whose coordinate along one axis is known."""
+
+    vertex: str
+    axis: Literal["x", "y", "z"]
+    value: Metres
+    sigma: Sigma
+
+
+class ReferenceSection(Strict):
+    """What is known without mapping. Scale comes from the camera's height, from a length or from surveyed points."""
+
+    camera_height_m: CameraHeight | None = None
+    travel_m: Annotated[float, Field(gt=0.5, lt=1000)] | None = None
+    lengths: tuple[Length, ...] = ()
+    points: tuple[SurveyedPoint, ...] = ()
+
+
+class ViewSection(Strict):
+    """A view aimed by hand, degrees and pixels. It wins over the automatic aim."""
+
+    yaw_deg: float
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+    hfov_deg: Annotated[float, Field(gt=20, lt=170)] = 120.0
+    width: Annotated[int, Field(ge=64, le=8192)] = 640
+    height: Annotated[int, Field(ge=64, le=8192)] = 480
+
+
+class Pass(Strict):
+    """One drive past a row's face: a video (or a folder of pictures), a time range, and the hand the face is on."""
+
+    video: Path
+    start_s: Annotated[float, Field(ge=0)] = 0.0
+    end_s: float | None = None
+    fps: Annotated[float, Field(gt=0, le=120)] = 15.0
+    side: Literal["left", "right"] | None = None
+    views: Mapping[str, ViewSection] = {}
+
+
+class Row(Strict):
+    """One structure face along one aisle."""
+
+    passes: Annotated[tuple[Pass, ...], Field(min_length=1)]
+    references: ReferenceSection = ReferenceSection()
+    plugins: Mapping[str, Mapping[str, Any]] = {}
+
+
+class Site(Strict):
+    """A deployment: rows, the plugins that look at them with their settings, references common to all rows."""
+
+    format: Literal["savmap-site"] = "savmap-site"
+    version: Literal[1] = 1
+    plugins: Mapping[str, Mapping[str, Any]] = {}
+    references: ReferenceSection = ReferenceSection()
+    survey: Path | None = None
+    rows: Annotated[Mapping[str, Row], Field(min_length=1)]
+
+    @field_validator("plugins", mode="before")
+    @classmethod
+    def _empty_sections(cls, value: object) -> object:
+        return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value
+
+    def row_references(self, name: str) -> ReferenceSection:
+        """The site's references with the row's own laid over them."""
+        own = self.rows[name].references
+        return self.references.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def row_config(self, name: str, plugin: str) -> dict[str, Any]:
+        """A plugin's settings for one row: the site's, overlaid by the row's."""
+        return {**self.plugins.get(plugin, {}), **self.rows[name].plugins.get(plugin, {})}

@@ -1,0 +1,135 @@
+"""Masks of long thin things to the sub-pixel points of their two borders.
+
+Everything here sees things that lie, from column to column: for things that stand, hand in transposed arrays. "Upper" and
+"lower" border are the ones at smaller and larger row.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Probability = NDArray[np.float32]
+
+LEVEL = 0.5
+REACH_PX = 3
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of set pixels down the columns of a mask, by column and then row: column, first and last row (n,)."""
+
+    column: Ints
+    first: Ints
+    last: Ints
+
+    def __getitem__(self, index: NDArray[np.intp] | Bools) -> "Runs":
+        return Runs(self.column[index], self.first[index], self.last[index])
+
+    @property
+    def middle(self) -> Floats:
+        """Row in the middle of each run (n,)."""
+        return (self.first + self.last) / 2
+
+    @property
+    def thickness(self) -> Ints:
+        """Pixels in each run (n,)."""
+        return self.last - self.first + 1
+
+
+def runs_of(mask: Bytes) -> Runs:
+    """The runs down the columns of a mask (h, w) of 0 and non-0."""
+    height, width = mask.shape
+    padded = np.zeros((width, height + 2), dtype=np.bool_)
+    padded[:, 1:-1] = mask.T
+    flat = padded.ravel()
+    change = np.flatnonzero(flat[1:] != flat[:-1])
+    column, first = np.divmod(change[::2], height + 2)
+    return Runs(column, first, change[1::2] % (height + 2) - 1)
+
+
+def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> Bytes:
+    """The union (h, w) of masks, but for those that share more than `share` of their area with longer ones.
+
+    Length is measured from column to column (`dimension` 0) or from row to row (1). Overlapping masks of one thing are
+    the second of the published mask errors (section III.C).
+    """
+    areas = [int(np.count_nonzero(mask)) for mask in masks]
+    union = np.zeros_like(masks[0])
+    for mask in masks:
+        union |= mask
+    if sum(areas) == np.count_nonzero(union):
+        return union.view(np.uint8)
+    lengths = [cv2.boundingRect(mask.view(np.uint8))[2 + dimension] for mask in masks]
+    union[:] = False
+    for index in sorted(range(len(masks)), key=lambda i: (-lengths[i], -areas[i], i)):
+        if np.count_nonzero(masks[index] & union) <= share * areas[index]:
+            union |= masks[index]
+    return union.view(np.uint8)
+
+
+def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints]:
+    """The runs down the columns of a mask (h, w), and the connected region (n,), from 1, that each is part of.
+
+    Left out is what runs on for fewer than `least_px` columns, and what bridges things: runs more than `most_thick`
+    times as thick as the median.
+    """
+    long = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), dtype=np.uint8)), dtype=np.uint8)
+    runs = runs_of(long)
+    if not len(runs.column):
+        return runs, runs.column
+    bridging = runs.thickness > int(most_thick * np.median(runs.thickness)) + 2
+    tall, runs = runs[bridging], runs[~bridging]
+    for column, first, last in zip(tall.column, tall.first, tall.last, strict=True):
+        long[first : last + 1, column] = 0
+    labels = cv2.connectedComponents(long, connectivity=8)[1]
+    return runs, labels[runs.first, runs.column].astype(np.int64)
+
+
+def enveloped(runs: Runs, part: Ints) -> tuple[Runs, Ints]:
+    """One run a column and part, from the first to the last row of all (holes are bridged so), and its part (n,)."""
+    if not len(part):
+        return runs, part
+    key = part * (int(runs.column.max()) + 1) + runs.column
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    first = np.minimum.reduceat(runs.first[order], starts)
+    last = np.maximum.reduceat(runs.last[order], starts)
+    return Runs(runs.column[order][starts], first, last), part[order][starts]
+
+
+def border_points(runs: Runs, probability: Probability) -> tuple[Floats, Floats]:
+    """Rows (n,) of the upper and of the lower border of each run.
+
+    They are where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's own
+    border where it does not within a few pixels; nan where the picture's border cuts the run.
+    """
+    height = probability.shape[0]
+    upper = np.where(runs.first > 0, _passes(runs.column, runs.first, -1, probability), np.nan)
+    lower = np.where(runs.last < height - 1, _passes(runs.column, runs.last, 1, probability), np.nan)
+    return upper, lower
+
+
+def _passes(column: Ints, border: Ints, outward: int, probability: Probability) -> Floats:
+    """Rows (n,) where the probability falls below 0.5 going `outward` (-1 up, 1 down) near the mask's `border` rows."""
+    rows: Floats = border.astype(np.float64) + 0.5 * outward
+    left = np.arange(len(column))
+    for step in sorted(range(-REACH_PX, REACH_PX + 1), key=abs):
+        inner = border[left] + outward * step
+        outer = inner + outward
+        valid = (np.minimum(inner, outer) >= 0) & (np.maximum(inner, outer) < probability.shape[0])
+        inside = probability[np.where(valid, inner, 0), column[left]].astype(np.float64)
+        outside = probability[np.where(valid, outer, 0), column[left]].astype(np.float64)
+        hit = valid & (inside >= LEVEL) & (outside < LEVEL)
+        rows[left[hit]] = inner[hit] + outward * (inside[hit] - LEVEL) / (inside[hit] - outside[hit])
+        left = left[~hit]
+        if not len(left):
+            break
+    return rows
+

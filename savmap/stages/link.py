@@ -1,0 +1,33 @@
+"""Linking sightings over frames: one-dimensional clusters."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def clusters(values: Floats, gap: float) -> Ints:
+    """Cluster number (n,) of values (n,), numbered upwards: a gap wider than `gap` between neighbours parts them."""
+    order = np.argsort(values, kind="stable")
+    numbers = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)]).astype(np.int64)
+    out = np.empty(len(values), dtype=np.int64)
+    out[order] = numbers[: len(values)]
+    return out
+
+
+def peaks(values: Floats, width: float, support: int) -> Floats:
+    """Positions, in order, that at least `support` of the values (n,) agree on within `width`: each is the median of
+    what lies within `width` of a local maximum of their kernel density, and peaks are at least 2 `width` apart."""
+    left = np.sort(values)
+    found: list[float] = []
+    while len(left) >= support:
+        counts = np.searchsorted(left, left + width, "right") - np.searchsorted(left, left - width, "left")
+        if counts.max() < support:
+            break
+        best = left[np.argmax(counts)]
+        middle = float(np.median(left[np.abs(left - best) <= width]))
+        if all(abs(middle - other) >= 2 * width for other in found):
+            found.append(middle)
+        left = left[np.abs(left - middle) > 2 * width] if abs(best - middle) <= width else left[np.abs(left - best) > width]
+    return np.sort(np.array(found))

@@ -1,0 +1,114 @@
+"""One network in training: optimiser, averaged weights, one update at a time."""
+
+import copy
+import math
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from savmap.train.augment import Crop
+from savmap.train.batches import Batch
+from savmap.train.losses import segmentation_loss
+from savmap.train.measure import Predictor
+from savmap.train.network import SegmentationNetwork
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is chosen about training beside its data. Rates are the largest of AdamW's; they rise, then fall as a cosine."""
+
+    batch: int = 6
+    encoder_rate: float = 4e-4
+    decoder_rate: float = 2e-3
+    weight_decay: float = 1e-4
+    warm_up: float = 0.03
+    average_decay: float = 0.998
+    checkpoint_s: float = 90.0
+    validation_limit: int = 120
+    crop: Crop = field(default_factory=Crop)
+
+
+def learning_rate_factor(done: float, warm_up: float) -> float:
+    """Factor 0..1 when the share `done` of the budget is spent."""
+    if done < warm_up:
+        return done / warm_up + 0.01
+    return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * (done - warm_up) / (1 - warm_up)))
+
+
+def fast_arithmetic() -> AbstractContextManager[object]:
+    """bfloat16 where the processor computes with it, else nothing."""
+    capable = torch.cpu.get_capabilities()
+    if capable.get("avx512_bf16") or capable.get("amx_bf16"):
+        return torch.autocast("cpu", dtype=torch.bfloat16)
+    return nullcontext()
+
+
+class Average:
+    """Exponential moving average of a network's weights; it settles faster at the beginning."""
+
+    def __init__(self, network: SegmentationNetwork, decay: float) -> None:
+        self.network = copy.deepcopy(network).eval()
+        self._decay = decay
+        self._updates = 0
+
+    @torch.no_grad()
+    def update(self, network: nn.Module) -> None:
+        self._updates += 1
+        decay = min(self._decay, (1 + self._updates) / (10 + self._updates))
+        for mine, theirs in zip(self.network.state_dict().values(), network.state_dict().values(), strict=True):
+            if mine.dtype.is_floating_point:
+                mine.lerp_(theirs, 1 - decay)
+            else:
+                mine.copy_(theirs)
+
+
+class Trainer:
+    """A network in training: `step` improves it by one batch."""
+
+    def __init__(self, network: SegmentationNetwork, settings: Settings) -> None:
+        self.network = network.to(memory_format=torch.channels_last).train()
+        self.average = Average(network, settings.average_decay)
+        self.settings = settings
+        decoder = [weight for name, weight in network.named_parameters() if not name.startswith("encoder.")]
+        groups = [
+            {"params": list(network.encoder.parameters()), "lr": settings.encoder_rate, "most": settings.encoder_rate},
+            {"params": decoder, "lr": settings.decoder_rate, "most": settings.decoder_rate},
+        ]
+        self._optimizer = torch.optim.AdamW(groups, weight_decay=settings.weight_decay)
+
+    def step(self, batch: Batch, done: float) -> float:
+        """One update when the share `done` of the budget is spent; returns the loss."""
+        factor = learning_rate_factor(done, self.settings.warm_up)
+        for group in self._optimizer.param_groups:
+            group["lr"] = group["most"] * factor
+        images, labels = as_tensors(batch)
+        with fast_arithmetic():
+            logits = self.network(images)
+        loss = segmentation_loss(logits.float(), labels)
+        self._optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
+        self._optimizer.step()
+        self.average.update(self.network)
+        return float(loss.detach())
+
+
+def as_tensors(batch: Batch) -> tuple[Tensor, Tensor]:
+    """Pictures as float (n, 3, h, w), channels last in memory, and labels as int64 (n, h, w)."""
+    images = torch.from_numpy(batch[0]).permute(0, 3, 1, 2).float()
+    return images, torch.from_numpy(batch[1]).long()
+
+
+def predictor(network: SegmentationNetwork) -> Predictor:
+    """The network as a function from a picture (H, W, 3) uint8 to probabilities (C, H, W)."""
+
+    def predict(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        images, _ = as_tensors((image[None], np.zeros((1, 1, 1), np.uint8)))
+        with torch.inference_mode():
+            return np.asarray(torch.softmax(network.eval()(images), dim=1)[0].numpy(), np.float32)
+
+    return predict

@@ -1,0 +1,65 @@
+"""Site files: what is good is read, what is bad gives one line with file, line and remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from savmap.errors import SiteError
+from savmap.io.sitefile import load_site
+
+GOOD = """\
+plugins:
+  shelves: {threshold: 0.4}
+references:
+  camera_height_m: {value: 3.0, sigma: 0.02}
+rows:
+  A:
+    passes:
+      - {video: a.mp4, side: left}
+    references:
+      travel_m: 12
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "site.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_paths_are_taken_from_the_files_folder(tmp_path: Path) -> None:
+    site = load_site(write(tmp_path, GOOD))
+    assert site.rows["A"].passes[0].video == tmp_path / "a.mp4"
+
+
+def test_a_row_overrides_the_site(tmp_path: Path) -> None:
+    references = load_site(write(tmp_path, GOOD)).row_references("A")
+    assert references.travel_m == 12
+    assert references.camera_height_m is not None
+    assert references.camera_height_m.value == 3.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "hint"),
+    [
+        ("side: left", "sides: left", 8, "did you mean `side`"),
+        ("camera_height_m:", "camera_height_mm:", 4, "wrong unit? Use `camera_height_m`"),
+        ("value: 3.0", "value: 3000", 4, "metres"),
+        ("side: left", "side: top", 8, "'left' or 'right'"),
+        ("travel_m: 12", "travel_m: [1", 11, "not valid YAML"),
+        ("rows:", "row:", 5, "did you mean `rows`"),
+    ],
+)
+def test_mistakes_are_named_with_their_line(tmp_path: Path, old: str, new: str, line: int, hint: str) -> None:
+    path = write(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(SiteError) as caught:
+        load_site(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}:{line}:")
+    assert hint in message
+    assert "\n" not in message
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match="no such site file"):
+        load_site(tmp_path / "none.yaml")
