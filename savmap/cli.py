@@ -1,9 +1,8 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
-import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated
 
 import typer
 
@@ -17,18 +16,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-Plugins = Annotated[Optional[str], typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
+Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 
 
 @app.command("map")
 def map_(
-    source: Annotated[Path, typer.Argument(help="A site file, or a panoramic video for a first map.")] = Path("site.yaml"),
+    source: Annotated[Path, typer.Argument(help="A site file, or a panoramic video for a first map.")] = Path(
+        "site.yaml"
+    ),
     plugins: Plugins = None,
     output: Output = Path("out"),
-    camera_height: Annotated[Optional[float], typer.Option(help="Camera height above the floor, m (for a video).")] = None,
-    side: Annotated[Optional[str], typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
-    trajectory: Annotated[Optional[Path], typer.Option(help="A map whose camera path is taken as known.")] = None,
+    camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
+    side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
 ) -> None:
     """Map the rows of a site (default: site.yaml of this folder), or of one video."""
@@ -53,7 +54,7 @@ def evaluate(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
     survey: Annotated[Path, typer.Argument(help="A survey file.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    box_plot: Annotated[Optional[Path], typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
+    box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
 ) -> None:
     """Score a map against a survey."""
     from savmap import run
@@ -90,7 +91,7 @@ def train(
     output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
     minutes: Annotated[float, typer.Option(help="How long to train.")] = 60.0,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    init: Annotated[Optional[Path], typer.Option(help="A checkpoint to go on from.")] = None,
+    init: Annotated[Path | None, typer.Option(help="A checkpoint to go on from.")] = None,
 ) -> None:
     """Train a plugin's network on labelled pictures (needs the `train` extra)."""
     from savmap import run
@@ -105,7 +106,9 @@ def _names(text: str | None) -> list[str] | None:
 
 def _plugin_commands() -> None:
     """Let installed third-party plugins add commands, when the first argument is none of ours."""
-    ours = {command.name or (command.callback.__name__ if command.callback else "") for command in app.registered_commands}
+    ours = {
+        command.name or (command.callback.__name__ if command.callback else "") for command in app.registered_commands
+    }
     wanted = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
     if wanted is not None and wanted not in ours:
         from savmap.rooms import register_commands

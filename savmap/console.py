@@ -26,7 +26,9 @@ class Console:
         log.addHandler(self.handler)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if error is not None:
             log.error(str(error), exc_info=error)
         log.removeHandler(self.handler)

@@ -8,8 +8,10 @@ from savmap.types import Detection, Structure, View
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
-    from savmap.report.sketch import Shape
+    from savmap.report.drawing import Drawing
     from savmap.stages.segment import Segmenter
+
+MIN_PIXELS = 12
 
 
 @hookimpl(trylast=True)
@@ -17,7 +19,7 @@ def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detecti
     """Connected regions of the network's classes above the threshold."""
     from savmap.stages.segment import detections
 
-    return detections(segmenter.probabilities(view.image), segmenter.classes, threshold)
+    return detections(segmenter.probabilities(view.image), segmenter.classes, threshold, MIN_PIXELS)
 
 
 @hookimpl(trylast=True)
@@ -31,6 +33,6 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Sco
 @hookimpl(trylast=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> "tuple[Shape, ...]":
+) -> "tuple[Drawing, ...]":
     """Nothing is drawn."""
     return ()

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import References, Solution, SolveOptions, gauge, merge, published_start, solve
+from savmap.graph import Constraints, References, Solution, SolveOptions, gauge, merge, published_start, solve
 from savmap.monitor import Monitor
 from savmap.observe import Observations, observe
 from savmap.rooms import Room
 from savmap.site import Pass
 from savmap.stages.attitude import attitudes
-from savmap.types import Floats, RowMap, Structure, Trajectory
+from savmap.types import Floats, RowMap, Structure, Track, Trajectory
 
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
@@ -35,17 +35,23 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row))
     start = first_path(row, seen)
     frames = gauge(seen.facts, start, row.references, fixed=row.path)
-    path, tracks, constraints = row.path, {}, []
+    path = row.path
+    tracks: dict[str, list[Track]] = {}
+    constraints: list[Constraints] = []
     for room in face_first(rooms, seen):
         if path is None and constraints:
-            path = solve(merge(frames, *constraints), SolveOptions(covariance=False)).trajectory
+            path = solve(merge(frames, *constraints), SolveOptions(rounds=1)).trajectory
         tracks[room.name] = room.track(
             features=seen.features[room.name], facts=seen.facts, attitudes=start.world_from_rig[:, :3, :3], start=path
         )
         constraints.append(room.constrain(tracks=tracks[room.name], facts=seen.facts, start=path or start))
-    monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {sum(map(len, tracks.values()))} points")
+    monitor.note(
+        f"row {row.name}: solving for {len(seen.facts.frames)} poses and {sum(map(len, tracks.values()))} points"
+    )
     solution = solve(merge(frames, *constraints))
-    structures = {room.name: tuple(room.describe(tracks=tracks[room.name], facts=seen.facts, solution=solution)) for room in rooms}
+    structures = {
+        room.name: tuple(room.describe(tracks=tracks[room.name], facts=seen.facts, solution=solution)) for room in rooms
+    }
     return row_map(row, seen, solution, structures)
 
 
@@ -64,7 +70,7 @@ def first_path(row: Row, seen: Observations) -> Trajectory:
         seen.facts,
         attitudes_of(seen),
         length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
-        height_m=row.references.camera_heights[0].value if row.references.camera_heights else HEIGHT_M,
+        height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
         distance_m=DISTANCE_M,
     )
 
@@ -73,7 +79,9 @@ def attitudes_of(seen: Observations) -> Floats:
     """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
     missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
     if missing:
-        raise StructureError(f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it")
+        raise StructureError(
+            f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it"
+        )
     first = np.stack([seen.attitudes[name] for name in seen.facts.frames.passes])
     edges = [feature for features in seen.features.values() for feature in features if feature.axis is not None]
     return attitudes(edges, seen.facts.views, first)
@@ -84,7 +92,9 @@ def first_attitudes(row: Row) -> Mapping[str, Floats]:
     return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}
 
 
-def row_map(row: Row, seen: Observations, solution: Solution, structures: Mapping[str, tuple[Structure, ...]]) -> RowMap:
+def row_map(
+    row: Row, seen: Observations, solution: Solution, structures: Mapping[str, tuple[Structure, ...]]
+) -> RowMap:
     """The record that is written to disk."""
     return RowMap(
         name=row.name,
@@ -93,5 +103,8 @@ def row_map(row: Row, seen: Observations, solution: Solution, structures: Mappin
         trajectory=solution.trajectory,
         structures=structures,
         references=tuple(solution.references),
-        report={**solution.report, **{f"note {number}": note for number, note in enumerate(seen.notes, start=1)}},
+        report={
+            **solution.report,
+            **{f"note {n}": note for n, note in enumerate((*seen.notes, *solution.warnings), 1)},
+        },
     )

@@ -1,4 +1,4 @@
-"""A map against a survey: what the plugins' `evaluate` hooks found, pooled over rows, as JSON.
+"""A map against a survey: what the plugins' `evaluate` hooks found, pooled over rows, as JSON and as a table.
 
 Errors are truth - estimate, in metres, as in the paper (section IV). A row's `missing` and `spurious` elements always
 stand beside its mean absolute error: a map with a good mean and a missing element is not a good map.
@@ -14,6 +14,7 @@ from savmap.errors import OutputError
 from savmap.types import Floats, RowMap, SiteMap, Structure
 
 Fragment = dict[str, Any]
+_HEAD = ("count", "mean", "mean abs", "95 %", "largest")
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,13 @@ class Score:
 
 
 @dataclass(frozen=True)
+class Survey:
+    """What a surveyor measured: rows by name, each a mapping of plugins' keys, in metres and the row's own frame."""
+
+    rows: Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """The scores of the rows that are in both files, and the rows that are in one only."""
 
@@ -52,21 +60,21 @@ class Evaluation:
     not_surveyed: tuple[str, ...] = ()
 
 
-ScoreHook = Callable[[str, Sequence[Structure], Mapping[str, Any]], Score | None]
+ScoreHook = Callable[[str, Sequence[Structure], Mapping[str, Any]], Score]
 
 
-def evaluate_site(site: SiteMap, survey: Mapping[str, Mapping[str, Any]], score: ScoreHook) -> Evaluation:
-    """Score each row that the survey has. `score(plugin, structures, surveyed row)` asks a plugin; None: not compared.
+def evaluate_site(site: SiteMap, survey: Survey, score: ScoreHook) -> Evaluation:
+    """Score each row that the survey has. `score(plugin, structures, surveyed row)` asks one plugin.
 
     Raises OutputError where map and survey have no row in common, or a row's survey is malformed.
     """
-    common = [name for name in site.rows if name in survey]
+    common = [name for name in site.rows if name in survey.rows]
     if not common:
-        named = f"map: {_listed(site.rows)}; survey: {_listed(survey)}"
+        named = f"map: {_listed(site.rows)}; survey: {_listed(survey.rows)}"
         raise OutputError(f"map and survey have no row in common ({named}): name them alike")
-    rows = {name: _score_row(site.rows[name], survey[name], score) for name in common}
-    not_mapped = tuple(name for name in survey if name not in site.rows)
-    return Evaluation(rows, not_mapped, tuple(name for name in site.rows if name not in survey))
+    rows = {name: _score_row(site.rows[name], survey.rows[name], score) for name in common}
+    not_mapped = tuple(name for name in survey.rows if name not in site.rows)
+    return Evaluation(rows, not_mapped, tuple(name for name in site.rows if name not in survey.rows))
 
 
 def pool(scores: Iterable[Score]) -> Score:
@@ -104,6 +112,16 @@ def score_json(score: Score) -> Fragment:
     }
 
 
+def as_table(evaluation: Evaluation) -> str:
+    """A plain-text table, lengths in cm: one block a row, one over all rows where there are several, and the rows left out."""
+    blocks = [_block(f"Row {name}", score) for name, score in evaluation.rows.items()]
+    if len(blocks) > 1:
+        blocks.append(_block("All rows", pool(evaluation.rows.values())))
+    left_out = (("Not mapped", evaluation.not_mapped), ("Not surveyed", evaluation.not_surveyed))
+    blocks += [f"{what}: {', '.join(names)}\n" for what, names in left_out if names]
+    return "\n".join(blocks)
+
+
 def mean_absolute_error(score: Score) -> float | None:
     """The paper's figure: mean absolute error over all classes, m; None where nothing was matched."""
     every = np.concatenate([np.zeros(0), *score.errors.values()])
@@ -112,10 +130,9 @@ def mean_absolute_error(score: Score) -> float | None:
 
 def _score_row(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> Score:
     try:
-        scores = [score(plugin, structures, surveyed) for plugin, structures in row.structures.items()]
+        return pool(score(plugin, structures, surveyed) for plugin, structures in row.structures.items())
     except OutputError as error:
         raise OutputError(f"row {row.name}: {error}") from error
-    return pool(own for own in scores if own is not None)
 
 
 def _figures(errors: Floats) -> Fragment:
@@ -169,3 +186,34 @@ def _rounded(value: float | np.floating[Any]) -> float:
 
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted(names)) or "none"
+
+
+def _block(title: str, score: Score) -> str:
+    widest = max((len(name) for name in (*score.errors, *score.coordinates)), default=0)
+    lines = [f"{title}: truth - estimate, cm"]
+    if score.errors:
+        lines.append(f"  {'':{widest}}" + "".join(f"{head:>10}" for head in _HEAD))
+    lines += [f"  {name:{widest}}{_columns(errors)}" for name, errors in {**score.errors, **score.coordinates}.items()]
+    error = mean_absolute_error(score)
+    lines += [f"  mean absolute error {100 * error:.2f} cm"] if error is not None else []
+    lines += [f"  missing: {_counts(score.missing)}; spurious: {_counts(score.spurious)}"] if score.missing else []
+    lines += [f"  {heading}: {_distances(own)}" for heading, own in score.apart.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _columns(errors: Floats) -> str:
+    if not len(errors):
+        return f"{0:>10}" + f"{'-':>10}" * 4
+    size = np.abs(errors)
+    values = (errors.mean(), size.mean(), np.percentile(size, 95), size.max())
+    return f"{len(errors):>10}" + "".join(f"{100 * value:>10.2f}" for value in values)
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
+
+
+def _distances(own: Distances) -> str:
+    found = own.distances_m
+    size = f", mean {100 * found.mean():.1f} cm, largest {100 * found.max():.1f} cm" if len(found) else ""
+    return f"{len(found)} matched{size}; {own.missing} missing, {own.spurious} spurious"

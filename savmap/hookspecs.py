@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from savmap.evaluation import Score
     from savmap.graph.constraints import Constraints
-    from savmap.graph.solve import Solution
-    from savmap.report.sketch import Shape
+    from savmap.graph.solution import Solution
+    from savmap.report.drawing import Drawing
     from savmap.sim.scene import SceneParts, Site
     from savmap.stages.aim import Manual, Scout
     from savmap.stages.segment import Segmenter
@@ -35,7 +35,7 @@ def render_views(
     side: Literal["left", "right"] | None,
     manual: Mapping[str, "Manual"],
     attitude: Floats | None,
-) -> Aim:  # type: ignore[empty-body]
+) -> Aim:
     """View rendering: the views of one pass that this plugin wants to look at.
 
     `scout` has key frames of the pass, `see` runs the plugin's network on a view, `side` is the hand that the site file
@@ -45,19 +45,17 @@ def render_views(
 
 
 @hookspec(firstresult=True)
-def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:  # type: ignore[empty-body]
+def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
     """Detection: what the network sees in a view. Default: connected regions of each of the plugin's classes."""
 
 
 @hookspec(firstresult=True)
-def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:  # type: ignore[empty-body]
+def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
     """Feature extraction: points and edges with their covariance, in pixels of the view."""
 
 
 @hookspec(firstresult=True)
-def track(
-    features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None
-) -> list[Track]:  # type: ignore[empty-body]
+def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None) -> list[Track]:
     """Tracking: which features of which frames are one physical point.
 
     `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them.
@@ -65,24 +63,24 @@ def track(
 
 
 @hookspec(firstresult=True)
-def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":  # type: ignore[empty-body]
+def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
     """Constraint generation: GTSAM factors and initial values for the plugin's landmarks."""
 
 
 @hookspec(firstresult=True)
-def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:  # type: ignore[empty-body]
+def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
     """Solution to structures: what goes into the map."""
 
 
 @hookspec(firstresult=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":  # type: ignore[empty-body]
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
     """Structures against a surveyor's sheet of the row."""
 
 
 @hookspec(firstresult=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> "tuple[Shape, ...]":  # type: ignore[empty-body]
+) -> "tuple[Drawing, ...]":
     """How structures look in the face view and in the plan, over the survey where there is one.
 
     `deviations`: by structure id, how far it is off the survey, m.
@@ -95,7 +93,7 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: "Site") ->
 
 
 @hookspec
-def exporters() -> Mapping[str, Any]:  # type: ignore[empty-body]
+def exporters() -> Mapping[str, Any]:
     """Further map formats: name to a function (SiteMap, path) -> None. Every plugin is asked."""
 
 

@@ -40,7 +40,9 @@ class Eyes:
         for room in rooms:
             missing = set(room.classes) - set(self.networks[room.name].classes)
             if missing:
-                raise ModelError(f"{room.model}: the network does not give `{sorted(missing)[0]}`, which `{room.name}` needs")
+                raise ModelError(
+                    f"{room.model}: the network does not give `{sorted(missing)[0]}`, which `{room.name}` needs"
+                )
 
     def see(self, room: Room, view: View) -> list[Detection]:
         """What a room detects in a view."""
@@ -74,7 +76,9 @@ class PassAims:
     def views(self) -> dict[tuple[str, str], ViewSpec]:
         """Views by (room, name as the room gave it), renamed so that a name is unique in the row."""
         return {
-            (room, spec.name): replace(spec, name=f"{self.name} / {spec.name}" if self._alone(spec) else f"{self.name} / {room} {spec.name}")
+            (room, spec.name): replace(
+                spec, name=f"{self.name} / {spec.name}" if self._alone(spec) else f"{self.name} / {room} {spec.name}"
+            )
             for room, aim in self.aims.items()
             for spec in aim.views
         }
@@ -88,7 +92,9 @@ def clip_of(one: Pass) -> Clip:
     return Clip(one.video, one.start_s or None, one.end_s, one.fps)
 
 
-def aim_pass(name: str, one: Pass, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, attitude: Floats | None) -> tuple[PassAims, Scout]:
+def aim_pass(
+    name: str, one: Pass, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, attitude: Floats | None
+) -> tuple[PassAims, Scout]:
     """Ask every room for its views of a pass; what one finds out about the attitude, the next is told."""
     clip = clip_of(one)
     scout = Scout.look(*scout_frames(clip), renderer=renderer)
@@ -96,7 +102,11 @@ def aim_pass(name: str, one: Pass, rooms: Sequence[Room], eyes: Eyes, renderer: 
     aims: dict[str, Aim] = {}
     for room in rooms:
         aims[room.name] = room.render_views(
-            scout=scout, see=lambda view, room=room: eyes.see(room, view), side=one.side, manual=manual, attitude=attitude
+            scout=scout,
+            see=lambda view, room=room: eyes.see(room, view),
+            side=one.side,
+            manual=manual,
+            attitude=attitude,
         )
         attitude = aims[room.name].world_from_rig if attitude is None else attitude
     return PassAims(name, clip, aims), scout
@@ -108,7 +118,11 @@ def pass_names(passes: Sequence[Pass]) -> list[str]:
 
 
 def observe(
-    row: str, passes: Sequence[Pass], rooms: Sequence[Room], monitor: Monitor, attitudes: Mapping[str, Floats] | None = None
+    row: str,
+    passes: Sequence[Pass],
+    rooms: Sequence[Room],
+    monitor: Monitor,
+    attitudes: Mapping[str, Floats] | None = None,
 ) -> Observations:
     """Features of all rooms over all passes of a row.
 
@@ -123,7 +137,9 @@ def observe(
         aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))
         walk.over(row, aimed, monitor)
     facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
-    return Observations(facts, walk.features, {**walk.attitudes, **known}, frozenset(walk.found_face), tuple(walk.notes))
+    return Observations(
+        facts, walk.features, {**walk.attitudes, **known}, frozenset(walk.found_face), tuple(walk.notes)
+    )
 
 
 class Walk:
@@ -149,7 +165,9 @@ class Walk:
         for panorama in monitor.each(frames, f"row {row}, {aimed.name}: looking", total):
             self._frame(panorama, aimed)
         if len(self.passes) - first < MIN_FRAMES:
-            raise StructureError(f"{aimed.clip.path}: {len(self.passes) - first} frames in the range of {aimed.name} are too few to map from")
+            raise StructureError(
+                f"{aimed.clip.path}: {len(self.passes) - first} frames in the range of {aimed.name} are too few to map from"
+            )
         self._keep(aimed, report)
         for note in self.notes:
             monitor.note(note)

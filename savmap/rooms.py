@@ -18,7 +18,7 @@ from savmap.types import Aim, Detection, Feature, Structure, Track
 if TYPE_CHECKING:
     from savmap.evaluation import Score
     from savmap.graph import Constraints
-    from savmap.report.sketch import Shape
+    from savmap.report.drawing import Drawing
 
 GROUP = "savmap.plugins"
 
@@ -116,8 +116,8 @@ class Room:
         answer: Score = self.ask("evaluate", Score, **arguments)
         return answer
 
-    def draw(self, **arguments: Any) -> "tuple[Shape, ...]":
-        answer: tuple[Shape, ...] = self.ask("draw", tuple, **arguments)
+    def draw(self, **arguments: Any) -> "tuple[Drawing, ...]":
+        answer: tuple[Drawing, ...] = self.ask("draw", tuple, **arguments)
         return answer
 
     def describe(self, **arguments: Any) -> list[Structure]:

@@ -13,11 +13,12 @@ from savmap.errors import OutputError, SiteError
 from savmap.io.files import sha256, write_text
 from savmap.io.sitefile import load_site
 from savmap.monitor import Monitor
-from savmap.rooms import Room, installed, load_class, open_rooms
-from savmap.types import RowMap, SiteMap
+from savmap.rooms import Room, installed, load_class, open_room, open_rooms
+from savmap.types import RowMap, SiteMap, Trajectory
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation
+    from savmap.report.drawing import Drawing
 
 log = logging.getLogger("savmap")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
@@ -50,7 +51,9 @@ def job_for(
         site = video_site(source, camera_height_m, side)
         return Job(site, source, plugins or list(installed()), output, earlier)
     if camera_height_m is not None or side is not None:
-        raise SiteError(f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`")
+        raise SiteError(
+            f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
+        )
     site = load_site(source)
     names = plugins or list(site.plugins) or list(installed())
     return Job(site, source, names, output, earlier)
@@ -84,7 +87,7 @@ def run(job: Job) -> Iterator[str]:
         rows = {name: map_one(job, name, console) for name in job.site.rows}
         site_map = SiteMap(rows, made_by(job))
         yield from write_results(job, site_map)
-        yield from scored(job, site_map)
+        yield from scored(job)
 
 
 def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
@@ -97,7 +100,7 @@ def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
     return map_row(row, rooms_for(job, name), monitor)
 
 
-def earlier_path(job: Job, name: str) -> Any:
+def earlier_path(job: Job, name: str) -> Trajectory | None:
     """The camera's path in a row of an earlier map, if the job has one."""
     from savmap.io.mapfile import read_map
 
@@ -135,11 +138,13 @@ def write_results(job: Job, site_map: SiteMap) -> Iterator[str]:
     write_map(site_map, job.output / "map.json")
     write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_defaults=True) + "\n")
     yield f"wrote {job.output / 'map.json'}"
+    survey = survey_rows(job)
     for name, row in site_map.rows.items():
-        shapes = shapes_of(job, name, row)
-        write_face_view(shapes, row, job.output / f"face-{name}.png")
-        write_plan_view(shapes, row, job.output / f"plan-{name}.png")
-        yield f"wrote {job.output / f'face-{name}.png'} and {job.output / f'plan-{name}.png'}"
+        face, plan = job.output / f"face-{name}.png", job.output / f"plan-{name}.png"
+        drawings = drawings_of(rooms_for(job, name), row, survey.get(name))
+        write_face_view(drawings, row, face)
+        write_plan_view(drawings, row, plan)
+        yield f"wrote {face} and {plan}"
 
 
 def survey_rows(job: Job) -> Mapping[str, Mapping[str, Any]]:
@@ -149,24 +154,23 @@ def survey_rows(job: Job) -> Mapping[str, Mapping[str, Any]]:
     return read_survey(job.site.survey).rows if job.site.survey else {}
 
 
-def shapes_of(job: Job, name: str, row: RowMap) -> list[Any]:
+def drawings_of(rooms: Sequence[Room], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
     """What all rooms draw of a row, over its survey where there is one."""
-    survey = survey_rows(job).get(name)
-    shapes: list[Any] = []
-    for room in rooms_for(job, name):
+    drawings: list[Drawing] = []
+    for room in rooms:
         own = row.structures[room.name]
         deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
-        shapes += room.draw(structures=own, survey=survey, deviations=deviations)
-    return shapes
+        drawings += room.draw(structures=own, survey=survey, deviations=deviations)
+    return drawings
 
 
-def scored(job: Job, site_map: SiteMap) -> Iterator[str]:
+def scored(job: Job) -> Iterator[str]:
     """The scores against the site's survey and their box plot, where it names one."""
-    if job.site.survey is None:
-        return
-    evaluation = evaluate_files(job.output / "map.json", job.site.survey, job.output / "errors.png")
-    yield f"wrote {job.output / 'errors.png'}"
-    yield scores_table(evaluation)
+    if job.site.survey is not None:
+        picture = job.output / "errors.png"
+        evaluation = evaluate_files(job.output / "map.json", job.site.survey, picture)
+        yield f"wrote {picture}"
+        yield scores_table(evaluation)
 
 
 def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> "Evaluation":
@@ -175,13 +179,14 @@ def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = No
     from savmap.io.mapfile import read_map
     from savmap.io.survey import read_survey
     from savmap.report.plots import write_box_plot
-    from savmap.rooms import open_room
 
     site_map = read_map(map_file)
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
     rooms = {name: open_room(name, {}) for name in names}
     evaluation = evaluate_site(
-        site_map, read_survey(survey_file), lambda name, own, survey: rooms[name].evaluate(structures=own, survey=survey)
+        site_map,
+        read_survey(survey_file),
+        lambda name, own, survey: rooms[name].evaluate(structures=own, survey=survey),
     )
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
@@ -245,7 +250,9 @@ def simulate(scene: Path, output: Path) -> Iterator[str]:
             yield f"wrote {path}"
 
 
-def train(plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None) -> Iterator[str]:
+def train(
+    plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None
+) -> Iterator[str]:
     """A new network for a plugin's classes."""
     from savmap.console import Console
     from savmap.train import train as train_network

@@ -34,8 +34,12 @@ class Panorama:
     image: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
-        height, width = self.image.shape[:2]
-        _require(self.image.dtype == np.uint8 and self.image.shape == (height, 2 * height, 3), self, "image must be (H, 2H, 3) uint8")
+        height = len(self.image)
+        _require(
+            self.image.dtype == np.uint8 and self.image.shape == (height, 2 * height, 3),
+            self,
+            "image must be (H, 2H, 3) uint8",
+        )
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,11 @@ class Detection:
     probability: NDArray[np.float32]
 
     def __post_init__(self) -> None:
-        _require(self.mask.dtype == np.bool_ and self.mask.shape == self.probability.shape, self, "mask and probability differ in shape")
+        _require(
+            self.mask.dtype == np.bool_ and self.mask.shape == self.probability.shape,
+            self,
+            "mask and probability differ in shape",
+        )
 
 
 @dataclass(frozen=True)
@@ -135,7 +143,9 @@ class Feature:
         count = len(self.pixels)
         _require(count in (1, 2) and self.pixels.shape == (count, 2), self, "pixels must be (1, 2) or (2, 2)")
         _require(self.covariance.shape == (count, 2, 2), self, "covariance must be (n, 2, 2)")
-        _require(bool(np.isfinite(self.pixels).all() and np.isfinite(self.covariance).all()), self, "numbers must be finite")
+        _require(
+            bool(np.isfinite(self.pixels).all() and np.isfinite(self.covariance).all()), self, "numbers must be finite"
+        )
 
 
 @dataclass(frozen=True)
@@ -156,7 +166,11 @@ class Track:
 
     def __post_init__(self) -> None:
         count = len(self.frames)
-        _require(len(self.views) == count and self.pixels.shape == (count, 2), self, "frames, views and pixels differ in number")
+        _require(
+            len(self.views) == count and self.pixels.shape == (count, 2),
+            self,
+            "frames, views and pixels differ in number",
+        )
         _require(self.covariances.shape == (count, 2, 2), self, "covariances must be (n, 2, 2)")
 
 
@@ -215,7 +229,11 @@ class Structure:
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
-        _require(self.vertices.shape == (count, 3) and self.covariances.shape == (count, 3, 3), self, "vertices (n, 3), covariances (n, 3, 3)")
+        _require(
+            self.vertices.shape == (count, 3) and self.covariances.shape == (count, 3, 3),
+            self,
+            "vertices (n, 3), covariances (n, 3, 3)",
+        )
         _require(len(self.vertex_labels) == count, self, "a label a vertex")
 
 

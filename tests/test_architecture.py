@@ -66,7 +66,9 @@ def test_plugins_use_the_public_door(path: Path) -> None:
     own = next(part for part in path.parts if part.startswith("savmap_"))
     for module in imports(path):
         assert not module.startswith(FORBIDDEN_TO_PLUGINS), f"{path} imports {module}"
-        assert not (module.startswith("savmap_") and not module.startswith(own)), f"{path} imports another plugin: {module}"
+        assert not (module.startswith("savmap_") and not module.startswith(own)), (
+            f"{path} imports another plugin: {module}"
+        )
 
 
 @pytest.mark.parametrize("layer", LAYERS)

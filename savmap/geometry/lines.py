@@ -68,14 +68,14 @@ def robust_lines(group: Ints, u: Floats, v: Floats, count: int, tolerance_px: fl
     order = np.lexsort((u, group))
     group, u, v = group[order], u[order], v[order]
     slope, offset = _voted(group, u, v, count, tolerance_px, max_slope)
-    centre, sigma = np.zeros(count), np.full(count, tolerance_px)
+    centre, sigma = np.zeros(count), np.full(count, tolerance_px / 3)
     residual = v - offset[group] - slope[group] * u
     weight = np.ones(len(u))
     for _ in range(ROUNDS):
         weight = _biweight(residual, sigma[group])
         centre, slope, offset = weighted_lines(group, u, v, weight, count)
         residual = v - offset[group] - slope[group] * (u - centre[group])
-        sigma = _sigma(group, residual, weight, count, tolerance_px)
+        sigma = _sigma(group, residual, weight, count, tolerance_px / 2)
     return _summary(group, u, weight, weight * residual, (centre, slope, offset))
 
 

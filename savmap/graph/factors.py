@@ -11,31 +11,37 @@ import numpy as np
 
 from savmap.graph.constraints import TIGHT_M, Relation
 from savmap.graph.keys import ORIGIN, centre_key, frame_key, mast_key
+from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
 from savmap.graph.start import Estimate, first_poses
 from savmap.types import Floats
 
 HUBER = 1.345
-LOOSE_M = 10.0
+LOOSE_M = 100.0
 ATTITUDE_RAD = 0.2
 MOTION_M = 0.5
 HELD_M, HELD_RAD = 1e-4, 1e-5
 
 
-def observation_factors(problem: Problem, robust: bool) -> list[gtsam.NonlinearFactor]:
-    """One projection factor an observation, with its full covariance, in Huber's loss if `robust`."""
-    observations = problem.observations
+def observation_factors(observations: Observations, inflation: float | None = None) -> list[gtsam.NonlinearFactor]:
+    """One projection factor an observation, with its full covariance, in Huber's loss; if `inflation` is given, without the
+    loss and with that times the covariance."""
     lenses = [_calibration(spec.camera) for spec in observations.views]
     mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in observations.views]
-    poses = {frame: frame_key(frame) for frame in problem.used.tolist()}
+    poses = {frame: frame_key(frame) for frame in np.unique(observations.frames).tolist()}
     loss = gtsam.noiseModel.mEstimator.Huber.Create(HUBER)
     rows = zip(
-        observations.pixels, observations.covariances, observations.frames.tolist(), observations.keys.tolist(), observations.view, strict=True
+        observations.pixels,
+        observations.covariances,
+        observations.frames.tolist(),
+        observations.keys.tolist(),
+        observations.view.tolist(),
+        strict=True,
     )
     made = []
     for pixel, covariance, frame, key, view in rows:
-        noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        noise = gtsam.noiseModel.Robust.Create(loss, noise) if robust else noise
+        noise = gtsam.noiseModel.Gaussian.Covariance(covariance * (inflation or 1.0))
+        noise = gtsam.noiseModel.Robust.Create(loss, noise) if inflation is None else noise
         made.append(gtsam.GenericProjectionFactorCal3_S2(pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]))
     return made
 

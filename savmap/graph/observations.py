@@ -1,22 +1,28 @@
 """Observed pixels as arrays: what the projection factors are made of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.types import Floats, Ints, Track, ViewSpec
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Landmark `keys` (n,) seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)]."""
+    """Landmark `keys` (n,) seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
+
+    `dof` (n,) is how many equations an observation is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
+    """
 
     frames: Ints
     keys: Ints
     view: Ints
     pixels: Floats
     covariances: Floats
+    dof: Floats
     views: tuple[ViewSpec, ...]
 
     def __len__(self) -> int:
@@ -24,9 +30,11 @@ class Observations:
 
     def take(self, chosen: Ints) -> "Observations":
         """The observations of these numbers (or where a mask is true)."""
-        return Observations(
-            self.frames[chosen], self.keys[chosen], self.view[chosen], self.pixels[chosen], self.covariances[chosen], self.views
-        )
+        return Observations(*(array[chosen] for array in self._arrays), self.views)
+
+    @property
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.frames, self.keys, self.view, self.pixels, self.covariances, self.dof
 
 
 @dataclass(frozen=True)
@@ -52,33 +60,39 @@ class Sight:
 
 
 def observe(
-    tracks: Sequence[Track], keys: Mapping[str, int], views: Mapping[str, ViewSpec], weights: Mapping[str, float] | None = None
+    tracks: Sequence[Track],
+    keys: Mapping[str, int],
+    views: Mapping[str, ViewSpec],
+    weights: Mapping[str, float] | None = None,
+    dof: Mapping[str, Floats] | None = None,
 ) -> Observations:
-    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given."""
-    specs = tuple(views.values())
+    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
+    `dof` (by track, one each observation) need only be given where it is not plain from the covariance."""
     number = {name: index for index, name in enumerate(views)}
-    scale = [1.0 / (weights or {}).get(track.name, 1.0) for track in tracks]
+    worth = dof or {}
     return Observations(
         np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
         np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
         np.array([number[view] for track in tracks for view in track.views], np.int64),
         np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
-        np.concatenate([np.zeros((0, 2, 2)), *(track.covariances * s for track, s in zip(tracks, scale, strict=True))]),
-        specs,
+        np.concatenate([np.zeros((0, 2, 2)), *(track.covariances / (weights or {}).get(track.name, 1.0) for track in tracks)]),
+        np.concatenate([np.zeros(0), *(worth.get(track.name, plain_dof(track.covariances)) for track in tracks)]),
+        tuple(views.values()),
     )
+
+
+def plain_dof(covariances: Floats) -> Floats:
+    """2 for round covariances (n, 2, 2), 1 for those more than 30 times as long as wide."""
+    spread = np.linalg.eigvalsh(covariances)
+    return np.where(spread[:, 1] > 900 * spread[:, 0], 1.0, 2.0)
 
 
 def join(parts: Sequence[Observations]) -> Observations:
-    """Observations of several rooms in one, sorted by nothing: room after room."""
+    """Observations of several rooms in one, room after room."""
     offsets = np.cumsum([0, *(len(part.views) for part in parts)])
-    return Observations(
-        np.concatenate([np.zeros(0, np.int64), *(part.frames for part in parts)]),
-        np.concatenate([np.zeros(0, np.int64), *(part.keys for part in parts)]),
-        np.concatenate([np.zeros(0, np.int64), *(part.view + offset for part, offset in zip(parts, offsets, strict=False))]),
-        np.concatenate([np.zeros((0, 2)), *(part.pixels for part in parts)]),
-        np.concatenate([np.zeros((0, 2, 2)), *(part.covariances for part in parts)]),
-        tuple(spec for part in parts for spec in part.views),
-    )
+    moved = [replace(part, view=part.view + offset) for part, offset in zip(parts, offsets, strict=False)]
+    arrays = [np.concatenate(column) for column in zip(*(part._arrays for part in moved), strict=True)]
+    return Observations(*arrays, tuple(spec for part in parts for spec in part.views))
 
 
 def sight(observations: Observations) -> Sight:

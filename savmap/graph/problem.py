@@ -78,13 +78,10 @@ def merge(frames: Frames, *rooms: Constraints) -> Problem:
 
     Raises SiteError for a reference to something that was not found, StructureError if nothing was observed.
     """
-    observations = join([room.observations for room in rooms])
-    if not len(observations):
+    if not any(len(room.observations) for room in rooms):
         raise StructureError(f"row {frames.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
-    known = set(frames.start.frames.tolist())
-    if frames.fixed is not None:
-        known = set(frames.fixed.frames.tolist())
-    observations = observations.take(np.isin(observations.frames, sorted(known)))
+    observations = join([room.observations for room in rooms])
+    observations = observations.take(np.isin(observations.frames, (frames.fixed or frames.start).frames))
     if not len(observations):
         raise StructureError(f"row {frames.facts.name}: no frame with a known pose saw anything")
     own = tuple(relation for room in rooms for relation in room.relations)

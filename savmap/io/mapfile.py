@@ -35,7 +35,7 @@ def read_map(path: Path) -> SiteMap:
     """The map in a map.json. Raises OutputError with one line: file, place, problem."""
     content = read_json(path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise OutputError(f"{path}: is not a map (it has no \"format\": \"{FORMAT}\")")
+        raise OutputError(f'{path}: is not a map (it has no "format": "{FORMAT}")')
     if content.get("version") != VERSION:
         raise OutputError(f"{path}: is a map of version {content.get('version')}; this program reads version {VERSION}")
     entry = checked(MapFile, content, str(path))

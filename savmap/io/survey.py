@@ -4,13 +4,13 @@ What a row's entry holds belongs to the plugins: each reads its own keys in its 
 """
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import OutputError
+from savmap.evaluation import Survey
 from savmap.io.files import read_json, write_text
 from savmap.validation import checked
 
@@ -29,18 +29,18 @@ class SurveyFile(BaseModel):
     rows: dict[str, dict[str, Any]] = Field(min_length=1)
 
 
-def read_survey(path: Path) -> Mapping[str, Mapping[str, Any]]:
-    """The rows of a survey file by name. Raises OutputError with one line: file, place, problem."""
+def read_survey(path: Path) -> Survey:
+    """A survey file. Raises OutputError with one line: file, place, problem."""
     content = read_json(path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise OutputError(f"{path}: is not a survey (it has no \"format\": \"{FORMAT}\")")
+        raise OutputError(f'{path}: is not a survey (it has no "format": "{FORMAT}")')
     if content.get("version") != VERSION:
         version = content.get("version")
         raise OutputError(f"{path}: is a survey of version {version}; this program reads version {VERSION}")
-    return checked(SurveyFile, content, str(path)).rows
+    return Survey(checked(SurveyFile, content, str(path)).rows)
 
 
-def write_survey(rows: Mapping[str, Mapping[str, Any]], path: Path) -> None:
-    """Write rows, by name, as a survey file. Raises OutputError."""
-    content = {"format": FORMAT, "version": VERSION, "units": "m", "rows": rows}
+def write_survey(survey: Survey, path: Path) -> None:
+    """Write a survey file. Raises OutputError."""
+    content = {"format": FORMAT, "version": VERSION, "units": "m", "rows": survey.rows}
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

@@ -36,8 +36,9 @@ def new_axes(size_in: tuple[float, float]) -> tuple[Figure, Axes]:
     """A figure of this size in inches, with one pair of axes and a quiet grid."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=size_in, layout="constrained")
+    figure = Figure(figsize=size_in, layout=ConstrainedLayoutEngine(h_pad=0.12, w_pad=0.12))
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.set_axisbelow(True)
@@ -71,7 +72,7 @@ def axes_for(bounds: tuple[float, float, float, float], heights_in: tuple[float,
     equal = 12.5 * (top - bottom) / (right - left)
     height = float(np.clip(equal, *heights_in))
     width = 1.5 + 12.5 * min(1.0, height / equal)
-    figure, axes = new_axes((max(width, 7.0), height + 1.4))
+    figure, axes = new_axes((max(width, 7.0), height + 1.8))
     axes.set_xlim(left, right)
     axes.set_ylim(bottom, top)
     axes.set_aspect("equal" if equal >= heights_in[0] else "auto")
@@ -98,8 +99,10 @@ def paint(axes: Axes, drawing: Drawing, across: Literal[1, 2], **changes: Any) -
 def legend(figure: Figure, axes: Axes) -> None:
     """A legend beneath the axes: one entry for each label, in the order painted."""
     handles, labels = axes.get_legend_handles_labels()
+    if not labels:
+        return
     entries = dict(zip(reversed(labels), reversed(handles), strict=True))
     names = sorted(entries, key=labels.index)
-    columns = max(2, int(figure.get_figwidth() / 2.8))
+    lines = -(-len(names) // max(2, int(figure.get_figwidth() / 2.8)))
     shown = [entries[name] for name in names]
-    figure.legend(shown, names, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+    figure.legend(shown, names, loc="outside lower center", ncols=-(-len(names) // lines), frameon=False, fontsize=9)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from savmap.evaluation import Score, mean_absolute_error
+from savmap.evaluation import Evaluation, Score, mean_absolute_error, pool
 from savmap.report.canvas import axes_for, legend, new_axes, paint, save, window
 from savmap.report.drawing import Drawing, Picture
 from savmap.types import Floats, RowMap
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _PATHS = ("#1c7ed6", "#2b8a3e", "#9c36b5", "#0b7285", "#5f3dc4")
 
 
-def write_face_view(row: RowMap, drawings: Sequence[Drawing], path: Path) -> None:
+def write_face_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> None:
     """The row as one faces it, x against y: map dashed over the survey. Raises OutputError."""
     shown = _shown(drawings, "face")
     left, right, bottom, top = window(_seen(shown, 1), 0.6)
@@ -34,7 +34,7 @@ def write_face_view(row: RowMap, drawings: Sequence[Drawing], path: Path) -> Non
     save(figure, path)
 
 
-def write_plan_view(row: RowMap, drawings: Sequence[Drawing], path: Path) -> None:
+def write_plan_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> None:
     """The row from above, x against z, with the camera's path by pass. Raises OutputError."""
     shown = _shown(drawings, "plan")
     camera = row.trajectory.world_from_rig[:, :3, 3]
@@ -51,11 +51,12 @@ def write_plan_view(row: RowMap, drawings: Sequence[Drawing], path: Path) -> Non
     save(figure, path)
 
 
-def write_box_plot(score: Score, path: Path, title: str = "Errors by class") -> None:
-    """Truth - estimate by class: box, median, whiskers to 1.5 times the box, the mean in red as in the paper.
+def write_box_plot(evaluation: Evaluation, path: Path) -> None:
+    """Truth - estimate by class, all rows together: box, median, whiskers to 1.5 times the box, mean in red (paper).
 
     Raises OutputError where the file cannot be written.
     """
+    score = pool(evaluation.rows.values())
     found = {name: 100 * errors for name, errors in score.errors.items() if len(errors)}
     figure, axes = new_axes((2.5 + 1.7 * max(len(found), 2), 5.2))
     axes.axhline(0, color="#868e96", linewidth=1.0, zorder=0)
@@ -66,7 +67,7 @@ def write_box_plot(score: Score, path: Path, title: str = "Errors by class") -> 
     axes.set_ylabel("truth - estimate, cm")
     error = mean_absolute_error(score)
     figures = f"mean absolute error {100 * error:.2f} cm" if error is not None else "nothing matched"
-    axes.set_title(f"{title}: {figures}\n{_counts(score)}", fontsize=11, loc="left")
+    axes.set_title(f"{_rows(evaluation)}: {figures}\n{_counts(score)}", fontsize=11, loc="left")
     save(figure, path)
 
 
@@ -109,7 +110,7 @@ def _captions(axes: Axes, drawings: Sequence[Drawing], across: int) -> None:
         if own.caption:
             place = own.points[:, 0].mean(), own.points[:, across].min()
             look: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 8, "color": "#495057"}
-            axes.annotate(own.caption, place, (0, -4), textcoords="offset points", **look)
+            axes.annotate(own.caption, place, (0, -8), textcoords="offset points", **look)
 
 
 def _from_above(drawing: Drawing) -> dict[str, Any]:
@@ -132,6 +133,11 @@ def _seen(drawings: Sequence[Drawing], across: int) -> Floats:
     x = np.concatenate(structure)[:, 0]
     over = [points for points in fixtures if x.min() <= points[:, 0].mean() <= x.max()]
     return np.concatenate([*structure, *over])
+
+
+def _rows(evaluation: Evaluation) -> str:
+    names = ", ".join(evaluation.rows)
+    return f"Row {names}" if len(evaluation.rows) == 1 else f"{len(evaluation.rows)} rows"
 
 
 def _counts(score: Score) -> str:

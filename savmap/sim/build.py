@@ -15,7 +15,7 @@ from savmap.sim.scene import RowFrame, Scene, SceneError, SceneMaker, SceneParts
 
 @dataclass(frozen=True)
 class Built:
-    """A scene ready to be rendered. `survey` is a survey file's content; `aisle_z` the free z range of the camera's aisle."""
+    """A scene ready to be rendered. `survey` is a survey file's content, `aisle_z` the z range of the camera's aisle."""
 
     scene: Scene
     boxes: list[Box]

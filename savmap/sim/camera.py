@@ -7,21 +7,23 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry.pinhole import intrinsics, rays_from_pixels, rig_from_view
 from savmap.sim.build import Built
-from savmap.sim.primitives import Box, Floats
+from savmap.sim.primitives import Floats
 from savmap.sim.scene import Cart, SceneError
 
 Kind = Literal["shelf", "ceiling"]
 
+Front = tuple[str, tuple[float, float, float], tuple[float, float, float]]
+
 _FRONT_M = 0.05
+_STICKER_M = 0.005
 
 
 @dataclass(frozen=True)
 class CameraSample:
-    """A rectilinear camera: `origin` (3,) m and `world_from_view` (3, 3) in the world; `hfov_deg` to the outer borders."""
+    """A rectilinear camera in the world: `origin` (3,) m, `world_from_view` (3, 3), `hfov_deg` to the outer borders."""
 
     origin: Floats
     world_from_view: Floats
@@ -57,7 +59,7 @@ def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "shelf") 
 
 def mapped_rows(built: Built) -> list[str]:
     """The names of the rows with labelled fronts. Raises SceneError where there is none."""
-    names = [name for name, frame in built.frames.items() if frame.mapped and _fronts(built, name)]
+    names = [name for name, frame in built.frames.items() if frame.mapped and row_fronts(built, name)]
     if not names:
         raise SceneError("the scene has no mapped row with labelled structures; see `rows` and `structures`")
     return names
@@ -65,15 +67,24 @@ def mapped_rows(built: Built) -> list[str]:
 
 def face_size(built: Built, name: str) -> tuple[float, float]:
     """How far the labelled fronts of a row reach along its x axis and up, in metres."""
-    fronts = _fronts(built, name)
-    right = max(float(built.frames[name].to_row(box.center)[0] + box.size[0] / 2) for box in fronts)
-    return right, max(float(box.center[1] + box.size[1] / 2) for box in fronts)
+    fronts = row_fronts(built, name)
+    return max(high[0] for _, _, high in fronts), max(high[1] for _, _, high in fronts)
 
 
-def _fronts(built: Built, name: str) -> list[Box]:
+def row_fronts(built: Built, name: str) -> list[Front]:
+    """The labelled structures of a row: label, and their lowest and highest corner (x, y, z) in the row's frame."""
     frame = built.frames[name]
-    labelled = [box for box in built.boxes if set(box.face_labels) == {"+z"}]
-    return [box for box in labelled if abs(frame.to_row(box.center)[2] + box.size[2] / 2) < _FRONT_M]
+    found: list[Front] = []
+    for box in built.boxes:
+        if set(box.face_labels) == {"+z"} and box.size[2] > _STICKER_M:
+            center, half = frame.to_row(box.center), box.size / 2
+            if abs(center[2] + half[2]) < _FRONT_M:
+                found.append((box.face_labels["+z"], _corner(center - half), _corner(center + half)))
+    return found
+
+
+def _corner(point: Floats) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])
 
 
 def _shelf_turn(rng: np.random.Generator) -> Floats:
@@ -123,7 +134,7 @@ def _progress(cart: Cart, rng: np.random.Generator) -> Floats:
     return share
 
 
-def _wander(frames: int, share: Floats, rng: np.random.Generator) -> NDArray[np.float64]:
+def _wander(frames: int, share: Floats, rng: np.random.Generator) -> Floats:
     waves = rng.uniform([0.8, 2.0, 4.0], [1.6, 4.0, 9.0])
     phases = rng.uniform(0, 2 * np.pi, 3)
     weights = np.array([0.6, 0.3, 0.1])

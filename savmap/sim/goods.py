@@ -87,9 +87,7 @@ def _carton(goods: Goods, rng: np.random.Generator) -> Material:
     )
 
 
-def _wrapped(
-    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], rng: np.random.Generator
-) -> Box:
+def _wrapped(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], rng: np.random.Generator) -> Box:
     grey = float(rng.uniform(0.35, 0.75))
     film = Material(
         (grey, grey, grey * 1.02), "scratches", (grey * 0.6,) * 3, 0.7, 0.6, 0.2, seed=int(rng.integers(1 << 30))

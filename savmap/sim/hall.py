@@ -28,7 +28,9 @@ def _shell(hall: Hall, rng: np.random.Generator) -> Iterator[Box]:
     x, z, top = hall.x, hall.z, hall.height
     contrast = float(rng.uniform(0.1, 0.6))
     floor = Material(hall.floor_color, hall.floor_texture, _dark(hall.floor_color, 0.55), 3.0, contrast, roughness=0.4)
-    wall = Material(hall.wall_color, "stripes" if rng.random() < 0.3 else "noise", _dark(hall.wall_color, 0.8), 1.5, 0.3)
+    wall = Material(
+        hall.wall_color, "stripes" if rng.random() < 0.3 else "noise", _dark(hall.wall_color, 0.8), 1.5, 0.3
+    )
     ceiling = Material(hall.ceiling_color, "noise", _dark(hall.ceiling_color, 0.7), 2.5, float(rng.uniform(0, 0.5)))
     yield _span(x, (-0.2, 0.0), z, floor)
     yield _span(x, (top, top + 0.2), z, ceiling)
@@ -94,7 +96,7 @@ def _floor_items(hall: Hall, goods: Goods, rng: np.random.Generator) -> Iterator
         for z in (0.25, 0.9):
             yield _span((hall.x[0] + 1, hall.x[1] - 1), (0.0, 0.002), (z - 0.05, z + 0.05), yellow)
     wood = Material((0.42, 0.28, 0.16), "wood", (0.22, 0.13, 0.07), 0.4, 0.7)
-    for _ in range(int(round(goods.debris * 20))):
+    for _ in range(round(goods.debris * 20)):
         x, z = rng.uniform(*hall.x), rng.uniform(-1.0, 0.4)
         size = rng.uniform([0.2, 0.02, 0.05], [1.2, 0.14, 0.5])
         yield _span((x, x + size[0]), (0.0, size[1]), (z, z + size[2]), wood)

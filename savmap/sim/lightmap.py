@@ -24,7 +24,7 @@ _BRIGHTEST_BOUNCE = 1.5
 
 @dataclass(frozen=True)
 class Lightmap:
-    """`light` (n, 3), mean near 1, in texels: those of face f begin at start[f], cells[f] (along, aside) of them, row by row."""
+    """`light` (n, 3), mean near 1, in texels: those of face f begin at start[f], row by row, cells[f] (along, aside)."""
 
     start: Indices
     cells: Indices
@@ -32,15 +32,16 @@ class Lightmap:
 
     def lookup(self, face: Indices, share: Singles) -> Singles:
         """Light (n, 3) at `share` (n, 2) in 0..1 of the lengths of faces (n,), between the texels' centres."""
-        cells = self.cells[face]
-        at = np.clip(share * cells - np.float32(0.5), 0, (cells - 1).astype(np.float32))
+        cells = self.cells.take(face, axis=0)
+        count = cells.astype(np.float32)
+        at = np.clip(share * count - np.float32(0.5), 0, count - 1)
         low = np.minimum(at.astype(np.int64), np.maximum(cells - 2, 0))
         part = at - low.astype(np.float32)
-        first = self.start[face] + low[:, 1] * cells[:, 0] + low[:, 0]
+        first = self.start.take(face) + low[:, 1] * cells[:, 0] + low[:, 0]
         right = (cells[:, 0] > 1).astype(np.int64)
         up = np.where(cells[:, 1] > 1, cells[:, 0], 0)
-        bottom = _mix(self.light[first], self.light[first + right], part[:, :1])
-        top = _mix(self.light[first + up], self.light[first + up + right], part[:, :1])
+        corners = [self.light.take(first + step, axis=0) for step in (0, right, up, up + right)]
+        bottom, top = (_mix(left, more, part[:, :1]) for left, more in (corners[:2], corners[2:]))
         return _mix(bottom, top, part[:, 1:])
 
 
@@ -57,7 +58,9 @@ def bake(caster: Caster, surfaces: Surfaces, texel_m: float, ambient: float, col
     lamps = np.minimum(power / max(_typical(power, caster, texels.face), 1e-9), _BRIGHTEST)[:, None] * np.asarray(color)
     direct = Lightmap(texels.start, cells, lamps.astype(np.float32))
     direct = Lightmap(texels.start, cells, _smoothed(direct, direct.light))
-    return _bounced(direct, _gather(direct, caster, surfaces, texels, rng), surfaces.mean_albedo()[texels.face // 6], ambient)
+    return _bounced(
+        direct, _gather(direct, caster, surfaces, texels, rng), surfaces.mean_albedo()[texels.face // 6], ambient
+    )
 
 
 @dataclass(frozen=True)
@@ -155,9 +158,7 @@ def _smoothed(flat: Lightmap, light: Singles) -> Singles:
     return smooth
 
 
-def _gather(
-    direct: Lightmap, caster: Caster, surfaces: Surfaces, texels: _Texels, rng: np.random.Generator
-) -> Indices:
+def _gather(direct: Lightmap, caster: Caster, surfaces: Surfaces, texels: _Texels, rng: np.random.Generator) -> Indices:
     """The texels that _GATHERED cosine-distributed rays from every texel see: (n, _GATHERED), -1 for far or none."""
     found = []
     for chunk in _chunks(len(texels.point)):

@@ -31,9 +31,7 @@ def linear_bands(scene: Renderer, origin: Floats, world_from_rig: Floats, height
         yield _band(scene, origin, world_from_rig, height, (top, min(top + rows, height)))
 
 
-def _band(
-    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, rows: tuple[int, int]
-) -> Singles:
+def _band(scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, rows: tuple[int, int]) -> Singles:
     first, last = max(rows[0] - 1, 0), min(rows[1] + 1, height)
     u, v = np.meshgrid(np.arange(2 * height), np.arange(first, last))
     pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)

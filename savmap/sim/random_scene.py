@@ -1,4 +1,4 @@
-"""An endless variety of made-up places for training: colours, racks, goods, lamps, building and light, all by a seed."""
+"""An endless variety of made-up places for training: colours, racks, goods, lamps, building and light, by a seed."""
 
 from typing import Any
 
@@ -23,7 +23,10 @@ def random_scene(seed: int) -> Scene:
     aisle = float(rng.uniform(1.8, 4.5))
     rack, other = _rack(rng), _rack(rng)
     if rng.random() < 0.6:
-        other = {**other, **{key: rack[key] for key in ("upright_color", "beam_color", "deck", "upright_width") if key in rack}}
+        other = {
+            **other,
+            **{key: rack[key] for key in ("upright_color", "beam_color", "deck", "upright_width") if key in rack},
+        }
     rows, racks = _rows(rng, aisle, rack, other)
     tallest = max(_top(rack) for rack in racks.values())
     hall = _hall(rng, tallest, aisle)
@@ -127,7 +130,9 @@ def _hall(rng: np.random.Generator, tallest: float, aisle: float) -> dict[str, A
     grey = rng.uniform(0.1, 0.65)
     tint = rng.uniform(0.9, 1.1, (4, 3))
     levels = (grey, rng.uniform(0.15, 0.75), rng.uniform(0.05, 0.8), rng.uniform(0.05, 0.7))
-    floor, wall, ceiling, steel = (np.clip(level * row, 0, 0.85).tolist() for level, row in zip(levels, tint, strict=True))
+    floor, wall, ceiling, steel = (
+        np.clip(level * row, 0, 0.85).tolist() for level, row in zip(levels, tint, strict=True)
+    )
     painted = {"floor_color": _color(rng)} if _chance(rng, 0.15) else {"floor_color": floor}
     return {
         "x": [-float(rng.uniform(3, 15)), float(rng.uniform(16, 32))],

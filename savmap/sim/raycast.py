@@ -3,6 +3,7 @@
 All boxes become one triangle mesh (two triangles a face), so a primitive's number says its box and its face.
 """
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +37,7 @@ class RayCasterMissingError(SavmapError):
 
 @dataclass(frozen=True)
 class Hits:
-    """What n rays hit: indices box (n,) and face (n,) (-1: nothing), distance (n,) m, point and normal (n, 3) in the world."""
+    """What n rays hit: box (n,) and face (n,) as indices (-1: nothing), distance (n,) m, world point and normal (n, 3)."""
 
     box: Ints
     face: Ints
@@ -53,13 +54,13 @@ def corners(box: Box) -> Floats:
 
 def _embree() -> tuple[Any, Any]:
     try:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
+        mesh = importlib.import_module("embreex.mesh_construction")
+        scene = importlib.import_module("embreex.rtcore_scene")
     except ImportError as error:
         raise RayCasterMissingError(
             "the simulator's ray caster (embreex) is not installed; install the `sim` extra"
         ) from error
-    return EmbreeScene, TriangleMesh
+    return scene.EmbreeScene, mesh.TriangleMesh
 
 
 class Caster:
@@ -77,7 +78,7 @@ class Caster:
         return Caster, (self.boxes,)
 
     def cast(self, origin: Floats, directions: Floats) -> Hits:
-        """First hits of rays from `origin` (3,) or (n, 3) along unit `directions` (n, 3); misses are at distance inf."""
+        """First hits of rays from `origin` (3,) or (n, 3) along unit `directions` (n, 3); misses are infinitely far."""
         answer = self._run(origin, directions, "INTERSECT", None)
         primitive = np.asarray(answer["primID"], dtype=np.int64)
         hit = primitive >= 0
@@ -88,13 +89,14 @@ class Caster:
             face=np.where(hit, side % 6, -1),
             distance=distance,
             point=origin + np.where(hit, distance, 0.0)[:, None] * directions,
-            normal=np.where(hit[:, None], self._normals[side], 0.0),
+            normal=self._normals.take(side, axis=0) * hit[:, None],
         )
 
     def blocked(self, origin: Floats, directions: Floats, reach: Floats) -> NDArray[np.bool_]:
         """Whether anything is in the way from `origin` (n, 3) along unit `directions` (n, 3) up to `reach` (n,) m."""
         answer = self._run(origin, directions, "OCCLUDED", reach)
-        return np.asarray(answer) != -1
+        found: NDArray[np.bool_] = np.asarray(answer) != -1
+        return found
 
     def labels(self, hits: Hits, classes: Sequence[str]) -> NDArray[np.uint8]:
         """The class of every hit: 0 for the background, k for classes[k - 1]."""

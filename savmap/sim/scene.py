@@ -1,7 +1,7 @@
 """Scene files: what a made-up place looks like and how a camera cart drives through it.
 
-A scene is a YAML file, checked strictly: an unknown key is an error. Keys that belong to a plugin's structure stand under
-`structures: {plugin: ...}` and are checked by that plugin's `scene` function. All lengths in metres, angles in degrees.
+A scene is a YAML file, checked strictly: an unknown key is an error. Keys of a plugin's structure stand under
+`structures: {plugin: ...}` and are checked by that plugin's `scene` function. Lengths in metres, angles in degrees.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,43 +35,43 @@ class Hall(Strict):
 
     x: tuple[float, float] = (-15.0, 30.0)
     z: tuple[float, float] = (-12.0, 14.0)
-    height: float = Field(9.0, gt=2)
+    height: float = Field(default=9.0, gt=2)
     floor_color: Rgb = (0.42, 0.42, 0.41)
     floor_texture: Literal["plain", "noise", "scratches"] = "noise"
     wall_color: Rgb = (0.5, 0.52, 0.54)
     ceiling_color: Rgb = (0.35, 0.36, 0.38)
     truss: Literal["none", "beams", "lattice"] = "beams"
-    truss_pitch: float = Field(5.0, gt=0.5)
-    purlin_pitch: float = Field(0.0, ge=0)
+    truss_pitch: float = Field(default=5.0, gt=0.5)
+    purlin_pitch: float = Field(default=0.0, ge=0)
     steel_color: Rgb = (0.3, 0.3, 0.32)
-    pipes: int = Field(0, ge=0)
-    skylights: int = Field(0, ge=0)
-    windows: int = Field(0, ge=0)
+    pipes: int = Field(default=0, ge=0)
+    skylights: int = Field(default=0, ge=0)
+    windows: int = Field(default=0, ge=0)
     aisle_marking: bool = False
 
 
 class Goods(Strict):
     """What stands on the supports that plugins offer: how densely, of which kinds, how far over the edge."""
 
-    density: float = Field(0.6, ge=0, le=1)
-    overhang: float = Field(0.05, ge=0, le=0.4)
-    pallets: float = Field(0.4, ge=0, le=1)
-    wrap: float = Field(0.15, ge=0, le=1)
-    labels: float = Field(0.5, ge=0, le=1)
+    density: float = Field(default=0.6, ge=0, le=1)
+    overhang: float = Field(default=0.05, ge=0, le=0.4)
+    pallets: float = Field(default=0.4, ge=0, le=1)
+    wrap: float = Field(default=0.15, ge=0, le=1)
+    labels: float = Field(default=0.5, ge=0, le=1)
     colors: tuple[Rgb, ...] = ((0.48, 0.33, 0.2), (0.42, 0.28, 0.16), (0.6, 0.6, 0.6))
-    debris: float = Field(0.0, ge=0, le=1)
+    debris: float = Field(default=0.0, ge=0, le=1)
 
 
 class Look(Strict):
     """How the pictures are exposed: `exposure` 1 puts the mean of the scene at a mid grey."""
 
-    exposure: float = Field(1.0, gt=0)
-    ambient: float = Field(0.15, ge=0)
+    exposure: float = Field(default=1.0, gt=0)
+    ambient: float = Field(default=0.15, ge=0)
     light_color: Rgb = (1.0, 0.97, 0.92)
-    contrast: float = Field(1.0, gt=0)
+    contrast: float = Field(default=1.0, gt=0)
     white_balance: Rgb = (1.0, 1.0, 1.0)
-    noise: float = Field(0.006, ge=0)
-    texel: float = Field(0.25, gt=0.02)
+    noise: float = Field(default=0.006, ge=0)
+    texel: float = Field(default=0.25, gt=0.02)
 
 
 class Cart(Strict):
@@ -83,18 +83,18 @@ class Cart(Strict):
 
     start: tuple[float, float] = (-0.5, 1.3)
     end: tuple[float, float] = (14.5, 1.3)
-    height: float = Field(3.0, gt=0)
-    sway: float = Field(0.05, ge=0)
-    weave: float = Field(2.0, ge=0)
-    bounce: float = Field(0.008, ge=0)
-    tilt: float = Field(0.6, ge=0)
-    speed_variation: float = Field(0.25, ge=0, lt=0.95)
+    height: float = Field(default=3.0, gt=0)
+    sway: float = Field(default=0.05, ge=0)
+    weave: float = Field(default=2.0, ge=0)
+    bounce: float = Field(default=0.008, ge=0)
+    tilt: float = Field(default=0.6, ge=0)
+    speed_variation: float = Field(default=0.25, ge=0, lt=0.95)
     yaw: float = 0.0
     pitch: float = 0.0
     roll: float = 0.0
-    fps: float = Field(15.0, gt=0)
-    frames: int = Field(100, ge=1)
-    width: int = Field(2048, ge=64)
+    fps: float = Field(default=15.0, gt=0)
+    frames: int = Field(default=100, ge=1)
+    width: int = Field(default=2048, ge=64)
 
     @field_validator("width")
     @classmethod

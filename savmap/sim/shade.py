@@ -42,9 +42,9 @@ class Renderer:
         place = self.surfaces.place(face, hits.point.astype(np.float32))
         facing = np.maximum(abs(np.einsum("ij,ij->i", hits.normal, rays)), 0.15)
         footprint = (np.where(hits.box >= 0, hits.distance, 0) * pixel_rad / facing).astype(np.float32)
-        light = self.lightmap.lookup(face, place / self.surfaces.lengths[face])
+        light = self.lightmap.lookup(face, place / self.surfaces.lengths.take(face, axis=0))
         color = self.surfaces.albedo(face, place, footprint) * light
-        glow = self.surfaces.emission[hits.box]
+        glow = self.surfaces.emission.take(hits.box, mode="wrap")
         lamp = glow > 0
         color[lamp] = glow[lamp, None] * self.surfaces.color[hits.box[lamp]]
         color[hits.box < 0] = 0
@@ -57,8 +57,8 @@ class Renderer:
         seen = self._seen(self.caster.cast(hits.point[chosen] + 0.002 * normal, reflected), reflected, 4 * pixel_rad)
         gloss = self.surfaces.gloss[hits.box[chosen]]
         share = gloss + (1 - gloss) * np.clip(1 - cosine, 0, 1) ** 5
-        strength = (0.5 * share)[:, None] * np.minimum(seen, 3.0)
-        return strength.astype(np.float32)
+        strength: Singles = ((0.5 * share)[:, None] * np.minimum(seen, 3.0)).astype(np.float32)
+        return strength
 
 
 def renderer(built: Built) -> Renderer:

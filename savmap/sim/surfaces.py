@@ -18,9 +18,9 @@ _FIRST_HOLES = KINDS.index("holes")
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Faces f = 6 box + face: `corner` (f, 3), unit `along` (the longer side), `aside` and `normal` (f, 3), `lengths` (f, 2).
+    """Faces f = 6 box + face: `corner`, unit `along` (the longer side), `aside`, `normal` (f, 3), `lengths` (f, 2) m.
 
-    Paint by box b: `color`, `second` (b, 3), `kind`, `period` (m), `contrast`, `emission`, `gloss` (b,), `offset` (b, 2).
+    Paint of box b: `color`, `second` (b, 3), `kind`, `period` m, `contrast`, `emission`, `gloss` (b,), `offset` (b, 2).
     """
 
     corner: Singles
@@ -39,21 +39,24 @@ class Surfaces:
 
     def place(self, face: Indices, point: Singles) -> Singles:
         """Where points (n, 3) lie on their faces (n,): metres (n, 2) along and aside of the face's corner."""
-        relative = point - self.corner[face]
-        along = np.einsum("ij,ij->i", relative, self.along[face])
-        return np.stack([along, np.einsum("ij,ij->i", relative, self.aside[face])], axis=1)
+        relative = point - self.corner.take(face, axis=0)
+        along = np.einsum("ij,ij->i", relative, self.along.take(face, axis=0))
+        return np.stack([along, np.einsum("ij,ij->i", relative, self.aside.take(face, axis=0))], axis=1)
 
     def albedo(self, face: Indices, place: Singles, footprint: Singles) -> Singles:
         """The colour (n, 3) at `place` (n, 2) of faces (n,), blurred to the pixel's `footprint` (n,) on it, m."""
         box = face // 6
-        kind, period = self.kind[box], self.period[box]
-        width = np.where(kind >= _FIRST_HOLES, self.lengths[face, 1], period)
-        scaled = place / np.stack([period, width], axis=1) + self.offset[box]
-        cells = (scaled * SIZE).astype(np.int64) % SIZE
+        kind, period = self.kind.take(box), self.period.take(box)
+        width = np.where(kind >= _FIRST_HOLES, self.lengths[:, 1].take(face), period)
+        scaled = place / np.stack([period, width], axis=1) + self.offset.take(box, axis=0)
+        cells = np.floor(scaled * SIZE).astype(np.int64) & (SIZE - 1)
         level = np.log2(np.maximum(footprint * (SIZE / np.minimum(period, width)), 1.0))
         blur = np.clip(np.round(level), 0, LEVELS - 1).astype(np.int64)
-        share = tiles()[blur, kind, cells[:, 1], cells[:, 0]] * (self.contrast[box] / np.float32(255))
-        return self.color[box] + share[:, None] * (self.second[box] - self.color[box])
+        texel = ((blur * len(KINDS) + kind) * SIZE + cells[:, 1]) * SIZE + cells[:, 0]
+        share = tiles().reshape(-1).take(texel) * (self.contrast.take(box) / np.float32(255))
+        color: Singles = self.color.take(box, axis=0)
+        color += share[:, None] * (self.second.take(box, axis=0) - color)
+        return color
 
     def mean_albedo(self) -> Singles:
         """The colour (b, 3) of every box as seen from far away."""

@@ -3,6 +3,7 @@
 A tile spans one period of its pattern in both directions and repeats without a seam.
 """
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -32,14 +33,15 @@ def tiles() -> NDArray[np.uint8]:
 def _blurred(sharp: Floats, step: int) -> NDArray[np.uint8]:
     cells = SIZE // step
     mean = sharp.reshape(len(sharp), cells, step, cells, step).mean((2, 4))
-    return np.round(255 * mean.repeat(step, 1).repeat(step, 2)).astype(np.uint8)
+    tile: NDArray[np.uint8] = np.round(255 * mean.repeat(step, 1).repeat(step, 2)).astype(np.uint8)
+    return tile
 
 
 def _pattern(kind: str) -> Floats:
     grid = (np.arange(SIZE) + 0.5) / SIZE
     u, v = np.meshgrid(grid, grid)
     from_middle_u, from_middle_v = abs(u - 0.5), abs(v - 0.5)
-    patterns = {
+    patterns: dict[str, Callable[[], Floats]] = {
         "plain": lambda: np.zeros((SIZE, SIZE)),
         "noise": lambda: _fractal(1.0, 1.3, 1),
         "wood": lambda: _fractal(14.0, 1.0, 2),
@@ -57,7 +59,8 @@ def _pattern(kind: str) -> Floats:
 def _carton(u: Floats, v: Floats) -> Floats:
     tape = 0.7 * (abs(v - 0.3) < 0.05)
     flap = 1.0 * (abs(u - 0.62) < 0.006)
-    return np.maximum(tape, flap)
+    pattern: Floats = np.maximum(tape, flap)
+    return pattern
 
 
 def _fractal(stretch: float, slope: float, seed: int) -> Floats:

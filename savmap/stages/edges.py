@@ -1,7 +1,7 @@
 """Masks of long thin things to the sub-pixel points of their two borders.
 
-Everything here sees things that lie, from column to column: for things that stand, hand in transposed arrays. "Upper" and
-"lower" border are the ones at smaller and larger row.
+Everything here sees things that lie, from column to column: for things that stand, hand in transposed arrays. "Upper"
+and "lower" border are the ones at smaller and larger row.
 """
 
 from collections.abc import Sequence
@@ -78,18 +78,31 @@ def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints
     """The runs down the columns of a mask (h, w), and the connected region (n,), from 1, that each is part of.
 
     Left out is what runs on for fewer than `least_px` columns, and what bridges things: runs more than `most_thick`
-    times as thick as the median.
+    times as thick as their region's median.
     """
     long = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), dtype=np.uint8)), dtype=np.uint8)
     runs = runs_of(long)
-    if not len(runs.column):
-        return runs, runs.column
-    bridging = runs.thickness > int(most_thick * np.median(runs.thickness)) + 2
+    region = _regions(long, runs)
+    bridging = runs.thickness > most_thick * _medians(region, runs.thickness)[region] + 2
+    if not bridging.any():
+        return runs, region
     tall, runs = runs[bridging], runs[~bridging]
     for column, first, last in zip(tall.column, tall.first, tall.last, strict=True):
         long[first : last + 1, column] = 0
-    labels = cv2.connectedComponents(long, connectivity=8)[1]
-    return runs, labels[runs.first, runs.column].astype(np.int64)
+    return runs, _regions(long, runs)
+
+
+def _regions(mask: Bytes, runs: Runs) -> Ints:
+    labels = cv2.connectedComponents(mask, connectivity=8)[1]
+    return labels[runs.first, runs.column].astype(np.int64)
+
+
+def _medians(group: Ints, values: Ints) -> Ints:
+    """The median of the values (n,) of each group 0..; 0 for groups without any."""
+    order = np.lexsort((values, group))
+    sizes = np.bincount(group)
+    middle = np.cumsum(sizes) - sizes + sizes // 2
+    return np.where(sizes > 0, values[order][np.minimum(middle, max(len(values) - 1, 0))], 0) if len(values) else sizes
 
 
 def enveloped(runs: Runs, part: Ints) -> tuple[Runs, Ints]:
@@ -107,8 +120,8 @@ def enveloped(runs: Runs, part: Ints) -> tuple[Runs, Ints]:
 def border_points(runs: Runs, probability: Probability) -> tuple[Floats, Floats]:
     """Rows (n,) of the upper and of the lower border of each run.
 
-    They are where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's own
-    border where it does not within a few pixels; nan where the picture's border cuts the run.
+    They are where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's
+    own border where it does not within a few pixels; nan where the picture's border cuts the run.
     """
     height = probability.shape[0]
     upper = np.where(runs.first > 0, _passes(runs.column, runs.first, -1, probability), np.nan)

@@ -29,5 +29,9 @@ def peaks(values: Floats, width: float, support: int) -> Floats:
         middle = float(np.median(left[np.abs(left - best) <= width]))
         if all(abs(middle - other) >= 2 * width for other in found):
             found.append(middle)
-        left = left[np.abs(left - middle) > 2 * width] if abs(best - middle) <= width else left[np.abs(left - best) > width]
+        left = (
+            left[np.abs(left - middle) > 2 * width]
+            if abs(best - middle) <= width
+            else left[np.abs(left - best) > width]
+        )
     return np.sort(np.array(found))

@@ -51,7 +51,7 @@ def _panorama_pixels(spec: ViewSpec, height: int) -> NDArray[np.float64]:
 
 
 def _halvings(spec: ViewSpec, height: int) -> NDArray[np.int64]:
-    """How often to halve the panorama for each pixel (h, w), so that neighbours lie less than two of its pixels apart."""
+    """How often to halve the panorama for each pixel (h, w): neighbours must lie less than two of its pixels apart."""
     focal = pinhole.focal_px(spec.hfov_deg, spec.width)
     x = (np.arange(spec.width) - (spec.width - 1) / 2) / focal
     y = (np.arange(spec.height) - (spec.height - 1) / 2) / focal

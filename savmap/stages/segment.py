@@ -93,7 +93,11 @@ class Segmenter:
         height, width = image.shape[:2]
         fits = (width, height) == self.input_size
         shrinks = width > self.input_size[0]
-        picture = image if fits else cv2.resize(image, self.input_size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+        picture = (
+            image
+            if fits
+            else cv2.resize(image, self.input_size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+        )
         planes = np.stack(cv2.split(picture)).astype(np.float32)[None]
         result: Probabilities = self._session.run(None, {self._input_name: planes})[0][0]
         maps = _softmax(result) if self._gives_logits else result

@@ -88,7 +88,9 @@ def _network(room: Room) -> list[str]:
     missing = [name for name in room.classes if name not in segmenter.classes]
     detections = room.detect(view=_view(), segmenter=segmenter)
     wrong = [one.label for one in detections if one.label not in segmenter.classes]
-    return [f"its network gives no `{name}`" for name in missing] + [f"it detects `{name}`, which is no class" for name in wrong]
+    return [f"its network gives no `{name}`" for name in missing] + [
+        f"it detects `{name}`, which is no class" for name in wrong
+    ]
 
 
 CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing)

@@ -32,7 +32,9 @@ def random_homography(rng: Generator, crop: Crop, width: int, height: int) -> ND
     angle = np.radians(rng.normal(0, 2.5))
     reach_x = max(0.0, width - crop.width / scale) / 2 + 20
     reach_y = max(0.0, height - crop.height / scale) / 2 + 20
-    centre = np.array([(width - 1) / 2 + rng.uniform(-reach_x, reach_x), (height - 1) / 2 + rng.uniform(-reach_y, reach_y)])
+    centre = np.array(
+        [(width - 1) / 2 + rng.uniform(-reach_x, reach_x), (height - 1) / 2 + rng.uniform(-reach_y, reach_y)]
+    )
     to_centre = np.array([[1, 0, -centre[0]], [0, 1, -centre[1]], [0, 0, 1]])
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     mirror = -1.0 if rng.random() < 0.5 else 1.0
@@ -40,26 +42,32 @@ def random_homography(rng: Generator, crop: Crop, width: int, height: int) -> ND
     tilt = np.eye(3)
     tilt[2, :2] = rng.normal(0, 0.12, 2) / max(crop.width, crop.height)
     back = np.array([[1, 0, (crop.width - 1) / 2], [0, 1, (crop.height - 1) / 2], [0, 0, 1.0]])
-    return back @ tilt @ turn @ sizes @ to_centre
+    crop_from_image: NDArray[np.float64] = back @ tilt @ turn @ sizes @ to_centre
+    return crop_from_image
 
 
-def warp(image: Bytes, mask: Bytes, crop_from_image: NDArray[np.float64], crop: Crop, classes: int) -> tuple[Image, Bytes]:
+def warp(
+    image: Bytes, mask: Bytes, crop_from_image: NDArray[np.float64], crop: Crop, classes: int
+) -> tuple[Image, Bytes]:
     """Resample picture and mask; the mask class by class with interpolation, so that its edges do not move or fray."""
     size = (crop.width, crop.height)
-    picture = cv2.warpPerspective(image, crop_from_image, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-    shares = []
-    for value in (0, *range(1, classes + 1), IGNORE):
-        share = (mask == value).astype(np.float32)
-        border = 1.0 if value == IGNORE else 0.0
-        shares.append(cv2.warpPerspective(share, crop_from_image, size, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,)))
-    winner = np.argmax(shares, axis=0).astype(np.uint8)
-    winner[winner == classes + 1] = IGNORE
-    return picture.astype(np.float32) / 255, winner
+    picture = cv2.warpPerspective(
+        image, crop_from_image, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101
+    )
+    values = (0, *range(1, classes + 1), IGNORE)
+    shares = [((mask == value) * np.uint8(255)).astype(np.uint8) for value in values]
+    outside = [0] * (classes + 1) + [255]
+    warped = [
+        cv2.warpPerspective(share, crop_from_image, size, flags=cv2.INTER_LINEAR, borderValue=(border,))
+        for share, border in zip(shares, outside, strict=True)
+    ]
+    winner = np.array(values, np.uint8)[np.argmax(warped, axis=0)]
+    return (picture / np.float32(255)).astype(np.float32), winner
 
 
 def luminance(image: Image) -> Image:
     """(H, W, 1) brightness."""
-    return (image @ np.array([0.299, 0.587, 0.114], np.float32))[:, :, None]
+    return np.asarray(image @ np.array([0.299, 0.587, 0.114], np.float32), np.float32)[:, :, None]
 
 
 def turned_hue(image: Image, degrees: float, saturation: float) -> Image:
@@ -70,7 +78,7 @@ def turned_hue(image: Image, degrees: float, saturation: float) -> Image:
     rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     grey = np.full((3, 3), 1 / 3)
     matrix = (grey + saturation * (rotation - grey)).astype(np.float32)
-    return image @ matrix.T
+    return np.asarray(image @ matrix.T, np.float32)
 
 
 def painted(image: Image, colour: NDArray[np.float32]) -> Image:
@@ -106,14 +114,14 @@ def recolour(rng: Generator, image: Image, mask: Bytes, classes: int) -> Image:
 def smooth_field(rng: Generator, height: int, width: int, cells: int) -> Image:
     """(height, width, 1) slowly varying, roughly normal with deviation 1."""
     coarse = rng.normal(0, 1, (cells, cells)).astype(np.float32)
-    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)[:, :, None]
+    return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.float32)[:, :, None]
 
 
 def uneven_light(rng: Generator, image: Image) -> Image:
     """Pools of light and shadow, and a lens darker towards its corners."""
     height, width = image.shape[:2]
     field = np.exp(smooth_field(rng, height, width, int(rng.integers(2, 6))) * rng.uniform(0.05, 0.45))
-    return image * field.astype(np.float32)
+    return np.asarray(image * field, np.float32)
 
 
 def tone(rng: Generator, image: Image) -> Image:
@@ -122,7 +130,8 @@ def tone(rng: Generator, image: Image) -> Image:
     balanced = np.clip(image * gains, 0, 1)
     curved = balanced ** np.float32(np.exp(rng.normal(0, 0.25)))
     pivot = np.float32(curved.mean())
-    return (curved - pivot) * np.float32(np.exp(rng.normal(0, 0.2))) + pivot + np.float32(rng.normal(0, 0.04))
+    contrast, lift = np.exp(rng.normal(0, 0.2)), rng.normal(0, 0.04)
+    return np.asarray((curved - pivot) * np.float32(contrast) + pivot + np.float32(lift), np.float32)
 
 
 def colour(rng: Generator, image: Image) -> Image:

@@ -30,7 +30,10 @@ class BatchSource:
         rng = np.random.default_rng(self.seed)
         while True:
             drawn = rng.choice(len(self.samples), self.size, p=self.weights)
-            variants = [augment(rng, *self.samples[i].load(), self.crop, self.classes) for i in drawn]
+            variants = []
+            for index in drawn:
+                image, mask = self.samples[index].load()
+                variants.append(augment(rng, image, mask, self.crop, self.classes))
             yield np.stack([image for image, _ in variants]), np.stack([mask for _, mask in variants])
 
 

@@ -19,11 +19,11 @@ _HELD_OUT_SHAPES: tuple[Shape, ...] = ("roll", "tyres", "cone")
 
 def role(box: Box) -> str:
     """What a box is to the painter: structure (labelled steel and the rest of it), paper, lamp, goods, and surfaces."""
-    material, (thin, middle, _) = box.material, np.sort(box.size)
+    material, (thin, middle, longest) = box.material, np.sort(box.size)
     if material.emission > 0:
         return "lamp"
     if thin < 0.004:
-        return "paper"
+        return "paper" if longest < 1.2 else "surface"
     if material.texture in ("wood", "wire", "stripes"):
         return material.texture
     loose = not box.face_labels and material.seed and material.texture in ("noise", "scratches") and thin > 0.12
@@ -61,8 +61,8 @@ def _training_structure(material: Material, rng: Rng) -> Material:
     return replace(
         material,
         color=material.color if keep else _training_paint(rng),
-        roughness=float(rng.uniform(0.2, 0.75)),
-        metallic=float(rng.uniform(0.6, 1)) if rng.uniform() < 0.2 else 0.0,
+        roughness=float(rng.uniform(0.25, 0.75)),
+        metallic=float(rng.uniform(0.4, 0.8)) if rng.uniform() < 0.2 else 0.0,
     )
 
 
@@ -100,10 +100,13 @@ def _surface(material: Material, look: int, rng: Rng) -> Material:
     return replace(material, color=_rgb(float(rng.uniform(0, 1)), float(rng.uniform(0, 0.3)), float(rng.uniform(0.2, 0.9))))
 
 
-def _repaint(name: str, material: Material, look: int, rng: Rng) -> Material:
-    if name == "structure":
-        return _training_structure(material, rng) if look == 2 else _held_out_structure(material, rng)
-    return _surface(material, look, rng) if name == "surface" else material
+def _repaint(name: str, material: Material, look: int, labelled: bool, rng: Rng) -> Material:
+    """Steel that nothing is to be learnt from looks the same way in look 2, but keeps to dull colours in look 3."""
+    if name == "structure" and look == 2:
+        return _training_structure(material, rng)
+    if name == "structure" and labelled:
+        return _held_out_structure(material, rng)
+    return _surface(material, look, rng) if name in ("surface", "structure") else material
 
 
 def _shape(name: str, box: Box, look: int, rng: Rng) -> Shape:
@@ -125,13 +128,19 @@ def _shader(name: str, material: Material, shape: Shape, look: int, rng: Rng) ->
     return fixed.get(name, "stripes" if material.texture == "stripes" else "paint")
 
 
+def _own(old: Material, paint: Material) -> Material:
+    """A shared paint with what is a box's own: its seed, and its holes' pitch where it keeps them."""
+    pitch = old.scale_m if old.texture == "holes" and paint.texture != "stripes" else paint.scale_m
+    return replace(paint, seed=old.seed, scale_m=pitch)
+
+
 def _part(box: Box, name: str, material: Material, look: int, rng: Rng) -> Part:
     shape = _shape(name, box, look, rng)
     return Part(
         box=replace(box, material=material),
         shader=_shader(name, material, shape, look, rng),
         shape=shape,
-        tagged=name == "goods" or (name == "structure" and box.size[0] > box.size[1]),
+        tagged=name == "goods" or (name == "structure" and bool(box.face_labels)),
         perforated=box.material.texture == "holes",
     )
 
@@ -139,12 +148,13 @@ def _part(box: Box, name: str, material: Material, look: int, rng: Rng) -> Part:
 def dress(boxes: Sequence[Box], look: int, rng: Rng) -> list[Part]:
     """Every box with a new material and, for some goods, another shape. What had one colour keeps one colour."""
     drawn: dict[tuple[object, ...], Material] = {}
+    labelled = {box.material.color for box in boxes if box.face_labels}
     parts = []
     for box in boxes:
         name, old = role(box), box.material
         key = (name, old.color)
         if key not in drawn:
-            drawn[key] = _repaint(name, old, look, rng)
-        new = replace(drawn[key], seed=old.seed, scale_m=old.scale_m if old.texture == "holes" else drawn[key].scale_m)
-        parts.append(_part(box, name, _goods(old, look, rng) if name == "goods" else new, look, rng))
+            drawn[key] = _repaint(name, old, look, old.color in labelled, rng)
+        new = _goods(old, look, rng) if name == "goods" else _own(old, drawn[key])
+        parts.append(_part(box, name, new, look, rng))
     return parts

@@ -30,10 +30,10 @@ class Wear:
 
 @dataclass(frozen=True)
 class Fill:
-    """A large lamp that no camera sees: `place` (m) from the scene's middle above the aisle floor, `side_m`, radiance."""
+    """A large lamp that no camera sees, facing down: `place` (m) in the world, its sides along x and z (m), its power."""
 
     place: Color
-    side_m: float
+    sides_m: tuple[float, float]
     watts: float
     color: Color
 
@@ -94,8 +94,9 @@ def _chance(rng: Rng, share: float, value: float) -> float:
 
 
 def _fill(rng: Rng) -> Fill:
-    place = (float(rng.uniform(-8, 8)), float(rng.uniform(2.5, 7)), float(rng.uniform(-0.5, 1.5)))
-    return Fill(place, float(rng.uniform(0.6, 4)), float(np.exp(rng.uniform(3.5, 6.0))), kelvin(rng, 0, 1))
+    place = (float(rng.uniform(-3, 14)), float(rng.uniform(2.5, 7)), float(rng.uniform(0.8, 1.8)))
+    side = float(rng.uniform(0.6, 4))
+    return Fill(place, (side, min(side, 1.5)), float(np.exp(rng.uniform(3.0, 5.5))), kelvin(rng, 0, 1))
 
 
 def _wear(rng: Rng) -> Wear:
@@ -131,13 +132,13 @@ def _lens(rng: Rng) -> Lens:
     return Lens(
         view_transform=transform,
         contrast=contrast,
-        brightness=float(rng.normal(0, 0.8)),
-        f_stop=_chance(rng, 0.2, float(rng.uniform(0.25, 0.9))),
-        travel_m=_chance(rng, 0.2, float(rng.uniform(0.004, 0.02))),
-        softness=1 + _chance(rng, 0.5, float(rng.uniform(0, 0.9))),
+        brightness=float(np.clip(rng.normal(0, 0.6), -1.5, 1.1)),
+        f_stop=_chance(rng, 0.12, float(rng.uniform(0.25, 0.9))),
+        travel_m=_chance(rng, 0.12, float(rng.uniform(0.004, 0.02))),
+        softness=float(rng.uniform(1.1, 1.45)),
         noise=_chance(rng, 0.3, float(rng.uniform(0, 0.5))),
         vignette=_chance(rng, 0.3, float(rng.uniform(0, 0.4))),
-        quality=int(_chance(rng, 0.4, float(rng.integers(35, 90)))),
+        quality=int(_chance(rng, 0.3, float(rng.integers(60, 90)))),
         tint=(1.0, float(rng.uniform(0.94, 1.03)), float(rng.uniform(0.85, 1.12))),
     )
 
@@ -176,13 +177,13 @@ def _held_out_lens(rng: Rng) -> Lens:
     return Lens(
         view_transform=str(rng.choice(["ACES 1.3", "ACES 2.0"])),
         contrast="None",
-        brightness=float(rng.normal(0, 0.7)),
+        brightness=float(np.clip(rng.normal(0, 0.6), -1.5, 1.1)),
         f_stop=0.0,
         travel_m=0.0,
-        softness=float(rng.uniform(1, 2.2)),
-        noise=float(rng.uniform(0.2, 0.9)),
+        softness=float(rng.uniform(1, 1.7)),
+        noise=float(rng.uniform(0.1, 0.6)),
         vignette=float(rng.uniform(0.2, 0.8)),
-        quality=int(rng.integers(25, 60)),
+        quality=int(rng.integers(35, 70)),
         tint=(float(rng.uniform(0.9, 1.1)), 1.0, float(rng.uniform(0.8, 1.2))),
     )
 

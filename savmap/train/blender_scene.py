@@ -5,11 +5,11 @@ Blender's world is used with y up, as the scenes have it. Its cameras look along
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any
 
 import bpy
 import mathutils
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.pinhole import focal_px
+from savmap.sim.camera import CameraSample
 from savmap.train.blender_looks import Fill, Lens, Light, Look
 from savmap.train.blender_materials import material
 from savmap.train.blender_mesh import ATTRIBUTES, Floats, Mesh, Shader
@@ -27,22 +28,13 @@ _SENSOR_MM = 36.0
 
 
 @dataclass(frozen=True)
-class Eye:
-    """A camera: `origin` (3,) m, `world_from_view` (3, 3), horizontal field of view between the outer pixel borders."""
-
-    origin: Floats
-    world_from_view: Floats
-    hfov_deg: float
-
-
-@dataclass(frozen=True)
 class Effort:
     """How much work goes into a picture."""
 
     width: int = 640
     height: int = 480
-    samples: int = 20
-    bounces: int = 4
+    samples: int = 4
+    bounces: int = 3
     threads: int = 2
 
 
@@ -102,20 +94,22 @@ def _add_lamp(kind: str, origin: Floats, direction: Floats, color: Any, strength
     bpy.context.scene.collection.objects.link(made)
 
 
-def _add_fill(fill: Fill, middle: Floats) -> None:
-    _add_lamp("AREA", middle + np.array(fill.place), np.array([0.0, -1.0, -0.3]), fill.color, fill.watts, size=fill.side_m)
+def _add_fill(fill: Fill) -> None:
+    """An area lamp of Blender's is as wide as its own x axis, which `_towards` lays along the world's."""
+    sides = {"shape": "RECTANGLE", "size": fill.sides_m[0], "size_y": fill.sides_m[1]}
+    _add_lamp("AREA", np.array(fill.place), np.array([0.0, -1.0, 0.0]), fill.color, fill.watts, **sides)
 
 
-def _add_light(light: Light, middle: Floats) -> None:
+def _add_light(light: Light, fills: Sequence[Fill]) -> None:
     world = bpy.data.worlds.new("world")
     bpy.context.scene.world = world
     g = Graph(world.node_tree)
     background = g.made("ShaderNodeBackground", {"Color": (*light.ambient_color, 1.0), "Strength": light.ambient})
     g.made("ShaderNodeOutputWorld", {"Surface": background.outputs[0]})
-    for fill in light.fills:
-        _add_fill(fill, middle)
+    for fill in (*light.fills, *fills):
+        _add_fill(fill)
     if light.sun:
-        _add_lamp("SUN", middle, np.array(light.sun_towards), (1.0, 0.93, 0.8), light.sun, angle=0.01)
+        _add_lamp("SUN", np.array([0.0, 10.0, 0.0]), np.array(light.sun_towards), (1.0, 0.93, 0.8), light.sun, angle=0.01)
 
 
 def _set_cycles(effort: Effort) -> None:
@@ -126,9 +120,9 @@ def _set_cycles(effort: Effort) -> None:
     render.threads_mode, render.threads = "FIXED", effort.threads
     render.use_persistent_data = True
     cycles.device = "CPU"
-    cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = effort.samples, True, 0.04
-    cycles.adaptive_min_samples = max(4, effort.samples // 3)
-    cycles.use_denoising, cycles.denoiser, cycles.denoising_quality = True, "OPENIMAGEDENOISE", "FAST"
+    cycles.samples, cycles.use_adaptive_sampling = effort.samples, effort.samples > 16
+    cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
+    cycles.denoising_quality, cycles.denoising_prefilter = "FAST", "NONE"
     cycles.max_bounces = effort.bounces
     cycles.diffuse_bounces = cycles.glossy_bounces = max(2, effort.bounces - 1)
     cycles.transparent_max_bounces = 12
@@ -137,17 +131,17 @@ def _set_cycles(effort: Effort) -> None:
     cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
 
 
-def set_up(meshes: Mapping[Shader, Mesh], look: Look, middle: Floats, effort: Effort) -> None:
-    """Replaces Blender's scene. `middle` (3,): the aisle's middle on the floor, where the look's large lamps go."""
+def set_up(meshes: Mapping[Shader, Mesh], look: Look, fills: Sequence[Fill], effort: Effort) -> None:
+    """Replaces Blender's scene. `fills` light it beside the look's own."""
     with _quiet():
         bpy.ops.wm.read_factory_settings(use_empty=True)
+        _set_cycles(effort)
     for name, mesh in meshes.items():
         _add_mesh(name, mesh, look)
-    _add_light(look.light, middle)
-    _set_cycles(effort)
+    _add_light(look.light, fills)
 
 
-def _place_camera(eye: Eye, lens: Lens, width: int, focus_m: float, travel: Floats) -> None:
+def _place_camera(eye: CameraSample, lens: Lens, width: int, focus_m: float) -> None:
     scene = bpy.context.scene
     data = bpy.data.cameras.new("camera")
     data.sensor_fit, data.sensor_width, data.clip_end = "HORIZONTAL", _SENSOR_MM, 500.0
@@ -161,7 +155,7 @@ def _place_camera(eye: Eye, lens: Lens, width: int, focus_m: float, travel: Floa
     scene.render.use_motion_blur = lens.travel_m > 0
     scene.render.motion_blur_shutter = 1.0
     for frame, sign in ((0, -1), (2, 1)) if lens.travel_m else ():
-        camera.location = mathutils.Vector((eye.origin + sign * travel * lens.travel_m).tolist())
+        camera.location = mathutils.Vector((eye.origin + np.array([sign * lens.travel_m, 0.0, 0.0])).tolist())
         camera.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
 
@@ -203,12 +197,13 @@ def _expose(radiance: Floats, lens: Lens) -> None:
     settings.exposure = float(np.clip(np.log2(0.18 / middle) + lens.brightness, -10, 10))
 
 
-def shoot(eye: Eye, lens: Lens, width: int, focus_m: float, travel: Floats) -> Image:
-    """Renders the scene that was set up: RGB (height, width, 3). `travel` (3,): the unit direction of the cart."""
-    old = bpy.context.scene.camera
-    if old:
-        bpy.data.objects.remove(old)
-    _place_camera(eye, lens, width, focus_m, travel)
+def shoot(eye: CameraSample, lens: Lens, width: int, focus_m: float, seed: int = 0) -> Image:
+    """Renders the scene that was set up: RGB, `width` pixels wide. A cart in motion moves along x."""
+    scene = bpy.context.scene
+    if scene.camera:
+        bpy.data.objects.remove(scene.camera)
+    _place_camera(eye, lens, width, focus_m)
+    scene.cycles.seed = seed
     with tempfile.TemporaryDirectory() as folder, _quiet():
         bpy.ops.render.render()
         raw, shown = Path(folder) / "raw.exr", Path(folder) / "shown.png"

@@ -12,7 +12,9 @@ Recipe = Mapping[str, object]
 """How one run of training went, as JSON holds it."""
 
 
-def save_checkpoint(path: Path, network: SegmentationNetwork, classes: Sequence[str], history: Sequence[Recipe]) -> None:
+def save_checkpoint(
+    path: Path, network: SegmentationNetwork, classes: Sequence[str], history: Sequence[Recipe]
+) -> None:
     """Averaged weights, class names and the recipes so far; written whole or not at all."""
     partial = path.with_name(path.name + ".partial")
     partial.parent.mkdir(parents=True, exist_ok=True)

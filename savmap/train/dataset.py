@@ -20,6 +20,9 @@ from savmap.errors import OutputError
 IGNORE = 255
 """Mask value of pixels that are neither trained on nor measured."""
 
+GROUP_SIZE = 20
+"""How many pictures that follow one another in number are kept together by `split`."""
+
 Bytes = NDArray[np.uint8]
 
 
@@ -37,7 +40,9 @@ class Sample:
         picture = cv2.imread(str(self.image), cv2.IMREAD_COLOR)
         mask = cv2.imread(str(self.mask), cv2.IMREAD_GRAYSCALE)
         if picture is None or mask is None or picture.shape[:2] != mask.shape:
-            raise OutputError(f"{self.image}: picture and mask cannot be read or differ in size; render this data set again")
+            raise OutputError(
+                f"{self.image}: picture and mask cannot be read or differ in size; render this data set again"
+            )
         return np.ascontiguousarray(picture[:, :, ::-1], dtype=np.uint8), self.lookup[mask]
 
 
@@ -51,8 +56,13 @@ class Dataset:
 
 
 def group_of(name: str) -> str:
-    """Pictures of one scene share the part of their name before the last number: NAME of NAME_07, NAME-7."""
-    return re.sub(r"[-_][a-z]*\d+$", "", name)
+    """Pictures of one scene have neighbouring numbers: the group is the name's numbers, the last one by blocks.
+
+    >>> group_of("ceiling-7-00059"), group_of("row-7-00041")
+    ('7-2', '7-2')
+    """
+    numbers = [int(digits) for digits in re.findall(r"\d+", name)] or [0]
+    return "-".join(map(str, [*numbers[:-1], numbers[-1] // GROUP_SIZE]))
 
 
 def class_lookup(theirs: Sequence[str], ours: Sequence[str]) -> Bytes:
@@ -114,7 +124,8 @@ def split(samples: Sequence[Sample], share: float = 0.06) -> tuple[list[Sample],
 def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> NDArray[np.float64]:
     """Probability (n,) of drawing each sample: pictures without any class are drawn less often."""
     weights = np.array([1.0 if _shows_class(sample) else empty_weight for sample in samples])
-    return weights / weights.sum()
+    probabilities: NDArray[np.float64] = weights / weights.sum()
+    return probabilities
 
 
 def _shows_class(sample: Sample) -> bool:

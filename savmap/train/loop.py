@@ -65,7 +65,9 @@ def start(classes: Sequence[str], init: Path | None) -> tuple[SegmentationNetwor
     return build(len(classes), imagenet_weights()), []
 
 
-def validation_scores(network: SegmentationNetwork, samples: Sequence[Sample], classes: Sequence[str], limit: int) -> Mapping[str, object]:
+def validation_scores(
+    network: SegmentationNetwork, samples: Sequence[Sample], classes: Sequence[str], limit: int
+) -> Mapping[str, object]:
     """IoU and edge offsets on up to `limit` of the samples, evenly chosen."""
     chosen = np.unique(np.linspace(0, len(samples) - 1, min(limit, len(samples))).astype(int))
     return measure(predictor(network), [samples[i] for i in chosen], classes)
@@ -80,7 +82,12 @@ def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: 
         "settings": asdict(settings),
         "augmentation": {"recolour": augment.RECOLOUR_CHANCE, "jpeg": augment.COMPRESS_CHANCE}
         | {change.__name__: chance for chance, change in augment.CHANCES},
-        "versions": {"torch": torch.__version__, "onnx": onnx.__version__, "opencv": cv2.__version__, "numpy": np.__version__},
+        "versions": {
+            "torch": torch.__version__,
+            "onnx": onnx.__version__,
+            "opencv": cv2.__version__,
+            "numpy": np.__version__,
+        },
         "date": datetime.now(UTC).date().isoformat(),
     }
 

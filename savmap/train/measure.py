@@ -79,7 +79,7 @@ def edge_offsets(probability: Maps, truth: Bytes, value: int, limit: int = 2000)
     dx, dy = cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32
     strength = np.hypot(dx, dy)
     near_ignored = cv2.dilate((truth == IGNORE).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    usable = (np.abs(smooth - 0.5) < 0.12) & (strength > 0.2) & ~near_ignored
+    usable = (np.abs(smooth - 0.5) < 0.16) & (strength > 0.2) & ~near_ignored
     margin = int(REACH_PX) + 2
     usable[:margin], usable[-margin:], usable[:, :margin], usable[:, -margin:] = False, False, False, False
     rows, columns = np.nonzero(usable)

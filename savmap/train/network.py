@@ -34,6 +34,8 @@ BLOCKS = (
 )
 STAGE_ENDS = (0, 2, 4, 10, 12)
 """Blocks whose outputs the decoder reads: strides 2, 4, 8, 16 and 32 with 16, 24, 40, 112 and 192 channels."""
+FIXED_BLOCKS = 3
+"""How many blocks, beside the stem, keep their ImageNet weights."""
 FOLD_EPSILON = 1e-3
 """The epsilon of the published weights' batch normalisation."""
 
@@ -55,6 +57,16 @@ def relu6(features: Tensor) -> Tensor:
     return functional.relu6(features, inplace=True)
 
 
+def in_float32(convolve: SameConv, features: Tensor) -> Tensor:
+    """The convolution in float32 even where autocast is on: gradients of bfloat16 depthwise ones are slow on processors."""
+    if not (torch.is_autocast_enabled("cpu") and convolve.weight.requires_grad):
+        result: Tensor = convolve(features)
+        return result
+    with torch.autocast("cpu", enabled=False):
+        result = convolve(features.float())
+        return result
+
+
 class Block(nn.Module):
     """Inverted bottleneck (MobileNetV2), the normalisation folded into its convolutions."""
 
@@ -68,17 +80,22 @@ class Block(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         x = features if self.expand is None else relu6(self.expand(features))
-        x = self.project(relu6(self.depthwise(x)))
+        x = self.project(relu6(in_float32(self.depthwise, x)))
         return x + features if self.skips else x
 
 
 class Encoder(nn.Module):
-    """EfficientNet-Lite0, the first two blocks of stride 32 included; (N, 3, H, W) -> one map for each of five strides."""
+    """EfficientNet-Lite0, the first two blocks of stride 32 included; (N, 3, H, W) -> one map for each of five strides.
+
+    The blocks at strides 2 and 4 are not trained: they cost the most and know textures of the real world already.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.stem = SameConv(3, 32, 3, 2)
         self.blocks = nn.ModuleList(Block(*shape) for shape in BLOCKS)
+        for fixed in (self.stem, *self.blocks[:FIXED_BLOCKS]):
+            fixed.requires_grad_(False)
 
     def forward(self, image: Tensor) -> list[Tensor]:
         x = relu6(self.stem(image))

@@ -43,7 +43,8 @@ def fast_arithmetic() -> AbstractContextManager[object]:
     """bfloat16 where the processor computes with it, else nothing."""
     capable = torch.cpu.get_capabilities()
     if capable.get("avx512_bf16") or capable.get("amx_bf16"):
-        return torch.autocast("cpu", dtype=torch.bfloat16)
+        context: AbstractContextManager[object] = torch.autocast("cpu", dtype=torch.bfloat16)
+        return context
     return nullcontext()
 
 
@@ -55,15 +56,16 @@ class Average:
         self._decay = decay
         self._updates = 0
 
-    @torch.no_grad()
     def update(self, network: nn.Module) -> None:
+        """Move towards the weights of `network`."""
         self._updates += 1
         decay = min(self._decay, (1 + self._updates) / (10 + self._updates))
-        for mine, theirs in zip(self.network.state_dict().values(), network.state_dict().values(), strict=True):
-            if mine.dtype.is_floating_point:
-                mine.lerp_(theirs, 1 - decay)
-            else:
-                mine.copy_(theirs)
+        with torch.no_grad():
+            for mine, theirs in zip(self.network.state_dict().values(), network.state_dict().values(), strict=True):
+                if mine.dtype.is_floating_point:
+                    mine.lerp_(theirs, 1 - decay)
+                else:
+                    mine.copy_(theirs)
 
 
 class Trainer:
@@ -73,9 +75,10 @@ class Trainer:
         self.network = network.to(memory_format=torch.channels_last).train()
         self.average = Average(network, settings.average_decay)
         self.settings = settings
+        encoder = [weight for weight in network.encoder.parameters() if weight.requires_grad]
         decoder = [weight for name, weight in network.named_parameters() if not name.startswith("encoder.")]
         groups = [
-            {"params": list(network.encoder.parameters()), "lr": settings.encoder_rate, "most": settings.encoder_rate},
+            {"params": encoder, "lr": settings.encoder_rate, "most": settings.encoder_rate},
             {"params": decoder, "lr": settings.decoder_rate, "most": settings.decoder_rate},
         ]
         self._optimizer = torch.optim.AdamW(groups, weight_decay=settings.weight_decay)

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from savmap.stages.aim import Manual, Scout, fit_count
 
 from savmap.geometry.pinhole import angles_from_rotation
-from savmap.stages.aim import Manual, Scout, fit_count
 from savmap.types import Aim, Detection, Floats, View, ViewSpec
 
 HFOV_DEG = 110.0

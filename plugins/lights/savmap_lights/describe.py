@@ -12,7 +12,10 @@ from savmap.types import Structure, Track
 def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Structure]:
     """One structure "light k" for each lamp, with the vertices "end 0" and "end 1", or "centre"."""
     ordered = sorted(tracks, key=lambda track: (int(track.place["light"]), track.name))
-    return [_lamp(number, list(own), solution, room) for number, own in groupby(ordered, key=lambda t: int(t.place["light"]))]
+    return [
+        _lamp(number, list(own), solution, room)
+        for number, own in groupby(ordered, key=lambda t: int(t.place["light"]))
+    ]
 
 
 def _lamp(number: int, tracks: Sequence[Track], solution: Solution, room: str) -> Structure:

@@ -13,14 +13,14 @@ from savmap_lights.survey import read_row
 GATE_M = 1.0
 
 
-def evaluate(structures: Sequence[Structure], survey_row: Mapping[str, Any]) -> Score | None:
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """Lamps whose centre lies between the row's ends, matched one to one within `GATE_M`.
 
-    None where the survey has no lamps. Raises OutputError where they are malformed.
+    Empty where the survey has no lamps. Raises OutputError where they are malformed.
     """
-    if "lights" not in survey_row:
-        return None
-    surveyed = read_row(survey_row)
+    if "lights" not in survey:
+        return Score()
+    surveyed = read_row(survey)
     lamps = [own for own in structures if own.label == "light"]
     centres = np.array([own.vertices.mean(axis=0) for own in lamps]).reshape(-1, 3)
     truth, (left, right) = surveyed.centres(), surveyed.ends_x()

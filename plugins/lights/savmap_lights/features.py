@@ -37,9 +37,20 @@ def _lamp(view: View, detection: Detection, instance: int) -> list[Feature]:
     if long > STRIP_RATIO * wide:
         ends = _ends(pixels, weights, centre, axes[:, 1])
         size = (view.spec.width, view.spec.height)
-        points += [(name, end, SIGMA_END_PX) for name, end in zip(("end a", "end b"), ends, strict=True) if _within(end, size)]
+        points += [
+            (name, end, SIGMA_END_PX) for name, end in zip(("end a", "end b"), ends, strict=True) if _within(end, size)
+        ]
     return [
-        Feature(view.frame, view.spec.name, detection.label, part, instance, pixel[None], np.eye(2)[None] * sigma**2, score=detection.score)
+        Feature(
+            view.frame,
+            view.spec.name,
+            detection.label,
+            part,
+            instance,
+            pixel[None],
+            np.eye(2)[None] * sigma**2,
+            score=detection.score,
+        )
         for part, pixel, sigma in points
     ]
 
@@ -49,7 +60,7 @@ def _ends(pixels: Floats, weights: Floats, centre: Floats, axis: Floats) -> tupl
     along = (pixels - centre) @ axis
     bins = np.floor(along).astype(np.int64)
     first = int(bins.min())
-    profile = np.bincount(bins - first, weights=weights)
+    profile = np.bincount(bins - first, weights=weights).astype(np.float64)
     level = 0.5 * float(np.median(profile[profile > 0.25 * profile.max()]))
     inner = np.nonzero(profile >= level)[0]
     low = inner[0] + first - _fraction(profile, int(inner[0]), -1, level)

@@ -12,7 +12,7 @@ from savmap.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
 
 
-class Config(BaseModel):
+class Settings(BaseModel):
     """Settings of the plugin in a site file. `line`: the lamps are on a line parallel to the aisle, at one height."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -27,9 +27,9 @@ class Lights:
     name = "lights"
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.onnx"
-    Config = Config
+    Config = Settings
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Settings) -> None:
         self.config = config
 
     @hookimpl
@@ -76,7 +76,9 @@ class Lights:
         return evaluate(structures, survey)
 
     @hookimpl
-    def draw(self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]) -> Any:
+    def draw(
+        self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+    ) -> Any:
         from savmap_lights.sketch import draw
 
         return draw(structures, survey, deviations)

@@ -24,14 +24,14 @@ class LampLine(Strict):
     end: float | None = None
     kind: Literal["strip", "compact"] = "strip"
     across: bool = False
-    length: float = Field(1.25, gt=0.02)
-    width: float = Field(0.12, gt=0.01)
-    thickness: float = Field(0.06, gt=0.005)
+    length: float = Field(default=1.25, gt=0.02)
+    width: float = Field(default=0.12, gt=0.01)
+    thickness: float = Field(default=0.06, gt=0.005)
     housing: bool = False
     hangers: bool = False
-    emission: float = Field(12.0, gt=0)
+    emission: float = Field(default=12.0, gt=0)
     color: Rgb = (1.0, 0.98, 0.95)
-    broken: float = Field(0.0, ge=0, le=1)
+    broken: float = Field(default=0.0, ge=0, le=1)
 
 
 class Lamps(Strict):
@@ -73,7 +73,9 @@ def _ends(line: LampLine, x: float) -> Floats:
 
 def _survey(ends: list[Floats], frame: RowFrame) -> dict[str, Any]:
     in_row = [frame.to_row(pair) for pair in ends]
-    ordered = sorted((pair[np.argsort(pair[:, 0], kind="stable")] for pair in in_row), key=lambda pair: float(pair[0, 0]))
+    ordered = sorted(
+        (pair[np.argsort(pair[:, 0], kind="stable")] for pair in in_row), key=lambda pair: float(pair[0, 0])
+    )
     return {"lights": [{"ends": pair.round(9).tolist()} for pair in ordered]}
 
 

@@ -5,26 +5,21 @@ from typing import Any
 
 from savmap.report.drawing import Drawing
 from savmap.types import Floats, Structure
-from savmap_lights.evaluate import evaluate
 from savmap_lights.survey import read_row
 
 OFF_M = 0.05
 
 
-def draw(structures: Sequence[Structure], survey_row: Mapping[str, Any] | None) -> list[Drawing]:
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> tuple[Drawing, ...]:
     """Strip lamps as lines, compact ones as points.
 
-    With a survey: its own underneath, and those off by more than `OFF_M` or spurious marked.
-
-    Raises OutputError where the row's survey is malformed.
+    With a survey: its own underneath, and those whose deviation (m, by id) is more than `OFF_M` marked.
     """
-    score = evaluate(structures, survey_row) if survey_row is not None else None
-    off = score.deviations if score is not None else {}
-    drawings = [_lamp(own.vertices, off.get(own.id, 0.0) > OFF_M) for own in structures if own.label == "light"]
-    if survey_row is None or score is None:
-        return drawings
-    surveyed = [Drawing("line", ends, "survey", "fixture", "lamps") for ends in read_row(survey_row).ends()]
-    return [*surveyed, *drawings]
+    drawings = [_lamp(own.vertices, deviations.get(own.id, 0.0) > OFF_M) for own in structures if own.label == "light"]
+    ends = read_row(survey).ends() if survey and "lights" in survey else ()
+    return (*(Drawing("line", own, "survey", "fixture", "lamps") for own in ends), *drawings)
 
 
 def _lamp(vertices: Floats, off: bool) -> Drawing:

@@ -118,7 +118,9 @@ def _tracks(number: int, at: float, lamps: Floats, seen: Sightings, x: Floats) -
     ends = near & ~seen.is_centre
     sides = [ends & (x < at), ends & (x > at)]
     if min(int(side.sum()) for side in sides) >= MIN_SUPPORT:
-        return [_track(f"light {number} / end {end}", number, f"end {end}", seen, side) for end, side in enumerate(sides)]
+        return [
+            _track(f"light {number} / end {end}", number, f"end {end}", seen, side) for end, side in enumerate(sides)
+        ]
     return [_track(f"light {number} / centre", number, "centre", seen, near & seen.is_centre)]
 
 

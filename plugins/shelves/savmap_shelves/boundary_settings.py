@@ -14,7 +14,7 @@ class BoundarySettings(BaseModel):
     - `edge_tolerance_px`: how far a border may be from straight and still count for a line.
     - `merge_tolerance_px`: how far fragments may be out of line and still be one structure.
     - `end_trim_px`: the rounded ends of masks that no edge is fitted to.
-    - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times too thick.
+    - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times thicker than the rest.
     - `least_sigma_px`: no edge is claimed to be better known than this.
     - `along_sigma_px`: the standard deviation of an edge's ends along the edge.
     """
@@ -24,7 +24,7 @@ class BoundarySettings(BaseModel):
     least_upright: float = Field(default=5 / 8, gt=0, le=1)
     plane_margin: float = Field(default=0.2, ge=0)
     askew_sigmas: float = Field(default=3.0, ge=0)
-    overlap: float = Field(default=0.5, ge=0, le=1)
+    overlap: float = Field(default=0.25, ge=0, le=1)
     least_beam_px: float = Field(default=20.0, gt=0)
     least_aspect: float = Field(default=1.5, ge=0)
     edge_tolerance_px: float = Field(default=1.0, gt=0)

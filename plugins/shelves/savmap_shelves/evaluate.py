@@ -34,12 +34,12 @@ UPRIGHTS = Measures("upright", "V element", "V gap", "V edge")
 BEAMS = Measures("beam", "H element", "H gap", "H edge")
 
 
-def evaluate(structures: Sequence[Structure], survey_row: Mapping[str, Any]) -> Score:
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """The score of a row's uprights and beams; elements outside the surveyed extent are not scored.
 
-    Raises OutputError where the row's survey is malformed.
+    Raises OutputError where the row's survey or a structure is malformed.
     """
-    surveyed = read_row(survey_row)
+    surveyed = read_row(survey)
     uprights = uprights_of(structures)
     pairs = align_uprights(surveyed.upright_intervals(), uprights.intervals)
     onto = Warp(surveyed.upright_intervals(), uprights.intervals, pairs)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from savmap.errors import OutputError
 from savmap.types import Floats, Structure
 
 
@@ -34,9 +35,16 @@ def sections_of(structures: Sequence[Structure]) -> list[Section]:
     grouped: dict[int, list[Structure]] = {}
     for own in structures:
         if own.label == "beam":
-            grouped.setdefault(int(own.attributes["section"]), []).append(own)
+            grouped.setdefault(_section_of(own), []).append(own)
     sections = [Section(_extent(beams), _elements(beams, 1, ("lower", "upper"))) for beams in grouped.values()]
     return sorted(sections, key=lambda section: float(section.extent.mean()))
+
+
+def _section_of(beam: Structure) -> int:
+    number = beam.attributes.get("section")
+    if not isinstance(number, int | np.integer):
+        raise OutputError(f"map: {beam.id}: attribute 'section' should be a whole number, not {number!r}")
+    return int(number)
 
 
 def _elements(structures: list[Structure], axis: int, sides: tuple[str, str]) -> Elements:
@@ -54,6 +62,8 @@ def _span(structure: Structure, axis: int, sides: tuple[str, str]) -> tuple[floa
 
 def _mean(structure: Structure, axis: int, side: str) -> float:
     chosen = [side in label.split() for label in structure.vertex_labels]
+    if not any(chosen):
+        raise OutputError(f"map: {structure.id}: no vertex is labelled {side!r}")
     return float(structure.vertices[chosen, axis].mean())
 
 

@@ -19,7 +19,7 @@ class LowestBeam(BaseModel):
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
 
 
-class Config(BaseModel):
+class Settings(BaseModel):
     """Settings of the plugin in a site file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -35,14 +35,18 @@ class Shelves:
     name = "shelves"
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.onnx"
-    Config = Config
+    Config = Settings
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Settings) -> None:
         self.config = config
 
     @hookimpl
     def render_views(
-        self, scout: Any, see: Callable[[View], list[Detection]], side: Literal["left", "right"] | None, manual: Mapping[str, Any]
+        self,
+        scout: Any,
+        see: Callable[[View], list[Detection]],
+        side: Literal["left", "right"] | None,
+        manual: Mapping[str, Any],
     ) -> Aim:
         from savmap_shelves.aim import aim_at_face
 
@@ -85,7 +89,9 @@ class Shelves:
         return evaluate(structures, survey)
 
     @hookimpl
-    def draw(self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]) -> Any:
+    def draw(
+        self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+    ) -> Any:
         from savmap_shelves.sketch import draw
 
         return draw(structures, survey, deviations)

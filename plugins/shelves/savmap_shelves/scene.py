@@ -1,7 +1,7 @@
 """Racks for the simulator: uprights, beams, decks and bracing of every row, with their survey and places for goods.
 
-Everything is built in the row's own frame (x along the aisle, y up, z out of the face, face at z = 0), then put into the
-world. Only the +z faces of mapped rows' front uprights and beams carry labels.
+Everything is built in the row's own frame (x along the aisle, y up, z out of the face, which is z = 0), then put into
+the world. Only the +z faces of mapped rows' front uprights and beams carry labels.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,14 +11,14 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import Box, Floats, Material
+from savmap.sim.primitives import Box, Material
 from savmap.sim.scene import Hall, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, Support, validated
 
 Texture = Literal["plain", "noise", "wood", "carton", "holes", "stripes", "wire", "scratches"]
 
 
 class Bay(Strict):
-    """One section: clear `width` between its uprights and the heights of its beams' bottom edges, from the bottom up."""
+    """One section: clear `width` between its uprights, heights of its beams' bottom edges from the bottom up."""
 
     width: float = Field(gt=0.3)
     beams: tuple[float, ...] = ()
@@ -31,26 +31,26 @@ class Rack(Strict):
 
     bays: tuple[Bay, ...] = Field(min_length=1)
     height: float | None = None
-    depth: float = Field(1.1, gt=0.3)
-    upright_width: float = Field(0.1, gt=0.02)
-    upright_depth: float = Field(0.08, gt=0.02)
-    beam_height: float = Field(0.1, gt=0.02)
-    beam_thickness: float = Field(0.05, gt=0.005)
-    setback: float = Field(0.005, ge=0)
+    depth: float = Field(default=1.1, gt=0.3)
+    upright_width: float = Field(default=0.1, gt=0.02)
+    upright_depth: float = Field(default=0.08, gt=0.02)
+    beam_height: float = Field(default=0.1, gt=0.02)
+    beam_thickness: float = Field(default=0.05, gt=0.005)
+    setback: float = Field(default=0.005, ge=0)
     upright_color: Rgb = (0.03, 0.22, 0.09)
     upright_texture: Texture = "holes"
-    hole_pitch: float = Field(0.05, gt=0.01)
+    hole_pitch: float = Field(default=0.05, gt=0.01)
     beam_color: Rgb = (0.35, 0.37, 0.4)
     beam_texture: Texture = "plain"
     deck: Literal["none", "steel", "wire", "wood"] = "steel"
     deck_color: Rgb = (0.3, 0.32, 0.35)
     rear_color: Rgb | None = None
     bracing: bool = True
-    guards: float = Field(0.0, ge=0, le=1)
-    labels: float = Field(0.3, ge=0, le=1)
-    signs: float = Field(0.0, ge=0, le=1)
-    metallic: float = Field(0.0, ge=0, le=1)
-    roughness: float = Field(0.5, ge=0, le=1)
+    guards: float = Field(default=0.0, ge=0, le=1)
+    labels: float = Field(default=0.3, ge=0, le=1)
+    signs: float = Field(default=0.0, ge=0, le=1)
+    metallic: float = Field(default=0.0, ge=0, le=1)
+    roughness: float = Field(default=0.5, ge=0, le=1)
 
 
 class Racks(Strict):
@@ -60,7 +60,7 @@ class Racks(Strict):
 
 
 def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
-    """The boxes of all racks. Raises SceneError for a row that the scene does not place, or a rack taller than the hall."""
+    """The boxes of all racks. Raises SceneError for a row the scene does not place or a rack taller than the hall."""
     racks = validated(Racks, section, "structures.shelves").rows
     boxes: list[Box] = []
     supports: list[Support] = []
@@ -189,7 +189,9 @@ def _sign(rack: Rack, x: tuple[float, float], rng: np.random.Generator) -> Box:
     half = float(rng.uniform(0.3, 0.8)) * rack.upright_width / 2
     middle = (x[0] + x[1]) / 2
     return replace(
-        _span((middle - half, middle + half), (bottom, bottom + float(rng.uniform(0.08, 0.25))), (0.0005, 0.002), paper),
+        _span(
+            (middle - half, middle + half), (bottom, bottom + float(rng.uniform(0.08, 0.25))), (0.0005, 0.002), paper
+        ),
         face_labels={"+z": "upright"},
     )
 

@@ -7,34 +7,38 @@ import numpy as np
 
 from savmap.report.drawing import Drawing, Role
 from savmap.types import Floats, Structure
-from savmap_shelves.evaluate import evaluate
 from savmap_shelves.survey import SurveyedRow, read_row
 
 OFF_M = 0.05
 FACE, PLAN = "uprights and beams", "uprights"
 
 
-def draw(structures: Sequence[Structure], survey_row: Mapping[str, Any] | None) -> list[Drawing]:
-    """Uprights and beams; with a survey, its own underneath, and those off by more than `OFF_M` or spurious marked.
-
-    Raises OutputError where the row's survey is malformed.
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> tuple[Drawing, ...]:
+    """Uprights and beams; with a survey, its own underneath, and those whose deviation (m, by id) is more than `OFF_M`
+    marked. Raises OutputError where the row's survey is malformed.
     """
+    surveyed = _surveyed(read_row(survey)) if survey is not None else ()
     mapped = [own for own in structures if own.label in ("upright", "beam")]
-    if survey_row is None:
-        return [drawing for own in mapped for drawing in _mapped(own, 0.0)]
-    off = evaluate(structures, survey_row).deviations
-    drawings = [drawing for own in mapped for drawing in _mapped(own, off.get(own.id, 0.0))]
-    return [*_surveyed(read_row(survey_row)), *drawings]
+    return (*surveyed, *(drawing for own in mapped for drawing in _mapped(own, deviations.get(own.id, 0.0))))
 
 
 def _mapped(structure: Structure, deviation_m: float) -> Iterator[Drawing]:
     role: Role = "off" if deviation_m > OFF_M else "mapped"
     if structure.label == "beam":
-        yield Drawing("polygon", structure.vertices, role, "structure", FACE, ("face",))
+        yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",))
         return
     number = structure.id.split()[-1]
-    yield Drawing("polygon", structure.vertices, role, "structure", FACE, ("face",), number)
+    yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",), number)
     yield Drawing("line", _foot(structure), role, "structure", PLAN, ("plan",), number)
+
+
+def _outline(structure: Structure) -> Floats:
+    """The corners in order around the middle, whatever their order in the map."""
+    x, y = (structure.vertices - structure.vertices.mean(axis=0))[:, :2].T
+    outline: Floats = structure.vertices[np.argsort(np.arctan2(y, x))]
+    return outline
 
 
 def _foot(structure: Structure) -> Floats:

@@ -20,8 +20,8 @@ Image = NDArray[np.float32]
 class Rack:
     """Uprights (x_left, x_right) and, for each section between two of them, beams (y_bottom, y_top); all at z = 0."""
 
-    uprights: list[tuple[float, float]] = field(default_factory=lambda: [(i * 2.6, i * 2.6 + 0.1) for i in range(-3, 5)])
-    beams: list[tuple[float, float]] = field(default_factory=lambda: [(0.1 + i * 0.65, 0.2 + i * 0.65) for i in range(6)])
+    uprights: list[tuple[float, float]] = field(default_factory=lambda: [(2.6 * i, 2.6 * i + 0.1) for i in range(-3, 5)])
+    beams: list[tuple[float, float]] = field(default_factory=lambda: [(0.65 * i + 0.3, 0.65 * i + 0.4) for i in range(6)])
     height: float = 4.2
 
     @property
@@ -111,16 +111,27 @@ class Picture:
 
     def edge_error(self, feature: Feature) -> float:
         """Largest distance, px, of an edge's ends (n = 2) or of a corner (n = 1) from the nearest true line or point."""
-        return float(min(np.max(np.abs(self._distances(feature, truth))) for truth in self._truths(feature)))
+        return float(min(np.max(np.abs(_distances(feature, truth))) for truth in self._truths(feature)))
 
-    def _distances(self, feature: Feature, truth: Floats) -> Floats:
-        if len(feature.pixels) == 1:
-            return np.linalg.norm(feature.pixels - truth, axis=-1)
-        along = (truth[1] - truth[0]) / np.linalg.norm(truth[1] - truth[0])
-        inside = np.clip(feature.pixels, 0, (WIDTH - 1, HEIGHT - 1)) - truth[0]
-        exact = feature.pixels - truth[0]
-        offset = exact if feature.label == "upright" else inside if feature.axis is None else exact
-        return offset @ np.array([-along[1], along[0]])
+    def corner_offset(self, feature: Feature) -> Floats:
+        """A corner's error (2,), px."""
+        offsets = [(feature.pixels - truth).ravel() for truth in self._truths(feature)]
+        return min(offsets, key=lambda offset: float(np.linalg.norm(offset)))
+
+    def measurable(self, x: tuple[float, float]) -> bool:
+        """Whether an upright is in the view from side to side, along 5/8 of the picture's height."""
+        quad = self.camera.quad(x, (0.0, self.rack.height))
+        rows = np.clip(quad[:, 1], 0, HEIGHT - 1)
+        seen = np.isfinite(quad).all() and rows[2] - rows[1] > 0.63 * HEIGHT
+        return bool(seen and (quad[:, 0] > 1).all() and (quad[:, 0] < WIDTH - 2).all())
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (n, 2), at measurable uprights, of all beam ends that are in the view by 3 px."""
+        inner = [x[0] for x in self.rack.uprights[1:] if self.measurable(x)]
+        inner += [x[1] for x in self.rack.uprights[:-1] if self.measurable(x)]
+        ends = np.array([[self.camera.pixels(x, y) for y in beam] for x in inner for beam in self.rack.beams])
+        return ends[((ends > 3) & (ends < (WIDTH - 4, HEIGHT - 4))).all(axis=(1, 2))].reshape(-1, 2)
 
     def _truths(self, feature: Feature) -> list[Floats]:
         if feature.label == "upright":
@@ -128,15 +139,22 @@ class Picture:
             ends = [[self.camera.pixels(x[side], y) for y in (1.0, 3.0)] for x in self.rack.uprights]
         else:
             level = 1 if "upper" in feature.part else 0
-            ends = [
-                self._beam_truth(feature, x, y[level]) for x in self.rack.sections for y in self.rack.beams
-            ]
+            ends = [self._beam_truth(feature, x, y[level]) for x in self.rack.sections for y in self.rack.beams]
         return [np.array(pair) for pair in ends if np.isfinite(pair).all()]
 
     def _beam_truth(self, feature: Feature, x: tuple[float, float], y: float) -> list[Floats]:
         if len(feature.pixels) == 2:
             return [self.camera.pixels(at, y) for at in x]
         return [self.camera.pixels(x[0 if "left" in feature.part else 1], y)]
+
+
+def _distances(feature: Feature, truth: Floats) -> Floats:
+    if len(feature.pixels) == 1:
+        distances: Floats = np.linalg.norm(feature.pixels - truth, axis=-1)
+        return distances
+    along = (truth[1] - truth[0]) / np.linalg.norm(truth[1] - truth[0])
+    across: Floats = (feature.pixels - truth[0]) @ np.array([-along[1], along[0]])
+    return across
 
 
 def soften(mask: NDArray[np.bool_]) -> Image:

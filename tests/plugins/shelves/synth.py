@@ -37,7 +37,7 @@ class Faults:
     wide_px: float = 4.0
     false_upright: float = 0.1
     false_beam: float = 0.3
-    rear: float = 0.15
+    rear: float = 0.1
     sway_deg: float = 1.0
     attitude_deg: float = 0.7
     hidden_levels: float = 0.0
@@ -81,7 +81,7 @@ def random_rack(rng: np.random.Generator, sections: int, levels: tuple[int, int]
     thickness = rng.uniform(0.08, 0.14)
     tunnel = sections // 2 if bridge and sections > 2 else -1
     beams = tuple(_beams(rng, levels, thickness, number == tunnel) for number in range(sections))
-    return Rack(np.column_stack([starts, starts + width]), beams, max(float(b.max(initial=2.0)) for b in beams) + 0.2)
+    return Rack(np.column_stack([starts, starts + width]), beams, max(6.0, *(float(b.max(initial=0.0)) + 0.2 for b in beams)))
 
 
 def _beams(rng: np.random.Generator, levels: tuple[int, int], thickness: float, tunnel: bool) -> Floats:
@@ -220,7 +220,7 @@ class _Observer:
         for index, (edges, z, miss, truth, _) in enumerate(wanted):
             skipped = self._skip((0, index), miss) if truth is not None else self.rng.random() < miss
             lines = [self._line(pose, np.array([x, 0.0, z]), np.array([x, self.rack.height, z])) for x in edges]
-            if skipped or lines[0] is None or lines[1] is None or np.ptp(lines[0][:, 1]) < self.view.height * 0.6:
+            if skipped or lines[0] is None or lines[1] is None or np.ptp(lines[0][:, 1]) < self.view.height * 0.45:
                 continue
             wide = self.faults.wide_px * (self.rng.random() < self.faults.wide)
             left = self._to_borders(self._noisy(lines[0][np.argsort(lines[0][:, 1])], wide))
@@ -275,7 +275,8 @@ class _Observer:
             )
             for side, place in zip(("left", "right"), ends, strict=True):
                 if side in neighbours:
-                    spread = np.eye(2)[None] * max(self.faults.noise_px, 0.3) ** 2
+                    beyond = abs(place[0] - line[:, 0].mean()) / np.ptp(line[:, 0])
+                    spread = np.eye(2)[None] * max(self.faults.noise_px, 0.3) ** 2 * (1 + beyond**2 / 2)
                     part = f"{edge} {side}"
                     features.append(
                         Feature(frame, self.view.name, "beam", part, number, place[None], spread, neighbours=neighbours)

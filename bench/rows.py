@@ -1,0 +1,94 @@
+"""Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
+
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 60] [--keep DIR] [-o bench/results/rows.json]
+
+Nothing of a row is looked at by hand; footage already in DIR is used again.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from savmap import run
+from savmap.errors import SavmapError
+from savmap.sim.random_row import random_row
+from savmap.sim.simulate import simulate
+
+ROOT = Path(__file__).parent.parent
+
+
+def footage(seed: int, frames: int, folder: Path) -> Path:
+    """The site file of a random row's footage, made unless it is there."""
+    site = folder / "site.yaml"
+    if not site.is_file():
+        simulate(random_row(seed, frames), folder)
+    return site
+
+
+def only_first_row(site: Path) -> Path:
+    """A copy of a site file that maps its first row alone."""
+    content = yaml.safe_load(site.read_text(encoding="utf-8"))
+    name = next(iter(content["rows"]))
+    content["rows"] = {name: content["rows"][name]}
+    path = site.with_name("first-row.yaml")
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+def score(site: Path, output: Path) -> dict[str, Any]:
+    """Map a site and score it; an error counts as everything missing and is named."""
+    start = time.perf_counter()
+    try:
+        list(run.run(run.job_for(site, None, output)))
+        evaluation = run.evaluate_files(output / "map.json", site.with_name("survey.json"))
+        figures = json.loads(run.scores_json(evaluation))
+        figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "lights") if key in figures}
+    except SavmapError as error:
+        figures = {"error": str(error)}
+    return {**figures, "seconds": time.perf_counter() - start}
+
+
+def is_whole(figures: dict[str, Any]) -> bool:
+    """Whether a row's map misses nothing and invents nothing."""
+    return "error" not in figures and not any(figures["missing"].values()) and not any(figures["spurious"].values())
+
+
+def line(seed: int, figures: dict[str, Any]) -> str:
+    """One row of the table."""
+    if "error" in figures:
+        return f"{seed:6d}  {figures['error'][:100]}"
+    missing, spurious = sum(figures["missing"].values()), sum(figures["spurious"].values())
+    lamps = figures.get("lights", {})
+    lamp_text = f"{100 * lamps['mae_m']:8.2f}" if lamps.get("mae_m") is not None else "       -"
+    return f"{seed:6d} {missing:8d} {spurious:9d} {100 * figures['mae_m']:8.2f} {lamp_text} {figures['seconds']:9.1f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
+    arguments = parser.parse_args()
+    results: dict[int, dict[str, Any]] = {}
+    print("  seed  missing  spurious  MAE cm  lamps cm  seconds", flush=True)
+    with tempfile.TemporaryDirectory() as temporary:
+        base = arguments.keep or Path(temporary)
+        for seed in range(arguments.seed, arguments.seed + arguments.count):
+            folder = base / f"row-{seed}"
+            results[seed] = score(only_first_row(footage(seed, arguments.frames, folder)), folder / "out")
+            print(line(seed, results[seed]), flush=True)
+    whole = sum(is_whole(figures) for figures in results.values())
+    print(f"{whole} of {arguments.count} rows without a missing or spurious element")
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

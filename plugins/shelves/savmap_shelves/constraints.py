@@ -1,0 +1,149 @@
+"""A rack as constraints: columns, rows, the lowest edges' heights and the face plane (paper, section III.E).
+
+World frame of the row; x = 0 at the left edge of the first upright.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SiteError, StructureError
+from savmap.graph import Constraints, KeySpace, Relation, observe, pin, reference, tie
+from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
+
+from savmap_shelves.sharing import share_edges
+
+TOP_M = 6.0
+Column = tuple[int, str]
+Row = tuple[int, int, str]
+
+
+@dataclass(frozen=True)
+class GridSettings:
+    """What is known of a rack: height of the lowest beam's bottom edge (h_ref) of every section, or one for all, with its
+    sigma; how far beams' faces stand back behind the uprights'."""
+
+    lowest_beam_bottom_height_m: float | Sequence[float] | None = None
+    sigma_m: float = 0.002
+    beam_setback_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Names of the tracks in each column (upright, side) and row (section, beam, edge)."""
+
+    columns: Mapping[Column, tuple[str, ...]]
+    rows: Mapping[Row, tuple[str, ...]]
+
+    @property
+    def sections(self) -> tuple[int, ...]:
+        """Sections that have beams, in order."""
+        return tuple(sorted({section for section, _, _ in self.rows}))
+
+
+def constrain(
+    tracks: Sequence[Track],
+    facts: RowFacts,
+    start: Trajectory,
+    room: str = "shelves",
+    settings: GridSettings | None = None,
+) -> Constraints:
+    """The rack's part of the graph. Raises StructureError if there is no grid, SiteError if the number of heights given is
+    not that of the sections found."""
+    chosen = settings or GridSettings()
+    grid = grid_of(tracks)
+    if not grid.columns or not grid.rows:
+        raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
+    shared, dof = share_edges(tracks, facts.views, start, apart=chosen.beam_setback_m > 0)
+    keys = KeySpace(room).keys(track.name for track in tracks)
+    return Constraints(
+        room,
+        keys,
+        observe(shared, keys, facts.views, dof=dof),
+        (*_grid_lines(grid, keys), *_plane(tracks, keys, chosen), *_heights(grid, keys, chosen, facts.name)),
+        published_grid(tracks, grid, start, chosen),
+        dict(_places(grid, keys)),
+    )
+
+
+def grid_of(tracks: Sequence[Track]) -> Grid:
+    """Sort tracks into columns and rows by their place."""
+    columns: dict[Column, list[str]] = {}
+    rows: dict[Row, list[str]] = {}
+    for track in tracks:
+        columns.setdefault(column_of(track), []).append(track.name)
+        if track.label == "beam":
+            rows.setdefault(row_of(track), []).append(track.name)
+    return Grid({key: tuple(columns[key]) for key in sorted(columns)}, {key: tuple(rows[key]) for key in sorted(rows)})
+
+
+def column_of(track: Track) -> Column:
+    """The upright's edge a track lies on: a beam ends at the right edge of its section's left upright and so on."""
+    if track.label == "upright":
+        return int(track.place["upright"]), str(track.place["side"])
+    section = int(track.place["section"])
+    return (section, "right") if track.place["side"] == "left" else (section + 1, "left")
+
+
+def row_of(track: Track) -> Row:
+    """The beam's edge a corner lies on."""
+    return int(track.place["section"]), int(track.place["beam"]), str(track.place["edge"])
+
+
+def _grid_lines(grid: Grid, keys: Mapping[str, int]) -> Iterator[Relation]:
+    lines: tuple[tuple[Axis, Mapping[Column, tuple[str, ...]] | Mapping[Row, tuple[str, ...]]], ...]
+    lines = (("x", grid.columns), ("y", grid.rows))
+    for axis, groups in lines:
+        for first, *others in groups.values():
+            yield from (tie(axis, keys[first], keys[other]) for other in others)
+
+
+def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSettings) -> Iterator[Relation]:
+    """The face is z = 0; the row begins at the left edge of its first upright."""
+    for track in tracks:
+        yield pin("z", keys[track.name], -settings.beam_setback_m if track.label == "beam" else 0.0)
+    first = min(column_of(track) for track in tracks)
+    yield pin("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
+
+
+def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> Iterator[Relation]:
+    """h_ref: the lower edge of the lowest beam of each section."""
+    given = settings.lowest_beam_bottom_height_m
+    if given is None:
+        return
+    values = [float(given)] * len(grid.sections) if isinstance(given, int | float) else [float(value) for value in given]
+    if len(values) != len(grid.sections):
+        raise SiteError(
+            f"row {row}: lowest_beam_bottom_height_m gives {len(values)} heights, but {len(grid.sections)} sections were found"
+        )
+    for section, value in zip(grid.sections, values, strict=True):
+        lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
+        name = f"height of the lowest edge of section {section}"
+        yield reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name)
+
+
+def _places(grid: Grid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:
+    """Names of whole edges, for measured lengths."""
+    for (upright, side), (first, *_) in grid.columns.items():
+        yield f"upright {upright} / {side}", ("x", keys[first])
+    for (section, beam, edge), (first, *_) in grid.rows.items():
+        yield f"section {section} / beam {beam} / {edge}", ("y", keys[first])
+
+
+def published_grid(tracks: Sequence[Track], grid: Grid, start: Trajectory, settings: GridSettings) -> dict[str, Floats]:
+    """The paper's start: an equally spaced grid on the face as long as the camera's path."""
+    reach = start.world_from_rig[:, 0, 3]
+    uprights = sorted({upright for upright, _ in grid.columns})
+    along = np.linspace(0.0, float(np.ptp(reach)), len(uprights))
+    along = dict(zip(uprights, along.tolist(), strict=True))
+    levels = {section: 1 + max(beam for found, beam, _ in grid.rows if found == section) for section in grid.sections}
+    placed = {}
+    for track in tracks:
+        upright, side = column_of(track)
+        depth, height = 0.0, TOP_M if track.place.get("end") == "top" else 0.0
+        if track.label == "beam":
+            section, beam, edge = row_of(track)
+            depth, height = -settings.beam_setback_m, TOP_M * beam / levels[section] + 0.1 * (edge == "upper")
+        placed[track.name] = np.array([along[upright] + 0.1 * (side == "right"), height, depth])
+    return placed

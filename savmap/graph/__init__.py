@@ -1,0 +1,37 @@
+"""The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
+
+from savmap.graph.constraints import Constraints, Relation, known_length, pin, reference, tie
+from savmap.graph.keys import KeySpace, frame_key
+from savmap.graph.observations import Observations, observe
+from savmap.graph.problem import Problem, merge
+from savmap.graph.references import CameraHeight, Frames, KnownLength, References, SurveyedPoint, gauge
+from savmap.graph.solution import Landmark, Rejected, Solution
+from savmap.graph.solve import SolveOptions, solve
+from savmap.graph.start import published_start
+
+__all__ = [
+    "CameraHeight",
+    "Constraints",
+    "Frames",
+    "KeySpace",
+    "KnownLength",
+    "Landmark",
+    "Observations",
+    "Problem",
+    "References",
+    "Rejected",
+    "Relation",
+    "Solution",
+    "SolveOptions",
+    "SurveyedPoint",
+    "frame_key",
+    "gauge",
+    "known_length",
+    "merge",
+    "observe",
+    "pin",
+    "published_start",
+    "reference",
+    "solve",
+    "tie",
+]

@@ -1,0 +1,154 @@
+"""From an estimate and its covariance to the Solution: landmarks, trajectory, and a word on every reference."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SolveError
+from savmap.graph.constraints import Relation
+from savmap.graph.covariance import Covariance
+from savmap.graph.keys import mast_key
+from savmap.graph.problem import Problem
+from savmap.graph.residuals import Fit
+from savmap.graph.solution import Landmark, Rejected, Solution
+from savmap.graph.start import Estimate, rotations_at
+from savmap.types import Floats, ReferenceUse, Trajectory
+
+WARN_SIGMA, GROSS_SIGMA, GROSS_M = 3.0, 10.0, 0.1
+MANY_REJECTED = 0.25
+DRIFT_M = 0.05
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A reference's use, and how many standard deviations of its own residual it is off."""
+
+    use: ReferenceUse
+    off: float
+
+
+def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, inflation: float) -> Solution:
+    """Put the results together. Raises SolveError if references contradict one another grossly."""
+    verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
+    _refuse_contradiction(problem, verdicts)
+    share = 1.0 - float(fit.kept.mean())
+    return Solution(
+        trajectory=_trajectory(problem, estimate, covariance),
+        landmarks=_landmarks(problem, estimate, fit, covariance),
+        references=tuple(verdict.use for verdict in verdicts),
+        rejected=tuple(_rejected(problem, fit)),
+        warnings=tuple(_warnings(verdicts, share)),
+        report={
+            "observations": len(fit.kept),
+            "rejected": int((~fit.kept).sum()),
+            "rejected_share": share,
+            "residual_scale": fit.scale,
+            "variance_inflation": inflation,
+            "frames": len(problem.used),
+            "landmarks": len(problem.keys),
+        },
+        keys={room.room: room.keys for room in problem.rooms},
+        covariance=covariance,
+    )
+
+
+def _landmarks(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance) -> dict[str, dict[str, Landmark]]:
+    seen = np.bincount(problem.at_key, minlength=len(problem.keys))
+    used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
+    slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
+
+    def landmark(key: int) -> Landmark:
+        index, first = problem.index(key), slot[key]
+        own = covariance.points[first : first + 3, first : first + 3]
+        return Landmark(estimate.points[index], own, int(used[index]), int(seen[index] - used[index]))
+
+    return {room.room: {name: landmark(key) for name, key in room.keys.items()} for room in problem.rooms}
+
+
+def _trajectory(problem: Problem, estimate: Estimate, covariance: Covariance) -> Trajectory:
+    """Solved frames, and those between them: interpolated within a pass, with a sigma that grows with the gap."""
+    table = problem.frames.facts.frames
+    sigma = np.sqrt(np.maximum(covariance.places, 0.0))
+    frames, poses, sigmas = [], [], []
+    for chunk in problem.passes():
+        if not len(chunk):
+            continue
+        known = problem.used[chunk]
+        own = table.of_pass(table.passes[int(known[0])])
+        wanted = own[(own >= known[0]) & (own <= known[-1])]
+        frames.append(wanted)
+        poses.append(_between(wanted, known, estimate.poses[chunk]))
+        gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
+        sigmas.append(_columns(wanted, known, sigma[chunk]) + DRIFT_M * gap)
+    order = np.argsort(np.concatenate(frames), kind="stable")
+    return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], np.concatenate(sigmas)[order])
+
+
+def _between(wanted: Floats, known: Floats, poses: Floats) -> Floats:
+    filled = np.tile(np.eye(4), (len(wanted), 1, 1))
+    filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
+    filled[:, :3, 3] = _columns(wanted, known, poses[:, :3, 3])
+    exact = np.isin(wanted, known)
+    filled[exact] = poses
+    return filled
+
+
+def _columns(wanted: Floats, known: Floats, values: Floats) -> Floats:
+    return np.stack([np.interp(wanted, known, column) for column in values.T], axis=1)
+
+
+def _heights(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[Verdict]:
+    if problem.frames.fixed is not None:
+        return
+    for number, (height, solved) in enumerate(zip(problem.frames.references.camera_heights, estimate.heights, strict=True)):
+        name = " ".join(("camera height", *height.passes))
+        variance = covariance.of([mast_key(number)])[1, 1]
+        yield _verdict(name, height.value_m, height.sigma_m, float(solved), float(variance))
+
+
+def _relations(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[Verdict]:
+    for relation in problem.relations:
+        if relation.name:
+            solved, variance = _solved(problem, relation, estimate, covariance)
+            yield _verdict(relation.name, relation.value, relation.sigma, solved, variance)
+
+
+def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance: Covariance) -> tuple[float, float]:
+    axis = relation.column
+    at = float(estimate.points[problem.index(relation.a), axis])
+    if relation.b is None:
+        return at, float(covariance.of([relation.a])[axis, axis])
+    joint = covariance.of([relation.a, relation.b])[np.ix_([axis, 3 + axis], [axis, 3 + axis])]
+    return float(estimate.points[problem.index(relation.b), axis]) - at, float(joint[0, 0] + joint[1, 1] - 2 * joint[0, 1])
+
+
+def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:
+    """A residual's own variance is the reference's less the solution's (Baarda's test)."""
+    spare = np.sqrt(max(sigma**2 - variance, 0.01 * sigma**2))
+    return Verdict(ReferenceUse(name, value, sigma, solved), abs(solved - value) / float(spare))
+
+
+def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
+    gross = [v for v in verdicts if v.off > GROSS_SIGMA and abs(v.use.solved - v.use.value) > GROSS_M]
+    if gross:
+        told = "; ".join(_told(verdict) for verdict in sorted(gross, key=lambda v: -v.off)[:3])
+        raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
+
+
+def _told(verdict: Verdict) -> str:
+    use = verdict.use
+    return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {use.solved:.3f} m"
+
+
+def _warnings(verdicts: list[Verdict], share: float) -> Iterator[str]:
+    yield from (_told(verdict) for verdict in verdicts if verdict.off > WARN_SIGMA)
+    if share > MANY_REJECTED:
+        yield f"{share:.0%} of the observations did not fit and were left out"
+
+
+def _rejected(problem: Problem, fit: Fit) -> Iterator[Rejected]:
+    observations = problem.observations
+    for number in np.flatnonzero(~fit.kept).tolist():
+        room, name = problem.name_of(int(observations.keys[number]))
+        yield Rejected(room, name, int(observations.frames[number]), observations.views[observations.view[number]].name)

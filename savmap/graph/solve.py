@@ -1,0 +1,85 @@
+"""The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without what does not fit, until that is settled."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.errors import SolveError
+from savmap.graph.covariance import Covariance, covariance
+from savmap.graph.factors import estimate_of, observation_factors, other_factors, values_of
+from savmap.graph.finish import conclude
+from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.problem import Problem
+from savmap.graph.residuals import Fit, correlation, fit_of
+from savmap.graph.solution import Solution
+from savmap.graph.start import Estimate, start
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """`start`: linear equations, or as published. An observation more than `reject_sigma` off is left out, in at most
+    `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+
+    start: Literal["linear", "published"] = "linear"
+    reject_sigma: float = 4.0
+    rounds: int = 6
+    max_iterations: int = 100
+
+
+def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
+    """Solve, reject, repeat; then covariances. Raises SolveError if scale or place are not observable, if references
+    contradict one another, or if the graph cannot be solved."""
+    chosen = options or SolveOptions()
+    row = problem.frames.facts.name
+    estimate, fit = start(problem, chosen.start), None
+    for estimate, fit in _rounds(problem, estimate, chosen):
+        pass
+    if fit is None or not fit.kept.any():
+        raise SolveError(f"row {row}: no observation fits the solution")
+    inflation = fit.scale**2 * correlation(problem, fit)
+    return conclude(problem, estimate, fit, _covariance(problem, estimate, fit.kept, inflation), inflation)
+
+
+def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[tuple[Estimate, Fit]]:
+    """Estimates and what fits them, the last one being the answer: all observations at first, then those that fitted."""
+    factors = observation_factors(problem.observations)
+    kept: Mask = np.ones(len(factors), dtype=bool)
+    for _ in range(options.rounds):
+        estimate = _optimise(problem, estimate, [factors[number] for number in np.flatnonzero(kept)], options)
+        fit = fit_of(problem, estimate, kept, options.reject_sigma)
+        yield estimate, fit
+        if (fit.kept == kept).all():
+            return
+        kept = fit.kept
+
+
+def _optimise(
+    problem: Problem, estimate: Estimate, factors: list[gtsam.NonlinearFactor], options: SolveOptions
+) -> Estimate:
+    graph = other_factors(problem, estimate)
+    for factor in factors:
+        graph.push_back(factor)
+    settings = gtsam.LevenbergMarquardtParams()
+    settings.setMaxIterations(options.max_iterations)
+    settings.setRelativeErrorTol(1e-7)
+    try:
+        values = gtsam.LevenbergMarquardtOptimizer(graph, values_of(problem, estimate), settings).optimize()
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+        raise SolveError(f"row {problem.frames.facts.name}: the graph cannot be solved ({reason})") from error
+    return estimate_of(problem, values, estimate)
+
+
+def _covariance(problem: Problem, estimate: Estimate, kept: Mask, inflation: float) -> Covariance:
+    graph = other_factors(problem, estimate)
+    for factor in observation_factors(problem.observations.take(np.flatnonzero(kept)), inflation):
+        graph.push_back(factor)
+    used = problem.used.tolist()
+    frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
+    return covariance(graph, values_of(problem, estimate), frames, centres)

@@ -1,0 +1,187 @@
+"""Observations without pixels: what boundary detection would give for a scene, with the errors that networks make.
+
+For large, fast tests of tracking and solving. The four errors of the masks (paper, "Segment structures"): a structure
+is missed, given twice, incomplete in its length, or its mask is wider than the face. Beside them noise and outliers.
+Occlusion by goods is ignored; what lies outside the view is cut off.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from savmap.geometry.pinhole import project
+from savmap.sim.build import Built
+from savmap.sim.camera import Drive, row_fronts
+from savmap.sim.primitives import Floats
+from savmap.types import ViewSpec
+
+Side = Literal["left", "right", "lower", "upper"]
+
+_NEAREST_M = 0.05
+_LEAST_PX = 12.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Which structure: its `label`, and its number, or its section and level in that; both count from 0."""
+
+    label: str
+    section: int
+    level: int = -1
+
+
+@dataclass(frozen=True)
+class ObservedEdge:
+    """One edge of one mask: `pixels` (2, 2) are its ends. `instance` numbers the masks of a frame; both sides share it.
+
+    `truth` is None for an outlier; for checking only.
+    """
+
+    frame: int
+    label: str
+    side: Side
+    instance: int
+    pixels: Floats
+    truth: Truth | None
+
+
+@dataclass(frozen=True)
+class MaskErrors:
+    """Shares of masks with each error, and its size: px of `sigma_px` noise, `wide_px` too wide, length left."""
+
+    sigma_px: float = 0.5
+    missed: float = 0.0
+    duplicated: float = 0.0
+    incomplete: float = 0.0
+    wide: float = 0.0
+    wide_px: float = 4.0
+    outliers: float = 0.0
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A structure's front in the row's frame: its edges' ends (2, 2, 3) m, lower or left edge first."""
+
+    truth: Truth
+    edges: Floats
+
+
+def strips(built: Built, row: str) -> list[Strip]:
+    """The fronts of a mapped row's uprights, left to right, then of its beams, by section from the bottom up."""
+    fronts = row_fronts(built, row)
+    uprights = sorted((low, high) for label, low, high in fronts if label == "upright")
+    found = [Strip(Truth("upright", number), _tall(low, high)) for number, (low, high) in enumerate(uprights)]
+    starts = np.array([low[0] for low, _ in uprights])
+    beams = sorted(
+        (int((starts < low[0]).sum()) - 1, low[1], low, high) for label, low, high in fronts if label == "beam"
+    )
+    sections = [section for section, *_ in beams]
+    levels = [index - sections.index(section) for index, section in enumerate(sections)]
+    for level, (section, _, low, high) in zip(levels, beams, strict=True):
+        found.append(Strip(Truth("beam", section, level), _long(low, high)))
+    return found
+
+
+def observe(
+    built: Built, row: str, path: Drive, spec: ViewSpec, errors: MaskErrors, seed: int
+) -> Iterator[list[ObservedEdge]]:
+    """The edges of every frame of a drive in the view `spec`; the same seed gives the same."""
+    known = strips(built, row)
+    frame = built.frames[row]
+    for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
+        rng = np.random.default_rng([seed, index])
+        view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
+        camera = frame.to_row(origin)
+        seen = [(s.truth, _visible((s.edges - camera) @ view_from_row.T, spec)) for s in known]
+        masks = [(truth, edges) for truth, edges in seen if edges is not None]
+        yield _edges(index, list(_masks(masks, errors, spec, rng)), errors, rng)
+
+
+def _tall(low: tuple[float, ...], high: tuple[float, ...]) -> Floats:
+    return np.array([[[x, y, high[2]] for y in (low[1], high[1])] for x in (low[0], high[0])])
+
+
+def _long(low: tuple[float, ...], high: tuple[float, ...]) -> Floats:
+    return np.array([[[x, y, high[2]] for x in (low[0], high[0])] for y in (low[1], high[1])])
+
+
+def _visible(edges: Floats, spec: ViewSpec) -> Floats | None:
+    """Both edges' pixels (2, 2, 2), cut at the view's borders; None where either hardly shows."""
+    cut = [_cut(edge, spec) for edge in edges]
+    if any(edge is None for edge in cut):
+        return None
+    return np.array(cut)
+
+
+def _cut(edge: Floats, spec: ViewSpec) -> Floats | None:
+    """The part of a segment (2, 3) of the view frame that lies in the view, in pixels (2, 2)."""
+    depth = edge[:, 2]
+    if depth.max() <= _NEAREST_M:
+        return None
+    if depth.min() < _NEAREST_M:
+        share = (_NEAREST_M - depth[0]) / (depth[1] - depth[0])
+        edge = np.where((depth < _NEAREST_M)[:, None], edge[0] + share * (edge[1] - edge[0]), edge)
+    ends = project(edge, spec.camera)
+    span = ends[1] - ends[0]
+    low, high = 0.0, 1.0
+    for axis, size in ((0, spec.width), (1, spec.height)):
+        if abs(span[axis]) < 1e-9:
+            inside = -0.5 <= ends[0, axis] <= size - 0.5
+            low, high = (low, high) if inside else (1.0, 0.0)
+            continue
+        border = np.sort((np.array([-0.5, size - 0.5]) - ends[0, axis]) / span[axis])
+        low, high = max(low, float(border[0])), min(high, float(border[1]))
+    if (high - low) * np.linalg.norm(span) < _LEAST_PX:
+        return None
+    return np.stack([ends[0] + low * span, ends[0] + high * span])
+
+
+def _masks(
+    seen: Sequence[tuple[Truth, Floats]], errors: MaskErrors, spec: ViewSpec, rng: np.random.Generator
+) -> Iterator[tuple[Truth | None, str, Floats]]:
+    for truth, edges in seen:
+        if rng.random() < errors.missed:
+            continue
+        for _ in range(2 if rng.random() < errors.duplicated else 1):
+            yield truth, truth.label, _spoilt(edges, errors, rng)
+        if rng.random() < errors.outliers:
+            yield None, truth.label, _outlier(edges, spec, rng)
+
+
+def _spoilt(edges: Floats, errors: MaskErrors, rng: np.random.Generator) -> Floats:
+    """Edges (2, 2, 2) with a piece of their length lost, widened to one side or both."""
+    if rng.random() < errors.incomplete:
+        left = rng.uniform(0.4, 0.9)
+        first = rng.uniform(0, 1 - left)
+        span = edges[:, 1] - edges[:, 0]
+        edges = np.stack([edges[:, 0] + first * span, edges[:, 0] + (first + left) * span], axis=1)
+    if rng.random() < errors.wide:
+        apart = edges[1].mean(0) - edges[0].mean(0)
+        apart = apart / max(float(np.linalg.norm(apart)), 1e-9)
+        grown = rng.uniform(0.3, 1.0, 2) * errors.wide_px * rng.permutation([1.0, float(rng.random() < 0.5)])
+        edges = edges + np.stack([-grown[0] * apart, grown[1] * apart])[:, None]
+    return edges
+
+
+def _outlier(edges: Floats, spec: ViewSpec, rng: np.random.Generator) -> Floats:
+    """A mask like another, somewhere else and askew."""
+    middle = edges.mean((0, 1))
+    angle = np.radians(rng.normal(0, 8))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    place = rng.uniform([0, 0], [spec.width, spec.height])
+    moved: Floats = (edges - middle) * rng.uniform(0.3, 1.0) @ turn.T + place
+    return np.clip(moved, -0.5, [spec.width - 0.5, spec.height - 0.5])
+
+
+def _edges(
+    frame: int, masks: Sequence[tuple[Truth | None, str, Floats]], errors: MaskErrors, rng: np.random.Generator
+) -> list[ObservedEdge]:
+    found = []
+    for instance, (truth, label, edges) in enumerate(masks):
+        names: tuple[Side, Side] = ("left", "right") if label == "upright" else ("lower", "upper")
+        for side, pixels in zip(names, edges, strict=True):
+            noisy = pixels + rng.normal(0, errors.sigma_px, (2, 2))
+            found.append(ObservedEdge(frame, label, side, instance, noisy, truth))
+    return found

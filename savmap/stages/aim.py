@@ -1,0 +1,154 @@
+"""Automatic aim (paper, "Rendering views"): which way a row's views look, whichever way the camera is turned.
+
+`Scout.look` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
+faces the structure, `fit_height` and `fit_count` (savmap.stages.fit) the smallest field of view that shows enough. What
+the structure looks like is for the caller to say, by functions it gives.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.geometry import pinhole
+from savmap.geometry.vanishing import RIG_UP, Floats, facing
+from savmap.stages.render import Renderer
+from savmap.stages.segments import manhattan
+from savmap.stages.travel import travel_direction
+from savmap.types import Panorama, View, ViewSpec
+
+__all__ = ["Face", "Manual", "Scout", "ceiling_view", "choose_face", "face_candidates", "manhattan", "travel_direction"]
+
+Side = Literal["left", "right"]
+Score = Callable[[ViewSpec, Panorama], float]
+# world_from_view of a level view straight at the face, and of one straight up
+LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
+UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+STEEPEST_TILT_DEG = 60.0
+SCORED_FRAMES = 5
+
+
+@dataclass(frozen=True)
+class Manual:
+    """Values of a view that the site file fixes; None: to be found. The size is always as given."""
+
+    yaw_deg: float | None = None
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+    hfov_deg: float | None = None
+    width: int = 640
+    height: int = 480
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to find."""
+        return None not in (self.yaw_deg, self.pitch_deg, self.roll_deg, self.hfov_deg)
+
+    def over(self, spec: ViewSpec) -> ViewSpec:
+        """The view with these values in place of its own."""
+        given = {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg, "hfov_deg": self.hfov_deg}
+        fixed = {key: value for key, value in given.items() if value is not None}
+        return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Scout:
+    """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
+    rig_from_manhattan (3, 3)."""
+
+    keys: tuple[Panorama, ...]
+    pairs: tuple[tuple[Panorama, Panorama], ...]
+    renderer: Renderer
+    rig_from_manhattan: Floats
+
+    @classmethod
+    def look(
+        cls,
+        keys: Sequence[Panorama],
+        pairs: Sequence[tuple[Panorama, Panorama]] = (),
+        renderer: Renderer | None = None,
+    ) -> "Scout":
+        """Find the building's axes in the key frames. StructureError where none stand out."""
+        renderer = renderer or Renderer()
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(keys, renderer))
+
+    def views(self, spec: ViewSpec) -> list[View]:
+        """The view of every key frame."""
+        return [self.renderer.render(panorama, spec) for panorama in self.keys]
+
+
+@dataclass(frozen=True)
+class Face:
+    """The direction of a face: a view straight at it, level in the building, which way the camera goes along it (+1:
+    towards +x, -1: towards -x, 0: not known), and its score."""
+
+    spec: ViewSpec
+    travel: int
+    score: float
+
+    @property
+    def rig_from_world(self) -> Floats:
+        """Rotation (3, 3) of the row's frame as seen by a level view straight at the face."""
+        return self.spec.rig_from_view @ LEVEL.T
+
+    @property
+    def world_from_rig(self) -> Floats:
+        """Rotation (3, 3): where to start a frame's orientation from."""
+        return self.rig_from_world.T
+
+
+def face_candidates(rig_from_manhattan: Floats, hfov_deg: float = 100.0) -> tuple[ViewSpec, ...]:
+    """The four level views along the building's horizontal axes, the first along -z, then to the right.
+
+    Where the rig is tilted so far that another axis could be the vertical (less than 60 degrees from the rig's up), the
+    four that follow from it are added.
+    """
+    back = rig_from_manhattan[:, 2]
+    return tuple(
+        _spec("face", facing(rig_from_manhattan, up, back) @ LEVEL @ pinhole.rig_from_view(turn, 0, 0), hfov_deg)
+        for up in _verticals(rig_from_manhattan)
+        for turn in (0.0, 90.0, 180.0, 270.0)
+    )
+
+
+def _verticals(rig_from_manhattan: Floats) -> list[Floats]:
+    directions = [*rig_from_manhattan.T, *-rig_from_manhattan.T]
+    upright = [d for d in directions if float(RIG_UP @ d) >= np.cos(np.radians(STEEPEST_TILT_DEG))]
+    return sorted(upright, key=lambda d: -float(RIG_UP @ d))
+
+
+def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
+    return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
+
+
+def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: float = 100.0) -> Face:
+    """The level direction that faces the structure best.
+
+    `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
+    camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
+    faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
+    """
+    frames = scout.keys[:: max(1, len(scout.keys) // SCORED_FRAMES)]
+    faces = [
+        Face(spec, travel_direction(scout.pairs, spec, scout.renderer), float(np.mean([score(spec, p) for p in frames])))
+        for spec in face_candidates(scout.rig_from_manhattan, hfov_deg)
+    ]
+    wanted = {"left": 1, "right": -1}.get(side or "", 0)
+    across = [face for face in faces if face.travel and wanted in (0, face.travel)]
+    best = max(across or faces, key=lambda face: face.score)
+    if best.score <= 0:
+        where = f"on the {side} of the way" if side else "in any direction"
+        raise StructureError(f"no structure is seen {where}; check the side, or give the view's angles in the site file")
+    return best
+
+
+def ceiling_view(face: Face, hfov_deg: float = 110.0, name: str = "ceiling") -> ViewSpec:
+    """The view straight up in the building; its x runs along the row's."""
+    return _spec(name, face.rig_from_world @ UPWARDS, hfov_deg)
+
+
+def tilted(face: Face, pitch_deg: float, hfov_deg: float, name: str) -> ViewSpec:
+    """The view at the face, raised by `pitch_deg` in the building."""
+    return _spec(name, face.spec.rig_from_view @ pinhole.rig_from_view(0, pitch_deg, 0), hfov_deg)

@@ -1,0 +1,172 @@
+"""map.json: the same bytes each time, everything in it, and clear errors for what is no map."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from savmap.errors import OutputError
+from savmap.io.mapfile import map_text, read_map, write_map
+from savmap.io.mapschema import schema_text
+from savmap.types import FrameTable, ReferenceUse, RowMap, SiteMap, Structure, Trajectory, ViewSpec
+
+SCHEMA = Path(__file__).parents[2] / "docs" / "map.schema.json"
+
+
+def site() -> SiteMap:
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(4, 3, 3)) * 1e-3
+    thing = Structure(
+        id="thing 1",
+        label="thing",
+        vertices=rng.normal(size=(4, 3)),
+        covariances=root @ root.transpose(0, 2, 1),
+        vertex_labels=("lower left", "lower right", "upper right", "[ 1 ]"),
+        edges=np.array([[0, 1], [1, 2], [2, 3]]),
+        attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25)},
+    )
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, :3] = Rotation.random(3, rng=rng).as_matrix()
+    poses[:, :3, 3] = rng.normal(size=(3, 3))
+    row = RowMap(
+        name="A",
+        frames=FrameTable(np.arange(5) / 15, ("there",) * 3 + ("back",) * 2),
+        views={"face": ViewSpec("face", 91.25, -3.5, 0.125, 110.0), "up": ViewSpec("up", 0.0, 90.0)},
+        trajectory=Trajectory(np.array([0, 1, 4]), poses, np.full((3, 3), 0.0123)),
+        structures={"things": (thing,), "others": ()},
+        references=(ReferenceUse("camera height", 3.055, 0.02, 3.0501),),
+        report={"frames": 5, "rms_px": 0.41},
+    )
+    return SiteMap({"A": row}, {"savmap": "0.1.0", "model things": "ab12"})
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    made = site()
+    write_map(made, tmp_path / "map.json")
+    found = read_map(tmp_path / "map.json")
+    assert found.made_by == made.made_by
+    before, after = made.rows["A"], found.rows["A"]
+    assert (after.name, after.views) == ("A", before.views)
+    assert (after.references, after.report) == (before.references, before.report)
+    assert after.frames.passes == before.frames.passes
+    assert after.trajectory.frames.tolist() == [0, 1, 4]
+    np.testing.assert_allclose(after.frames.stamps_s, before.frames.stamps_s, atol=1e-6)
+    np.testing.assert_allclose(after.trajectory.world_from_rig, before.trajectory.world_from_rig, atol=6e-6)
+    np.testing.assert_allclose(after.trajectory.sigma_m, before.trajectory.sigma_m, atol=1e-6)
+    assert set(after.structures) == {"things", "others"}
+    mapped, read = before.structures["things"][0], after.structures["things"][0]
+    assert (read.id, read.label, read.vertex_labels) == (mapped.id, mapped.label, mapped.vertex_labels)
+    assert read.attributes == mapped.attributes
+    np.testing.assert_array_equal(read.edges, mapped.edges)
+    np.testing.assert_allclose(read.vertices, mapped.vertices, atol=5.001e-6)
+    np.testing.assert_allclose(read.covariances, mapped.covariances, rtol=1e-5)
+
+
+def test_bytes_are_the_same_each_time_and_after_reading(tmp_path: Path) -> None:
+    text = map_text(site())
+    assert text == map_text(site())
+    write_map(site(), tmp_path / "map.json")
+    write_map(read_map(tmp_path / "map.json"), tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "map.json").read_bytes() == text.encode()
+
+
+def test_tiny_differences_and_the_order_of_keys_leave_the_bytes_alone() -> None:
+    made = site()
+    row = made.rows["A"]
+    poses = row.trajectory.world_from_rig.copy()
+    poses[:, :3, 3] = np.round(poses[:, :3, 3], 5) + 1e-9
+    nudged = replace(row, trajectory=replace(row.trajectory, world_from_rig=poses))
+    turned = replace(nudged, structures=dict(reversed(nudged.structures.items())))
+    assert map_text(replace(made, rows={"A": turned})) == map_text(made)
+
+
+def test_every_vertex_has_its_label_and_deviation() -> None:
+    entry = json.loads(map_text(site()))["rows"]["A"]["structures"]["things"][0]
+    for vertex, label in zip(entry["vertices"], ("lower left", "lower right", "upper right", "[ 1 ]"), strict=True):
+        assert vertex["label"] == label
+        variances = [vertex["covariance_m2"][k] for k in (0, 3, 5)]
+        np.testing.assert_allclose(vertex["sigma_m"], np.sqrt(variances), atol=1e-6)
+
+
+def test_reference_residual_and_unplaced_frames() -> None:
+    row = json.loads(map_text(site()))["rows"]["A"]
+    assert row["references"][0]["residual"] == pytest.approx(-0.0049)
+    assert [entry["position_m"] is None for entry in row["trajectory"]] == [False, False, True, True, False]
+    assert row["trajectory"][4]["pass"] == "back"
+
+
+def test_published_schema_is_up_to_date() -> None:
+    assert SCHEMA.read_text() == schema_text(), "python -m savmap.io.mapschema > docs/map.schema.json"
+
+
+def test_map_satisfies_the_published_schema() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text()))
+    content = json.loads(map_text(site()))
+    assert list(validator.iter_errors(content)) == []
+    content["rows"]["A"]["colour"] = "red"
+    assert len(list(validator.iter_errors(content))) == 1
+
+
+def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
+    made = site()
+    broken = replace(made, rows={"A": replace(made.rows["A"], report={"rms_px": float("nan")})})
+    with pytest.raises(OutputError, match="not finite"):
+        write_map(broken, tmp_path / "map.json")
+    assert not (tmp_path / "map.json").exists()
+
+
+def _drop_rows(content: dict[str, Any]) -> None:
+    del content["rows"]
+
+
+def _other_version(content: dict[str, Any]) -> None:
+    content["version"] = 7
+
+
+def _other_format(content: dict[str, Any]) -> None:
+    content["format"] = "savmap-survey"
+
+
+def _short_vertex(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["structures"]["things"][0]["vertices"][2]["position_m"].pop()
+
+
+def _loose_edge(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["structures"]["things"][0]["edges"][0] = [0, 9]
+
+
+def _frame_out_of_order(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["trajectory"][1]["frame"] = 8
+
+
+def _zero_quaternion(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["trajectory"][1]["orientation_xyzw"] = [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (_drop_rows, "rows: Field required"),
+        (_other_version, "version 7; this program reads version 1"),
+        (_other_format, "is not a map"),
+        (_short_vertex, r"rows\.A\.structures\.things\[0\]\.vertices\[2\]\.position_m\[2\]: Field required"),
+        (_loose_edge, "thing 1: an edge joins a vertex that is not there"),
+        (_frame_out_of_order, "frames should be numbered"),
+        (_zero_quaternion, "zero norm"),
+    ],
+)
+def test_wrong_maps_are_one_line(tmp_path: Path, spoil: Callable[[dict[str, Any]], None], message: str) -> None:
+    content = json.loads(map_text(site()))
+    spoil(content)
+    path = tmp_path / "map.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(OutputError, match=message) as caught:
+        read_map(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)

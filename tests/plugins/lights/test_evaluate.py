@@ -1,0 +1,98 @@
+"""Mapped lamps against a survey, and how they are drawn."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from savmap_lights.evaluate import evaluate, match
+from savmap_lights.sketch import draw
+
+from savmap.errors import OutputError
+from savmap.evaluation import Distances, Score
+from savmap.types import Structure
+
+Row = dict[str, Any]
+CENTRES = (-2.0, 1.0, 4.0, 7.0, 10.0, 13.0)
+
+
+@pytest.fixture
+def surveyed() -> Row:
+    ends = [[[x - 0.6, 8.2, 1.2], [x + 0.6, 8.2, 1.2]] for x in CENTRES]
+    return {"uprights": [[0.0, 0.1], [5.0, 5.1], [10.5, 10.6]], "lights": [{"ends": own} for own in ends]}
+
+
+def lamp(number: int, *vertices: list[float]) -> Structure:
+    count = len(vertices)
+    labels = ("end 0", "end 1") if count == 2 else ("centre",)
+    edges = np.array([[0, 1]] if count == 2 else [], dtype=np.int64).reshape(-1, 2)
+    return Structure(f"light {number}", "light", np.array(vertices), np.zeros((count, 3, 3)), labels, edges)
+
+
+def strips(row: Row) -> list[Structure]:
+    return [lamp(k, *own["ends"]) for k, own in enumerate(row["lights"], start=1)]
+
+
+def found(score: Score) -> Distances:
+    assert not score.errors
+    return score.apart["lights"]
+
+
+def test_a_perfect_map_scores_zero_for_lamps_above_the_row(surveyed: Row) -> None:
+    own = found(evaluate(strips(surveyed), surveyed))
+    assert own.distances_m.tolist() == [0.0] * 4
+    assert (own.missing, own.spurious) == (0, 0)
+
+
+def test_compact_lamps_and_swapped_ends_are_compared_by_centre(surveyed: Row) -> None:
+    compact = lamp(1, [1.0, 8.25, 1.2])
+    turned = lamp(2, [4.6, 8.2, 1.3], [3.4, 8.2, 1.3])
+    own = found(evaluate([compact, turned], surveyed))
+    assert own.distances_m == pytest.approx([0.05, 0.1])
+    assert (own.missing, own.spurious) == (2, 0)
+
+
+def test_missing_and_spurious_lamps(surveyed: Row) -> None:
+    lamps = [*strips(surveyed)[:2], lamp(9, [5.5, 8.2, 1.2]), lamp(10, [12.0, 8.2, 1.2])]
+    score = evaluate(lamps, surveyed)
+    own = found(score)
+    assert (len(own.distances_m), own.missing, own.spurious) == (1, 3, 1)
+    assert score.deviations == {"light 2": 0.0, "light 9": float("inf")}
+
+
+def test_a_lamp_just_beyond_the_end_is_not_spurious_though_mapped_just_inside(surveyed: Row) -> None:
+    surveyed["lights"].append({"ends": [[10.02, 8.2, 3.0], [11.22, 8.2, 3.0]]})
+    own = found(evaluate([*strips(surveyed)[:-1], lamp(9, [10.55, 8.2, 3.0])], surveyed))
+    assert (len(own.distances_m), own.missing, own.spurious) == (4, 0, 0)
+
+
+def test_matching_is_one_to_one_within_the_gate() -> None:
+    truth = np.array([[0.0, 0, 0], [0.9, 0, 0]])
+    assert match(truth, np.array([[0.5, 0, 0], [1.4, 0, 0]])) == {0: 0, 1: 1}
+    assert match(truth, np.array([[0.1, 0, 0], [3.0, 0, 0]])) == {0: 0}
+    assert match(truth, np.zeros((0, 3))) == {}
+
+
+def test_a_survey_without_lamps_is_not_compared(surveyed: Row) -> None:
+    assert evaluate(strips(surveyed), {"uprights": surveyed["uprights"]}) == Score()
+    assert len(draw(strips(surveyed), {"uprights": surveyed["uprights"]}, {})) == 6
+
+
+def test_a_row_without_uprights_has_no_end(surveyed: Row) -> None:
+    assert len(found(evaluate(strips(surveyed), {"lights": surveyed["lights"]})).distances_m) == 6
+
+
+def test_a_wrong_survey_is_one_line(surveyed: Row) -> None:
+    with pytest.raises(OutputError, match=r"survey: lights\[0\]\.ends\[1\]: Field required"):
+        evaluate([], {"lights": [{"ends": [[0, 1, 2]]}]})
+
+
+def test_drawings_of_strips_compact_lamps_and_what_is_off(surveyed: Row) -> None:
+    lamps = [strips(surveyed)[1], lamp(7, [4.0, 8.2, 1.3]), lamp(8, [7.01, 8.2, 1.2])]
+    drawings = draw(lamps, surveyed, evaluate(lamps, surveyed).deviations)
+    assert [(own.kind, own.role) for own in drawings if own.role != "survey"] == [
+        ("line", "mapped"),
+        ("point", "off"),
+        ("point", "mapped"),
+    ]
+    assert sum(own.role == "survey" for own in drawings) == 6
+    assert [own.role for own in draw(lamps, None, {})] == ["mapped"] * 3

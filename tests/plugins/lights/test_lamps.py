@@ -1,0 +1,115 @@
+"""Lamps: from masks to points, from points to tracks, from tracks to the map."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from savmap_lights.constraints import constrain
+from savmap_lights.describe import describe
+from savmap_lights.features import extract_features
+from savmap_lights.tracking import track_lamps
+
+from savmap.errors import StructureError
+from savmap.geometry.pinhole import angles_from_rotation, project
+from savmap.graph import gauge, merge, solve
+from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+
+HEIGHT_M, LINE_Z_M, PITCH_M, LENGTH_M = 7.5, 1.2, 3.0, 1.3
+WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+CEILING = ViewSpec(
+    "pass 1 / ceiling", *angles_from_rotation(np.diag([1.0, -1.0, -1.0]) @ WORLD_FROM_VIEW), hfov_deg=110
+)
+
+
+def path(count: int = 40) -> Trajectory:
+    """A straight drive along x, the rig's axes along the world's."""
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = np.diag([1.0, -1.0, -1.0])
+    poses[:, :3, 3] = np.stack([np.linspace(0, 10, count), np.full(count, 3.0), np.full(count, 1.3)], axis=1)
+    return Trajectory(np.arange(count), poses)
+
+
+def facts(count: int = 40) -> RowFacts:
+    return RowFacts("A", FrameTable(np.arange(count) / 5, ("pass 1",) * count), {CEILING.name: CEILING}, {"pass 1": 1})
+
+
+def ends(line_z: float = LINE_Z_M) -> Floats:
+    """Both ends (n, 2, 3) of the strips of one line."""
+    starts = np.arange(-3, 12, PITCH_M)
+    return np.array([[[x, HEIGHT_M, line_z], [x + LENGTH_M, HEIGHT_M, line_z]] for x in starts])
+
+
+def seen_pixels(points: Floats, pose: Floats) -> Floats:
+    in_rig = (points - pose[:3, 3]) @ pose[:3, :3]
+    return project(in_rig @ CEILING.rig_from_view, CEILING.camera)
+
+
+def view_of(strips: Floats, pose: Floats, frame: int) -> tuple[View, list[Detection]]:
+    """Masks of lamps 12 cm wide as a camera at `pose` sees them, drawn with smooth borders."""
+    detections = []
+    for strip in strips:
+        corners = np.array(
+            [strip[0] + [0, 0, -0.06], strip[1] + [0, 0, -0.06], strip[1] + [0, 0, 0.06], strip[0] + [0, 0, 0.06]]
+        )
+        canvas = np.zeros((480, 640), dtype=np.uint8)
+        cv2.fillPoly(canvas, [np.round(seen_pixels(corners, pose) * 256).astype(np.int32)], 255, cv2.LINE_AA, 8)
+        if (canvas > 127).any():
+            detections.append(Detection("light", 0.9, canvas > 127, (canvas / 255).astype(np.float32)))
+    image = np.zeros((480, 640, 3), dtype=np.uint8)
+    return View(CEILING, frame, frame / 5, image), detections
+
+
+def features_of(lines: Sequence[Floats]) -> list[Feature]:
+    found: list[Feature] = []
+    for frame, pose in enumerate(path().world_from_rig):
+        found += extract_features(*view_of(np.concatenate(lines), pose, frame))
+    return found
+
+
+def test_ends_of_a_strip_are_found_to_a_pixel() -> None:
+    pose = path().world_from_rig[20]
+    strip = ends()[2:3]
+    points = {f.part: f.pixels[0] for f in extract_features(*view_of(strip, pose, 20))}
+    truth = seen_pixels(strip[0], pose)
+    found = sorted([points["end a"], points["end b"]], key=lambda p: float(np.linalg.norm(p - truth[0])))
+    assert np.abs(np.array(found) - truth).max() < 1.2
+    assert np.abs(points["centre"] - truth.mean(axis=0)).max() < 1.0
+
+
+def test_a_lamp_cut_by_the_frame_has_no_centre() -> None:
+    mask = np.zeros((480, 640), dtype=bool)
+    mask[0:60, 300:310] = True
+    view = View(CEILING, 0, 0.0, np.zeros((480, 640, 3), dtype=np.uint8))
+    parts = {f.part for f in extract_features(view, [Detection("light", 0.9, mask, mask.astype(np.float32))])}
+    assert "centre" not in parts
+    assert len(parts) == 1
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.05])
+def test_strips_of_the_nearest_line_become_numbered_tracks(noise_m: float) -> None:
+    rough = path()
+    shift = np.random.default_rng(3).normal(0, noise_m, (len(rough.frames), 3))
+    poses = rough.world_from_rig.copy()
+    poses[:, :3, 3] += shift
+    tracks = track_lamps(features_of([ends(), ends(LINE_Z_M + 4)]), facts(), replace(rough, world_from_rig=poses))
+    assert [t.name for t in tracks] == [f"light {k} / end {e}" for k in range(1, 6) for e in (0, 1)]
+    assert all(t.label == "light" for t in tracks)
+
+
+def test_no_lamps_is_said() -> None:
+    with pytest.raises(StructureError, match="no lamp was seen"):
+        track_lamps([], facts(), path())
+
+
+def test_lamps_are_mapped_from_a_known_path() -> None:
+    tracks = track_lamps(features_of([ends()]), facts(), path())
+    solution = solve(merge(gauge(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True)))
+    structures = describe(tracks, solution, "lights")
+    assert [s.id for s in structures] == [f"light {k}" for k in range(1, 6)]
+    for structure, truth in zip(structures, ends(), strict=True):
+        assert structure.vertex_labels == ("end 0", "end 1")
+        assert np.abs(structure.vertices.mean(axis=0) - truth.mean(axis=0)).max() < 0.02
+        assert np.abs(structure.vertices - truth).max() < 0.04
+        assert (np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)) < 0.05).all()

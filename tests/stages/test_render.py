@@ -1,0 +1,109 @@
+"""Views cut from panoramas: against the formula, against py360convert, at the seam, at the poles, without aliasing."""
+
+from functools import lru_cache
+
+import numpy as np
+import py360convert
+import pytest
+
+from savmap.geometry import pinhole, sphere
+from savmap.stages.render import KEPT_TABLES, Renderer
+from savmap.types import Panorama, ViewSpec
+
+VIEWS = [
+    ViewSpec("ahead", 0, hfov_deg=90),
+    ViewSpec("seam", 180, -20, 0, 100),
+    ViewSpec("seam rolled", -170, 15, 40, 60),
+    ViewSpec("up", 70, 90, 0, 110),
+    ViewSpec("nearly down", -30, -85, 10, 80),
+    ViewSpec("wide", 100, 0, 0, 150, 400, 300),
+]
+
+
+def grid(width: int, height: int) -> np.ndarray:
+    return np.stack(np.meshgrid(np.arange(float(width)), np.arange(float(height))), axis=-1)
+
+
+def colour(rays: np.ndarray) -> np.ndarray:
+    """A smooth, detailed colour (..., 3) for every direction (..., 3)."""
+    x, y, z = np.moveaxis(rays, -1, 0)
+    red = 128 + 100 * np.sin(9 * x + 4 * y) * np.cos(11 * z)
+    green = 128 + 60 * np.sin(25 * y + 7 * z) + 50 * np.sin(30 * x)
+    return np.stack([red, green, 128 + 110 * np.sin(15 * x * y + 12 * z)], axis=-1)
+
+
+@lru_cache
+def panorama(height: int) -> Panorama:
+    rays = sphere.rays_from_panorama_pixels(grid(2 * height, height), height)
+    return Panorama(7, 1.5, colour(rays).round().astype(np.uint8))
+
+
+@pytest.mark.parametrize("spec", VIEWS, ids=lambda spec: spec.name)
+@pytest.mark.parametrize(("height", "largest"), [(512, 4), (1500, 3)])
+def test_view_is_what_the_directions_look_like(spec: ViewSpec, height: int, largest: float) -> None:
+    view = Renderer().render(panorama(height), spec)
+    error = np.abs(view.image - colour(spec.rig_rays(grid(spec.width, spec.height))))
+    assert (view.frame, view.stamp_s, view.spec) == (7, 1.5, spec)
+    assert error.max() < largest
+    assert error.mean() < 0.4
+
+
+@pytest.mark.parametrize("spec", [view for view in VIEWS if view.roll_deg == 0], ids=lambda spec: spec.name)
+@pytest.mark.parametrize("height", [512])
+def test_agrees_with_py360convert(spec: ViewSpec, height: int) -> None:
+    """e2p spreads its field of view between the centres of the outer pixels, ours between their outer borders."""
+    image = panorama(height).image
+    fov = tuple(np.degrees(2 * np.arctan((n - 1) / 2 / spec.camera[0, 0])) for n in (spec.width, spec.height))
+    theirs = py360convert.e2p(image, fov, spec.yaw_deg, spec.pitch_deg, (spec.height, spec.width))
+    difference = np.abs(Renderer().render(panorama(height), spec).image.astype(int) - theirs)
+    assert difference.max() <= 3
+    assert difference.mean() < 0.1
+
+
+@lru_cache
+def noise(height: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 255, (height, 2 * height, 3), np.uint8)
+
+
+@pytest.mark.parametrize("height", [256, 1024])
+@pytest.mark.parametrize("pitch", [0.0, 88.0])
+def test_turning_the_panorama_turns_the_view(height: int, pitch: float) -> None:
+    """Nothing happens at the seam that does not happen elsewhere, even in noise."""
+    image = noise(height)
+    turned = np.roll(image, height, axis=1)
+    ahead = Renderer().render(Panorama(0, 0.0, image), ViewSpec("a", 0, pitch)).image.astype(int)
+    behind = Renderer().render(Panorama(0, 0.0, turned), ViewSpec("a", 180, pitch)).image
+    assert np.abs(ahead - behind).max() <= 16
+
+
+def test_the_poles_do_not_leak_into_one_another() -> None:
+    image = np.zeros((64, 128, 3), np.uint8)
+    image[32:] = 255
+    renderer = Renderer()
+    assert renderer.render(Panorama(0, 0.0, image), ViewSpec("up", 0, 90)).image.max() == 0
+    assert renderer.render(Panorama(0, 0.0, image), ViewSpec("down", 0, -90)).image.min() == 255
+
+
+def test_fine_panoramas_are_averaged() -> None:
+    """Noise far finer than the view's pixels turns grey, and a straight edge stays where it is."""
+    spec = ViewSpec("a", 20, 0, 0, 120, 80, 60)
+    flat = Renderer().render(Panorama(0, 0.0, noise(1024)), spec).image.astype(float)
+    harsh = Renderer(antialias=False).render(Panorama(0, 0.0, noise(1024)), spec).image.astype(float)
+    assert flat[25:35, 35:45].std() < 0.35 * harsh[25:35, 35:45].std()
+    rays = sphere.rays_from_panorama_pixels(grid(2048, 1024), 1024) @ spec.rig_from_view
+    half = np.where((rays[..., 0] < 0.1 * rays[..., 2])[..., None], 255, 0).astype(np.uint8).repeat(3, axis=-1)
+    row = Renderer().render(Panorama(0, 0.0, half), spec).image[30, :, 0] / 255
+    edge = pinhole.project(np.array([0.1, 0.0, 1.0]), spec.camera)[0]
+    assert row.sum() - 0.5 == pytest.approx(edge, abs=0.1)
+
+
+def test_tables_are_kept_but_not_for_ever() -> None:
+    renderer = Renderer()
+    picture = panorama(64)
+    for index in range(2 * KEPT_TABLES):
+        renderer.render(picture, ViewSpec("a", index, width=8, height=6))
+    assert len(renderer._tables) == KEPT_TABLES
+    again = ViewSpec("another name", 2 * KEPT_TABLES - 1, width=8, height=6)
+    first = next(reversed(renderer._tables.values()))
+    renderer.render(picture, again)
+    assert next(reversed(renderer._tables.values())) is first

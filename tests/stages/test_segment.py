@@ -1,0 +1,127 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper
+
+from savmap.errors import ModelError
+from savmap.stages.segment import Segmenter, detections, regions
+
+WIDTH, HEIGHT = 64, 48
+GOOD = {"savmap.format": "semantic", "savmap.classes": json.dumps(["post"]), "savmap.output": "logits"}
+
+
+def write_model(path: Path, metadata: dict[str, str], channels: int = 2, layers: int = 3) -> Path:
+    """A network whose first logit is 0 and whose second is (red - 128) / 8; further ones repeat it."""
+    weights = np.zeros((channels, layers, 1, 1), np.float32)
+    weights[1:, 0] = 1 / 8
+    bias = np.full(channels, -16.0, np.float32)
+    bias[0] = 0
+    node = helper.make_node("Conv", ["image", "weights", "bias"], ["out"])
+    graph = helper.make_graph(
+        [node],
+        "red",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, layers, HEIGHT, WIDTH])],
+        [helper.make_tensor_value_info("out", TensorProto.FLOAT, [1, channels, HEIGHT, WIDTH])],
+        [onnx.numpy_helper.from_array(weights, "weights"), onnx.numpy_helper.from_array(bias, "bias")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, metadata)
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def picture(width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+    """Black with a red bar in the columns of the second quarter."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[:, width // 4 : width // 2, 0] = 255
+    return image
+
+
+def test_classes_and_probabilities(tmp_path: Path) -> None:
+    segmenter = Segmenter(write_model(tmp_path / "m.onnx", GOOD))
+    maps = segmenter.probabilities(picture())
+    assert segmenter.classes == ("post",)
+    assert segmenter.input_size == (WIDTH, HEIGHT)
+    assert maps.shape == (2, HEIGHT, WIDTH)
+    assert maps.dtype == np.float32
+    assert np.allclose(maps.sum(axis=0), 1, atol=1e-6)
+    assert np.all(maps[1, :, WIDTH // 4 : WIDTH // 2] > 0.99)
+    assert np.all(maps[1, :, WIDTH // 2 :] < 0.01)
+
+
+def test_same_picture_gives_same_bits(tmp_path: Path) -> None:
+    segmenter = Segmenter(write_model(tmp_path / "m.onnx", GOOD))
+    assert np.array_equal(segmenter.probabilities(picture()), segmenter.probabilities(picture()))
+
+
+@pytest.mark.parametrize("scale", [2, 0.5])
+def test_a_view_of_another_size_comes_back_in_its_own(tmp_path: Path, scale: float) -> None:
+    width, height = int(WIDTH * scale), int(HEIGHT * scale)
+    maps = Segmenter(write_model(tmp_path / "m.onnx", GOOD)).probabilities(picture(width, height))
+    assert maps.shape == (2, height, width)
+    columns = np.flatnonzero(maps[1, height // 2] > 0.5)
+    assert (columns[0], columns[-1]) == (width // 4, width // 2 - 1)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"none\.onnx: no such model file; train one"):
+        Segmenter(tmp_path / "none.onnx")
+
+
+def test_not_a_model(tmp_path: Path) -> None:
+    (tmp_path / "m.onnx").write_bytes(b"a text file, say")
+    with pytest.raises(ModelError, match="not a usable ONNX model"):
+        Segmenter(tmp_path / "m.onnx")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"savmap.format": "boxes"}, "savmap.format"),
+        ({"savmap.classes": "post"}, "names no classes"),
+        ({"savmap.classes": "[]"}, "JSON list of names"),
+        ({"savmap.classes": '["post", "bar"]'}, "its output must be"),
+    ],
+)
+def test_metadata_that_breaks_the_contract(tmp_path: Path, changed: dict[str, str], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        Segmenter(write_model(tmp_path / "m.onnx", GOOD | changed))
+
+
+def test_without_metadata(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"savmap\.format"):
+        Segmenter(write_model(tmp_path / "m.onnx", {}))
+
+
+def test_wrong_input(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="its input must be"):
+        Segmenter(write_model(tmp_path / "m.onnx", GOOD, layers=4))
+
+
+def two_blobs() -> np.ndarray:
+    probability = np.zeros((HEIGHT, WIDTH), np.float32)
+    probability[4:10, 4:10] = 0.9
+    probability[10, 10] = 0.7
+    probability[30:32, 40:42] = 0.8
+    return probability
+
+
+def test_regions_touching_at_a_corner_are_one() -> None:
+    found = regions("post", two_blobs(), 0.5, 1)
+    assert [int(d.mask.sum()) for d in found] == [37, 4]
+    assert found[0].score == pytest.approx((36 * 0.9 + 0.7) / 37, abs=1e-6)
+    assert found[0].probability is found[1].probability
+
+
+def test_small_regions_and_weak_pixels_are_left_out() -> None:
+    assert len(regions("post", two_blobs(), 0.5, 5)) == 1
+    assert int(regions("post", two_blobs(), 0.75, 5)[0].mask.sum()) == 36
+
+
+def test_detections_are_labelled_by_class() -> None:
+    blank = np.zeros((HEIGHT, WIDTH), np.float32)
+    found = detections(np.stack([1 - two_blobs(), blank, two_blobs()]), ["post", "bar"], 0.5, 1)
+    assert [d.label for d in found] == ["bar", "bar"]

@@ -1,0 +1,99 @@
+"""Hooks: documented with their exact arguments, checked at the door, and failures named."""
+
+import inspect
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from savmap import hookspecs, rooms
+from savmap.errors import PluginError, SiteError
+from savmap.hookspecs import hookimpl
+from savmap.rooms import open_room, room_of
+from savmap.types import View
+
+HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
+DOCS = (Path(__file__).parent.parent / "docs" / "hooks.md").read_text(encoding="utf-8")
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    threshold: float = 0.5
+
+
+def plugin(**hooks: Any) -> type:
+    """A plugin's class with the given hooks."""
+    body = {
+        "name": "made-up",
+        "classes": ("thing",),
+        "model": Path("none.onnx"),
+        "Config": Config,
+        "__init__": lambda self, config: None,
+    }
+    return type("MadeUp", (), {**body, **{name: hookimpl(function) for name, function in hooks.items()}})
+
+
+@pytest.mark.parametrize("name", HOOKS)
+def test_every_hook_is_documented_with_its_arguments(name: str) -> None:
+    arguments = ", ".join(inspect.signature(HOOKS[name]).parameters)
+    assert f"`{name}({arguments})`" in DOCS
+
+
+def test_the_hooks_that_were_asked_for_exist() -> None:
+    assert {
+        "render_views",
+        "detect",
+        "extract_features",
+        "track",
+        "constrain",
+        "describe",
+        "evaluate",
+        "draw",
+        "scene",
+    } <= set(HOOKS)
+
+
+def test_a_misspelt_hook_is_refused() -> None:
+    with pytest.raises(PluginError, match="made-up"):
+        room_of("made-up", plugin(extract_feature=lambda self, view: []), Config())
+
+
+def test_a_plugin_that_raises_is_named() -> None:
+    def extract_features(self: object, view: View) -> list[Any]:
+        raise ZeroDivisionError("oh")
+
+    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    with pytest.raises(PluginError, match=r"`made-up` failed in `extract_features`: ZeroDivisionError: oh"):
+        room.extract(view=None, detections=[])
+
+
+@pytest.mark.parametrize("answer", [None, 3, ["x"]])
+def test_a_wrong_answer_is_named(answer: object) -> None:
+    room = room_of("made-up", plugin(extract_features=lambda self, view: answer), Config())
+    with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
+        room.extract(view=None, detections=[])
+
+
+def test_a_plugin_answers_for_itself_alone() -> None:
+    first = room_of("made-up", plugin(extract_features=lambda self, view: []), Config())
+    second = room_of("made-up", plugin(), Config())
+    assert first.extract(view=None, detections=[]) == []
+    with pytest.raises(PluginError):
+        second.extract(view=None, detections=[])
+
+
+def test_an_unknown_plugin_gets_the_nearest_name() -> None:
+    with pytest.raises(PluginError, match="did you mean `shelves`"):
+        open_room("shelfs", {})
+
+
+def test_settings_are_strict() -> None:
+    with pytest.raises(
+        SiteError, match=r"site\.yaml: plugins\.shelves: unknown key `treshold`: did you mean `threshold`"
+    ):
+        open_room("shelves", {"treshold": 1}, "site.yaml")
+
+
+def test_only_named_plugins_are_imported() -> None:
+    assert set(rooms.installed()) >= {"shelves", "lights"}

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from savmap.train.augment import CHANCES, Crop, augment, random_homography, recolour, turned_hue, warp
+from savmap.train.dataset import IGNORE
+
+from .conftest import bars
+
+CROP = Crop(width=320, height=256)
+
+
+def test_same_seed_same_variant() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    first, second = (augment(np.random.default_rng(5), image, mask, CROP, 2) for _ in range(2))
+    assert np.array_equal(first[0], second[0])
+    assert np.array_equal(first[1], second[1])
+
+
+def test_variants_have_the_crop_s_size_and_known_labels() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    for seed in range(8):
+        varied, labels = augment(np.random.default_rng(seed), image, mask, CROP, 2)
+        assert varied.shape == (256, 320, 3)
+        assert varied.dtype == np.uint8
+        assert labels.shape == (256, 320)
+        assert set(np.unique(labels)) <= {0, 1, 2, IGNORE}
+
+
+def test_labels_follow_the_picture() -> None:
+    """A picture painted by its labels keeps its colours within a pixel of every edge, whatever the warp."""
+    mask = bars(np.random.default_rng(0))[1]
+    palette = np.array([[0, 0, 0], [255, 0, 0], [0, 255, 0]], np.uint8)
+    for seed in range(5):
+        homography = random_homography(np.random.default_rng(seed), CROP, 640, 480)
+        varied, labels = warp(palette[mask], mask, homography, CROP, 2)
+        known = labels != IGNORE
+        brightest = np.argmax(np.dstack([np.full(labels.shape, 0.5), varied[:, :, 0], varied[:, :, 1]]), axis=2)
+        assert np.mean(brightest[known] == labels[known]) > 0.995
+
+
+def test_outside_the_picture_is_not_judged() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    far_right = np.array([[1, 0, -500], [0, 1, 0], [0, 0, 1.0]])
+    _, labels = warp(image, mask, far_right, CROP, 2)
+    assert np.all(labels[:, 142:] == IGNORE)
+    assert np.all(labels[:190, :138] == 0)
+
+
+def test_a_full_turn_of_hue_changes_nothing() -> None:
+    image = np.random.default_rng(0).random((4, 5, 3)).astype(np.float32)
+    assert np.allclose(turned_hue(image, 360, 1), image, atol=1e-5)
+
+
+def test_recolour_changes_each_class_on_its_own() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    start = image.astype(np.float32) / 255
+    changed = recolour(np.random.default_rng(1), start, mask, 2)
+    shifts = [np.abs(changed - start)[mask == k].mean() for k in range(3)]
+    assert max(shifts) > 0.05
+    assert len({round(float(s), 4) for s in shifts}) > 1
+
+
+@pytest.mark.parametrize("change", [change for _, change in CHANCES], ids=lambda c: c.__name__)
+def test_every_change_keeps_shape_and_type(change) -> None:  # type: ignore[no-untyped-def]
+    image = np.random.default_rng(0).random((64, 96, 3)).astype(np.float32)
+    for seed in range(4):
+        changed = change(np.random.default_rng(seed), image)
+        assert changed.shape == image.shape
+        assert changed.dtype.kind == "f"
+        assert np.isfinite(changed).all()

