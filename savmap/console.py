@@ -1,7 +1,8 @@
 """The terminal: progress bars and notes on standard error, and a log file in the output folder."""
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
@@ -40,6 +41,18 @@ class Console:
         log.info(doing)
         with Progress(*columns, console=self.terminal, transient=True) as progress:
             yield from progress.track(items, total=total, description=doing)
+
+    @contextmanager
+    def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
+        """A bar that is set by calls with the share done (0..1) and a message."""
+        with Progress(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=self.terminal) as bar:
+            task = bar.add_task(doing, total=1.0)
+
+            def show(share: float, message: str) -> None:
+                bar.update(task, completed=share, description=f"{doing}: {message}")
+                log.info("%s", message)
+
+            yield show
 
     def note(self, line: str) -> None:
         """A line on the terminal and in the log."""

@@ -199,12 +199,12 @@ def preview(passes: Sequence[Pass], rooms: Sequence[Room], folder: Path) -> Iter
     import cv2
 
     from savmap.io.files import write_bytes
-    from savmap.stages.aim import overview
+    from savmap.stages.overview import overview
 
     eyes, renderer = Eyes(rooms), Renderer()
     for name, one in zip(pass_names(passes), passes, strict=True):
         aimed, scout = aim_pass(name, one, rooms, eyes, renderer, None)
-        picture = overview(scout, list(dict.fromkeys(aimed.views().values())))
+        picture = overview(scout.keys, list(dict.fromkeys(aimed.views().values())), renderer)
         path = folder / f"views {name}.jpg".replace(" ", "-")
         write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
         yield path

@@ -258,7 +258,7 @@ def train(
     from savmap.train import train as train_network
 
     prepare(output.parent)
-    with Console(output.with_suffix(".log")) as console:
-        result = train_network(load_class(plugin).classes, data, output, minutes, seed, init, console)
+    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
+        recipe = train_network(load_class(plugin).classes, data, output, minutes, seed, init, progress)
     yield f"wrote {output}"
-    yield str(result)
+    yield json.dumps(recipe, indent=2)

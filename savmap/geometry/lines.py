@@ -152,7 +152,7 @@ def _voted(
     slope = (vs[:, other] - vs[:, one]) / np.where(run > 0, run, np.inf)
     offset = vs[:, one] - slope * us[:, one]
     residual = vs[:, None, :] - offset[..., None] - slope[..., None] * us[:, None, :]
-    vote = np.maximum(0.0, 1 - (residual / tolerance) ** 2).sum(axis=-1)
+    vote = np.square(np.maximum(0.0, 1 - np.square(residual / tolerance))).sum(axis=-1)
     best = np.argmax(np.where((np.abs(slope) <= max_slope) & (run > 0), vote, -1.0), axis=1)
     rows = np.arange(count)
     return slope[rows, best], offset[rows, best]

@@ -6,7 +6,7 @@ from savmap.graph.observations import Observations, observe
 from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, References, SurveyedPoint, gauge
 from savmap.graph.solution import Landmark, Rejected, Solution
-from savmap.graph.solve import SolveOptions, solve
+from savmap.graph.optimise import SolveOptions, solve
 from savmap.graph.start import published_start
 
 __all__ = [

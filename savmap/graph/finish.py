@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import SolveError
+from savmap.graph import scale
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
 from savmap.graph.keys import mast_key
@@ -15,16 +16,19 @@ from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import Estimate, rotations_at
 from savmap.types import Floats, ReferenceUse, Trajectory
 
-WARN_SIGMA, GROSS_SIGMA, GROSS_M = 3.0, 10.0, 0.1
+WARN_SIGMA, GROSS_SIGMA, GROSS_M = 3.0, 5.0, 0.1
+LEAST_SPARE = 1e-3
+VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A reference's use, and how many standard deviations of its own residual it is off."""
+    """A reference's use, what its value would be if it had not been given, and how many standard deviations it is off."""
 
     use: ReferenceUse
+    otherwise: float
     off: float
 
 
@@ -33,17 +37,19 @@ def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covaria
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
+    scale_sigma = _scale_sigma(problem, estimate)
     return Solution(
         trajectory=_trajectory(problem, estimate, covariance),
         landmarks=_landmarks(problem, estimate, fit, covariance),
         references=tuple(verdict.use for verdict in verdicts),
         rejected=tuple(_rejected(problem, fit)),
-        warnings=tuple(_warnings(verdicts, share)),
+        warnings=tuple(_warnings(verdicts, share, scale_sigma)),
         report={
             "observations": len(fit.kept),
             "rejected": int((~fit.kept).sum()),
             "rejected_share": share,
             "residual_scale": fit.scale,
+            "scale_sigma": scale_sigma,
             "variance_inflation": inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
@@ -124,13 +130,14 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance
 
 
 def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:
-    """A residual's own variance is the reference's less the solution's (Baarda's test)."""
-    spare = np.sqrt(max(sigma**2 - variance, 0.01 * sigma**2))
-    return Verdict(ReferenceUse(name, value, sigma, solved), abs(solved - value) / float(spare))
+    """Baarda's test: a residual's own variance is the reference's less the solution's."""
+    spare = max(1.0 - variance / sigma**2, LEAST_SPARE)
+    use = ReferenceUse(name, value, sigma, solved)
+    return Verdict(use, value + (solved - value) / spare, abs(solved - value) / (sigma * float(np.sqrt(spare))))
 
 
 def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
-    gross = [v for v in verdicts if v.off > GROSS_SIGMA and abs(v.use.solved - v.use.value) > GROSS_M]
+    gross = [v for v in verdicts if v.off > GROSS_SIGMA and abs(v.otherwise - v.use.value) > GROSS_M]
     if gross:
         told = "; ".join(_told(verdict) for verdict in sorted(gross, key=lambda v: -v.off)[:3])
         raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
@@ -138,10 +145,20 @@ def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
 
 def _told(verdict: Verdict) -> str:
     use = verdict.use
-    return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {use.solved:.3f} m"
+    return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {verdict.otherwise:.3f} m"
 
 
-def _warnings(verdicts: list[Verdict], share: float) -> Iterator[str]:
+def _scale_sigma(problem: Problem, estimate: Estimate) -> float:
+    """What the references leave open of the scale, as a fraction."""
+    if problem.frames.fixed is not None:
+        return 0.0
+    similarity = scale.fit(problem, estimate.poses[:, :3, 3], estimate.points)
+    return float(np.sqrt(similarity.covariance[0, 0]))
+
+
+def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:
+    if scale_sigma > VAGUE_SCALE:
+        yield f"the references give the scale to +-{scale_sigma:.1%} only: a known length would help"
     yield from (_told(verdict) for verdict in verdicts if verdict.off > WARN_SIGMA)
     if share > MANY_REJECTED:
         yield f"{share:.0%} of the observations did not fit and were left out"

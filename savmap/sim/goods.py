@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.sim.primitives import Box, Floats, Material
 from savmap.sim.scene import Goods, Rgb, Support
+from savmap.sim.shapes import span
 
 _WOOD = Material((0.42, 0.28, 0.16), "wood", (0.22, 0.13, 0.07), 0.4, 0.7)
 _PAPER = Material((0.8, 0.8, 0.78), "noise", (0.04, 0.04, 0.04), 0.04, 0.5)
@@ -55,18 +56,13 @@ def _item(
         yield from _stack(goods, x, (base, base + height), (back, front), rng)
 
 
-def _span(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], material: Material) -> Box:
-    low, high = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
-    return Box((low + high) / 2, high - low, material)
-
-
 def _pallet(x: tuple[float, float], z: tuple[float, float], y: float) -> Iterator[Box]:
     width = x[1] - x[0]
-    yield _span(x, (y + 0.1, y + 0.144), z, _WOOD)
-    yield _span(x, (y, y + 0.02), (z[1] - 0.1, z[1]), _WOOD)
+    yield span(x, (y + 0.1, y + 0.144), z, _WOOD)
+    yield span(x, (y, y + 0.02), (z[1] - 0.1, z[1]), _WOOD)
     for share in (0.0, 0.45, 0.9):
         left = x[0] + share * width
-        yield _span((left, left + 0.1 * width), (y + 0.02, y + 0.1), (z[0], z[1] - 0.001), _WOOD)
+        yield span((left, left + 0.1 * width), (y + 0.02, y + 0.1), (z[0], z[1] - 0.001), _WOOD)
 
 
 def _color(goods: Goods, rng: np.random.Generator) -> Rgb:
@@ -92,7 +88,7 @@ def _wrapped(x: tuple[float, float], y: tuple[float, float], z: tuple[float, flo
     film = Material(
         (grey, grey, grey * 1.02), "scratches", (grey * 0.6,) * 3, 0.7, 0.6, 0.2, seed=int(rng.integers(1 << 30))
     )
-    return _turned(_span(x, y, z, film), rng, 2.0)
+    return _turned(span(x, y, z, film), rng, 2.0)
 
 
 def _turned(box: Box, rng: np.random.Generator, sigma_deg: float) -> Box:
@@ -129,7 +125,7 @@ def _stack(
             paint = replace(shared, seed=int(rng.integers(1 << 30))) if rng.random() < 0.7 else _carton(goods, rng)
             cell = (float(edges[column]) + 0.002, float(edges[column + 1]) - 0.002)
             z_front = z[1] - float(rng.exponential(0.02))
-            carton = _span(cell, (float(heights[layer]) + 0.001, float(heights[layer + 1])), (z[0], z_front), paint)
+            carton = span(cell, (float(heights[layer]) + 0.001, float(heights[layer + 1])), (z[0], z_front), paint)
             carton = _turned(carton, rng, 1.0)
             yield carton
             if rng.random() < goods.labels:

@@ -16,7 +16,7 @@ from savmap.geometry import pinhole
 from savmap.geometry.vanishing import RIG_UP, Floats, facing
 from savmap.stages.render import Renderer
 from savmap.stages.segments import manhattan
-from savmap.stages.travel import travel_direction
+from savmap.stages.travel import travel_direction, travel_directions
 from savmap.types import Panorama, View, ViewSpec
 
 __all__ = ["Face", "Manual", "Scout", "ceiling_view", "choose_face", "face_candidates", "manhattan", "travel_direction"]
@@ -48,7 +48,12 @@ class Manual:
 
     def over(self, spec: ViewSpec) -> ViewSpec:
         """The view with these values in place of its own."""
-        given = {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg, "hfov_deg": self.hfov_deg}
+        given = {
+            "yaw_deg": self.yaw_deg,
+            "pitch_deg": self.pitch_deg,
+            "roll_deg": self.roll_deg,
+            "hfov_deg": self.hfov_deg,
+        }
         fixed = {key: value for key, value in given.items() if value is not None}
         return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
 
@@ -131,16 +136,18 @@ def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: 
     faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
     """
     frames = scout.keys[:: max(1, len(scout.keys) // SCORED_FRAMES)]
-    faces = [
-        Face(spec, travel_direction(scout.pairs, spec, scout.renderer), float(np.mean([score(spec, p) for p in frames])))
-        for spec in face_candidates(scout.rig_from_manhattan, hfov_deg)
-    ]
+    specs = face_candidates(scout.rig_from_manhattan, hfov_deg)
+    travels = [way for spec in specs[::4] for way in travel_directions(scout.pairs, spec, scout.renderer)]
+    scores = [float(np.mean([score(spec, panorama) for panorama in frames])) for spec in specs]
+    faces = [Face(*each) for each in zip(specs, travels, scores, strict=True)]
     wanted = {"left": 1, "right": -1}.get(side or "", 0)
     across = [face for face in faces if face.travel and wanted in (0, face.travel)]
     best = max(across or faces, key=lambda face: face.score)
     if best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"
-        raise StructureError(f"no structure is seen {where}; check the side, or give the view's angles in the site file")
+        raise StructureError(
+            f"no structure is seen {where}; check the side, or give the view's angles in the site file"
+        )
     return best
 
 

@@ -42,6 +42,9 @@ class _Seen:
     cut_high: bool
 
 
+NOTHING = _Seen(-80.0, 80.0, False, False)
+
+
 def fit_height(
     scout: Scout, face: Face, extent: Extent, manual: Manual = AUTOMATIC, name: str = "face", margin: float = 0.05
 ) -> Fitted:
@@ -56,10 +59,15 @@ def fit_height(
     spec, best = manual.over(tilted(face, 0.0, FIRST_HFOV_DEG, name)), None
     for _ in range(MOST_ROUNDS):
         seen = _look(scout, face, spec, extent)
-        if not (seen.cut_low or seen.cut_high) and (best is None or spec.hfov_deg < best.hfov_deg):
+        following = manual.over(_covering(face, seen or NOTHING, spec, margin))
+        settled = _change(following, spec) < SETTLED_DEG
+        if seen is None and settled:
+            raise StructureError(
+                f"view {name}: no structure is seen in its direction; give its angles in the site file"
+            )
+        if seen and not (seen.cut_low or seen.cut_high) and (best is None or spec.hfov_deg < best.hfov_deg):
             best = spec
-        following = manual.over(_covering(face, seen, spec, margin))
-        if _change(following, spec) < SETTLED_DEG:
+        if settled:
             break
         spec = following
     if best is not None:
@@ -67,12 +75,10 @@ def fit_height(
     return Fitted(spec, f"view {name}: the structure's whole height does not fit into {spec.hfov_deg:.0f} degrees")
 
 
-def _look(scout: Scout, face: Face, spec: ViewSpec, extent: Extent) -> _Seen:
+def _look(scout: Scout, face: Face, spec: ViewSpec, extent: Extent) -> _Seen | None:
     found = [rows for view in scout.views(spec) if (rows := extent(view)) is not None]
-    if not found and spec.hfov_deg < LARGEST_HFOV_DEG - HFOV_STEP_DEG:
-        return _Seen(-45.0, 45.0, True, True)
     if not found:
-        raise StructureError("no structure is seen in the chosen direction; give the view's angles in the site file")
+        return None
     top, bottom = np.array(found, dtype=np.float64).T
     pitch = pinhole.angles_from_rotation(face.spec.rig_from_view.T @ spec.rig_from_view)[1]
     elevations = pitch + np.degrees(np.arctan((spec.camera[1, 2] - np.array([top, bottom])) / spec.camera[1, 1]))
@@ -111,7 +117,9 @@ def fit_count(
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
         if _enough(scout, candidate, count, at_least, share):
             return Fitted(candidate)
-    return Fitted(candidate, f"view {spec.name}: fewer than {at_least} are in sight in some frames, however wide the view")
+    return Fitted(
+        candidate, f"view {spec.name}: fewer than {at_least} are in sight in some frames, however wide the view"
+    )
 
 
 def _enough(scout: Scout, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:

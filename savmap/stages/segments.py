@@ -28,7 +28,9 @@ def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
     rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
     coarse = manhattan_from_segments(rays_a, rays_b)
     if coarse is None or coarse.support < LEAST_SUPPORT:
-        raise StructureError("no building directions stand out in the pictures; give the views' angles in the site file")
+        raise StructureError(
+            "no building directions stand out in the pictures; give the views' angles in the site file"
+        )
     each = [manhattan_from_segments(*pair, coarse.rig_from_manhattan) for pair in edges]
     return _mean([found.rig_from_manhattan for found in each if found is not None])
 

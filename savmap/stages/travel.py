@@ -12,39 +12,44 @@ from savmap.types import Panorama, ViewSpec
 
 CORNERS = 300
 LEAST_TRACKS = 20
-LEAST_MOTION_PX = 0.7
+LEAST_MOTION_PX = 0.5
 ALONG_OVER_ACROSS = 1.5
 
 
 def travel_direction(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> int:
-    """+1 where the camera moves to the right as it looks along `spec` (towards the face's +x), -1 to the left, 0 unknown.
+    """+1 where the camera moves to the right as it looks along `spec` (towards the face's +x), -1 to the left, 0 unknown."""
+    return travel_directions(pairs, spec, renderer)[0]
 
-    What the view and the one opposite have in common is the rig's turning; half their difference is its motion. That must
-    exceed the motion found the same way in the two views across, as it does only when looking across the way.
+
+def travel_directions(
+    pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer
+) -> tuple[int, int, int, int]:
+    """The same for `spec` and the views turned from it to the right by 90, 180 and 270 degrees.
+
+    What opposite views have in common is the rig's turning; half their difference is its motion. That must exceed the
+    motion found the same way in the two views across, as it does only when looking across the way.
     """
-    along = sum(_sideways(pair, spec, renderer) for pair in pairs)
-    across = sum(_sideways(pair, _turned(spec, 90), renderer) for pair in pairs)
-    if not pairs or abs(along) < max(LEAST_MOTION_PX * len(pairs), ALONG_OVER_ACROSS * abs(across)):
-        return 0
-    return 1 if along > 0 else -1
+    views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
+    shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
+    along, across = (float(np.nansum(shifts[:, i + 2] - shifts[:, i]) / 2) for i in (0, 1))
+    least = max(LEAST_MOTION_PX * len(pairs), 1e-9)
+    first = int(np.sign(along)) if abs(along) > max(least, ALONG_OVER_ACROSS * abs(across)) else 0
+    second = int(np.sign(across)) if abs(across) > max(least, ALONG_OVER_ACROSS * abs(along)) else 0
+    return first, second, -first, -second
 
 
 def _turned(spec: ViewSpec, degrees: float) -> ViewSpec:
-    """A 90 degree view turned about the vertical of `spec`."""
+    """A small 90 degree view turned about the vertical of `spec`."""
     rotation = spec.rig_from_view @ pinhole.rig_from_view(degrees, 0, 0)
-    return ViewSpec("travel", *pinhole.angles_from_rotation(rotation), hfov_deg=90)
-
-
-def _sideways(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) -> float:
-    """Motion to the right in pixels of a 90 degree view, free of turning; 0 where too little can be followed."""
-    ahead, behind = (_shift(pair, _turned(spec, turn), renderer) for turn in (0, 180))
-    return 0.0 if np.isnan(ahead + behind) else (behind - ahead) / 2
+    return ViewSpec("travel", *pinhole.angles_from_rotation(rotation), hfov_deg=90, width=320, height=240)
 
 
 def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) -> float:
     """Median shift of the picture's corners to the right, pixels; nan where too few can be followed."""
-    first, second = (np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair)
-    found = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 8)
+    first, second = (
+        np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair
+    )
+    found = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
     if found is None:
         return float("nan")
     corners = np.asarray(found, np.float32)

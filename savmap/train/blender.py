@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -32,13 +33,14 @@ from savmap.train.blender_mesh import meshes_by_shader
 CLASSES = ("upright", "beam", "light")
 VIEWS_A_SCENE = 5
 
+_FACE, _CEILING = get_args(Kind)
 _CEILING_VIEWS = (2, 5, 9)
 _FOCUS_M = 2.5
 
 Image = NDArray[np.uint8]
 
 
-class BlenderMissing(SavmapError):
+class BlenderError(SavmapError):
     """The path tracer is an optional tool for training only."""
 
 
@@ -48,16 +50,16 @@ class Quality:
 
     width: int = 640
     height: int = 480
-    samples: int = 3
+    samples: int = 2
     threads: int = 2
 
 
 class Studio:
-    """A scene set up in Blender, of which there can be one at a time. Raises BlenderMissing without the bpy wheel."""
+    """A scene set up in Blender, of which there can be one at a time. Raises BlenderError without the bpy wheel."""
 
     def __init__(self, boxes: Sequence[Box], look: Look, rng: Rng, quality: Quality) -> None:
         if importlib.util.find_spec("bpy") is None:
-            raise BlenderMissing("path-traced pictures need the bpy wheel: install the `blender` extra (Python 3.11)")
+            raise BlenderError("path-traced pictures need the bpy wheel: install the `blender` extra (Python 3.11)")
         from savmap.train import blender_scene
 
         self._look, self._quality, self._shoot = look, quality, blender_scene.shoot
@@ -73,7 +75,7 @@ class Studio:
     def sees(self, eye: CameraSample, kind: Kind) -> bool:
         """Whether a camera sees something of its kind and does not stand in or right at a thing."""
         mask, distance = self._caster.cast(eye, 64, 48)
-        wanted = mask == CLASSES.index("light") + 1 if kind == "ceiling" else (mask == 1) | (mask == 2)
+        wanted = mask == CLASSES.index("light") + 1 if kind == _CEILING else (mask == 1) | (mask == 2)
         return bool(wanted.mean() > 0.005 and (distance < 0.3).mean() < 0.05)
 
     def picture(self, eye: CameraSample, rng: Rng) -> tuple[Image, Mask]:
@@ -93,13 +95,11 @@ def _camera(studio: Studio, built: Built, kind: Kind, rng: Rng) -> CameraSample:
 
 
 def _name(look: int, seed: int, index: int) -> tuple[str, Kind]:
-    kind: Kind = "ceiling" if index % 10 in _CEILING_VIEWS else "shelf"
+    kind: Kind = _CEILING if index % 10 in _CEILING_VIEWS else _FACE
     return f"{kind}-look{look}-{seed}-{index:05d}", kind
 
 
-def samples(
-    seed: int, indices: Sequence[int], look: int, quality: Quality
-) -> Iterator[tuple[str, Image, Mask]]:
+def samples(seed: int, indices: Sequence[int], look: int, quality: Quality) -> Iterator[tuple[str, Image, Mask]]:
     """Named pictures with masks, `indices` of the endless series that seed and look define."""
     for scene in sorted({index // VIEWS_A_SCENE for index in indices}):
         rng = np.random.default_rng([seed, look, scene])

@@ -97,7 +97,8 @@ def _surface(material: Material, look: int, rng: Rng) -> Material:
         return replace(material, color=color)
     if rng.uniform() < 0.5:
         return material
-    return replace(material, color=_rgb(float(rng.uniform(0, 1)), float(rng.uniform(0, 0.3)), float(rng.uniform(0.2, 0.9))))
+    pale = _rgb(float(rng.uniform(0, 1)), float(rng.uniform(0, 0.3)), float(rng.uniform(0.2, 0.9)))
+    return replace(material, color=pale)
 
 
 def _repaint(name: str, material: Material, look: int, labelled: bool, rng: Rng) -> Material:

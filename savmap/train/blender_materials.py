@@ -64,14 +64,14 @@ def _print(g: Graph, i: Inputs, look: Look, period: Any, half: tuple[float, floa
 def _worn(g: Graph, i: Inputs, look: Look, color: Any) -> Any:
     """Dirt in clouds, rust in spots, scratches along the box."""
     wear = look.wear
-    clouds = g.ramp(g.noise(i.local, 2.5, 5.0), 0.45, 0.75)
+    clouds = g.ramp(g.noise(i.local, 2.5, 3.0), 0.45, 0.75)
     color = g.mix(g.math("MULTIPLY", clouds, wear.dirt * 0.6), color, (0.09, 0.075, 0.06))
     if wear.rust:
-        spots = g.ramp(g.noise(i.local, 9.0, 6.0), 0.72 - 0.25 * wear.rust, 0.8 - 0.2 * wear.rust)
+        spots = g.ramp(g.noise(i.local, 9.0, 3.0), 0.72 - 0.25 * wear.rust, 0.8 - 0.2 * wear.rust)
         color = g.mix(spots, color, (0.16, 0.05, 0.02))
     if wear.scratches:
         x, y, z = g.parts(i.local)
-        lines = g.noise(g.vector(g.math("MULTIPLY", x, 4.0), g.math("MULTIPLY", y, 90.0), g.math("MULTIPLY", z, 90.0)), 1.0)
+        lines = g.noise(g.vector(x, g.math("MULTIPLY", y, 22.0), g.math("MULTIPLY", z, 22.0)), 4.0)
         color = g.mix(g.math("MULTIPLY", g.ramp(lines, 0.68, 0.72), wear.scratches), color, (0.45, 0.45, 0.45))
     return color
 
@@ -91,21 +91,21 @@ def _holes(g: Graph, i: Inputs, look: Look) -> Socket:
 
 
 def _paint(g: Graph, i: Inputs, look: Look) -> Surface:
-    tint = g.blend(g.noise(i.local, 6.0, 3.0), 0.9, 1.1)
+    tint = g.blend(g.noise(i.local, 6.0, 1.0), 0.9, 1.1)
     color = _print(g, i, look, 0.9, (0.075, 0.03), _worn(g, i, look, g.tinted(i.color, tint)))
     color = g.mix(_holes(g, i, look), color, (0.008, 0.008, 0.009))
     return Surface(color, i.roughness, i.metallic)
 
 
 def _stripes(g: Graph, i: Inputs, look: Look) -> Surface:
-    along = g.math("ADD", i.u, i.v) if look.number == 2 else g.blend(g.math("GREATER_THAN", i.width, i.height), i.v, i.u)
-    wave = g.saw(along, i.scale)
+    along = g.blend(g.math("GREATER_THAN", i.width, i.height), i.v, i.u)
+    wave = g.saw(g.math("ADD", i.u, i.v) if look.number == 2 else along, i.scale)
     color = g.mix(g.math("GREATER_THAN", wave, 0.0), i.color, i.second)
     return Surface(_worn(g, i, look, color), i.roughness, 0.0)
 
 
 def _concrete(g: Graph, i: Inputs, look: Look) -> Surface:
-    fine, coarse = g.noise(i.local, 14.0, 8.0), g.noise(i.local, 0.5, 4.0)
+    fine, coarse = g.noise(i.local, 14.0, 4.0), g.noise(i.local, 0.5, 3.0)
     color = g.tinted(i.color, g.blend(coarse, 0.55, 1.4))
     color = g.tinted(color, g.blend(fine, 0.8, 1.2))
     if look.wear.marble:
@@ -113,7 +113,7 @@ def _concrete(g: Graph, i: Inputs, look: Look) -> Surface:
         color = g.mix(vein, g.tinted(i.color, 0.3), color)
     seams = g.math("MAXIMUM", *(g.inside(g.saw(s, look.wear.slab_m), 0.008) for s in (i.u, i.v)))
     color = g.mix(g.math("MULTIPLY", seams, 0.7), color, (0.03, 0.03, 0.03))
-    rough = g.blend(g.noise(i.local, 1.5, 4.0), 0.95 - 0.6 * look.wear.floor_gloss, 1.0 - 0.8 * look.wear.floor_gloss)
+    rough = g.blend(coarse, 0.95 - 0.6 * look.wear.floor_gloss, 1.0 - 0.8 * look.wear.floor_gloss)
     return Surface(color, rough, 0.0, fine, 0.002)
 
 
@@ -126,7 +126,7 @@ def _wood(g: Graph, i: Inputs, look: Look) -> Surface:
 
 def _carton(g: Graph, i: Inputs, look: Look) -> Surface:
     flutes = g.ramp(g.math("ABSOLUTE", g.saw(i.u, 0.007)), 0.0, 0.0035)
-    color = g.tinted(i.color, g.blend(g.noise(i.local, 5.0, 5.0), 0.75, 1.25))
+    color = g.tinted(i.color, g.blend(g.noise(i.local, 5.0, 3.0), 0.75, 1.25))
     color = g.tinted(color, g.blend(flutes, 0.93, 1.07))
     tape = _all(g, g.inside(i.u, 0.03), g.math("GREATER_THAN", i.random, 0.4))
     color = g.mix(g.math("MULTIPLY", tape, 0.6), color, g.tinted(i.color, 0.55))
@@ -138,7 +138,7 @@ def _carton(g: Graph, i: Inputs, look: Look) -> Surface:
 
 def _film(g: Graph, i: Inputs, look: Look) -> Surface:
     """Goods under shrink wrap: wrinkles, a whitish veil, sharp glints."""
-    wrinkles = g.noise(g.scaled(i.local, 1.0), 11.0, 4.0)
+    wrinkles = g.noise(i.local, 11.0, 2.0)
     veil = g.math("MULTIPLY", g.ramp(wrinkles, 0.45, 0.75), 0.55)
     color = g.mix(veil, g.tinted(i.color, g.blend(g.noise(i.local, 4.0), 0.6, 1.3)), (0.75, 0.78, 0.8))
     color = _print(g, i, look, g.math("MAXIMUM", i.width, 0.1), (0.1, 0.07), color)

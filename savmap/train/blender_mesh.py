@@ -71,12 +71,12 @@ ATTRIBUTES = ("local", "flat", "extent", "base", "second", "params", "traits", "
 def _box() -> Template:
     points, axes = [], []
     for index in range(6):
-        axis, sign = index // 2, 2 * (index % 2) - 1
+        axis, side = index // 2, 2 * (index % 2) - 1
         u, v = {0: (2, 1), 1: (0, 2), 2: (0, 1)}[axis]
         corners = np.zeros((4, 3))
-        corners[:, axis] = sign / 2
+        corners[:, axis] = side / 2
         corners[:, [u, v]] = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
-        outward = np.cross(corners[1] - corners[0], corners[2] - corners[0])[axis] * sign > 0
+        outward = np.cross(corners[1] - corners[0], corners[2] - corners[0])[axis] * side > 0
         points.append(corners if outward else corners[::-1])
         axes.append(np.tile([u, v], (4, 1)))
     triangles = (np.array([[0, 1, 2], [0, 2, 3]])[None] + 4 * np.arange(6)[:, None, None]).reshape(-1, 3)

@@ -33,8 +33,8 @@ class Effort:
 
     width: int = 640
     height: int = 480
-    samples: int = 4
-    bounces: int = 3
+    samples: int = 2
+    bounces: int = 2
     threads: int = 2
 
 
@@ -109,7 +109,7 @@ def _add_light(light: Light, fills: Sequence[Fill]) -> None:
     for fill in (*light.fills, *fills):
         _add_fill(fill)
     if light.sun:
-        _add_lamp("SUN", np.array([0.0, 10.0, 0.0]), np.array(light.sun_towards), (1.0, 0.93, 0.8), light.sun, angle=0.01)
+        _add_lamp("SUN", np.zeros(3), np.array(light.sun_towards), (1.0, 0.93, 0.8), light.sun, angle=0.01)
 
 
 def _set_cycles(effort: Effort) -> None:
@@ -122,9 +122,10 @@ def _set_cycles(effort: Effort) -> None:
     cycles.device = "CPU"
     cycles.samples, cycles.use_adaptive_sampling = effort.samples, effort.samples > 16
     cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
-    cycles.denoising_quality, cycles.denoising_prefilter = "FAST", "NONE"
+    cycles.denoising_quality = "FAST"
+    cycles.use_light_tree = False
     cycles.max_bounces = effort.bounces
-    cycles.diffuse_bounces = cycles.glossy_bounces = max(2, effort.bounces - 1)
+    cycles.diffuse_bounces = cycles.glossy_bounces = effort.bounces
     cycles.transparent_max_bounces = 12
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 8.0
@@ -139,6 +140,8 @@ def set_up(meshes: Mapping[Shader, Mesh], look: Look, fills: Sequence[Fill], eff
     for name, mesh in meshes.items():
         _add_mesh(name, mesh, look)
     _add_light(look.light, fills)
+    blurred = look.lens.f_stop > 0 or look.lens.travel_m > 0 or "wire" in meshes
+    bpy.context.scene.cycles.denoising_prefilter = "FAST" if blurred else "NONE"
 
 
 def _place_camera(eye: CameraSample, lens: Lens, width: int, focus_m: float) -> None:
@@ -154,8 +157,8 @@ def _place_camera(eye: CameraSample, lens: Lens, width: int, focus_m: float) -> 
     camera.matrix_world = _pose(eye.origin, eye.world_from_view @ np.diag([1.0, -1.0, -1.0]))
     scene.render.use_motion_blur = lens.travel_m > 0
     scene.render.motion_blur_shutter = 1.0
-    for frame, sign in ((0, -1), (2, 1)) if lens.travel_m else ():
-        camera.location = mathutils.Vector((eye.origin + np.array([sign * lens.travel_m, 0.0, 0.0])).tolist())
+    for frame, way in ((0, -1), (2, 1)) if lens.travel_m else ():
+        camera.location = mathutils.Vector((eye.origin + np.array([way * lens.travel_m, 0.0, 0.0])).tolist())
         camera.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
 

@@ -1,5 +1,7 @@
 """Checkpoints: averaged weights with the classes they are for and how they came about."""
 
+import json
+import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -7,6 +9,9 @@ import torch
 
 from savmap.errors import OutputError
 from savmap.train.network import SegmentationNetwork, build
+
+LAST_LAYER = "finish.logits."
+"""Prefix of the weights that depend on the classes."""
 
 Recipe = Mapping[str, object]
 """How one run of training went, as JSON holds it."""
@@ -18,18 +23,22 @@ def save_checkpoint(
     """Averaged weights, class names and the recipes so far; written whole or not at all."""
     partial = path.with_name(path.name + ".partial")
     partial.parent.mkdir(parents=True, exist_ok=True)
-    torch.save({"network": network.state_dict(), "classes": list(classes), "history": list(history)}, partial)
+    torch.save({"network": network.state_dict(), "classes": list(classes), "history": json.dumps(list(history))}, partial)
     partial.replace(path)
 
 
 def load_checkpoint(path: Path, classes: Sequence[str]) -> tuple[SegmentationNetwork, list[Recipe]]:
-    """Network and history of a checkpoint of the same classes. Raises OutputError."""
+    """Network and history of a checkpoint; where it was made for other classes, the last layer is new.
+
+    Raises OutputError for a file that is not a checkpoint.
+    """
+    network = build(len(classes), None)
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-        network = build(len(classes), None)
+        weights = dict(content["network"])
         if content["classes"] != list(classes):
-            raise OutputError(f"{path}: was trained for {', '.join(content['classes'])}, not {', '.join(classes)}")
-        network.load_state_dict(content["network"])
-    except (OSError, RuntimeError, KeyError, TypeError, EOFError) as error:
+            weights |= {name: value for name, value in network.state_dict().items() if name.startswith(LAST_LAYER)}
+        network.load_state_dict(weights)
+        return network, json.loads(content["history"])
+    except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
         raise OutputError(f"{path}: not a checkpoint of `savmap train`; start without it") from error
-    return network, list(content["history"])

@@ -83,7 +83,7 @@ def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: 
         "augmentation": {"recolour": augment.RECOLOUR_CHANCE, "jpeg": augment.COMPRESS_CHANCE}
         | {change.__name__: chance for chance, change in augment.CHANCES},
         "versions": {
-            "torch": torch.__version__,
+            "torch": str(torch.__version__),
             "onnx": onnx.__version__,
             "opencv": cv2.__version__,
             "numpy": np.__version__,

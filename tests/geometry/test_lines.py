@@ -4,7 +4,9 @@ import pytest
 from savmap.geometry.lines import Lines, convergence, crossing, crossing_covariance, robust_lines, where
 
 
-def points(slope: float, at_zero: float, count: int = 120, noise: float = 0.0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def points(
+    slope: float, at_zero: float, count: int = 120, noise: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     u = np.linspace(100, 400, count)
     return u, at_zero + slope * u + np.random.default_rng(seed).normal(0, noise, count)
 
@@ -85,7 +87,9 @@ def test_the_covariance_of_a_crossing_comes_from_both_lines() -> None:
     for _ in range(4000):
         moved = exact([0.1], [50.0 + rng.normal(0, 0.2)]), exact([0.05], [300.0 + rng.normal(0, 0.5)])
         spread.append(crossing(*moved)[0])
-    np.testing.assert_allclose(crossing_covariance(level, upright, at, 0.0)[0], np.cov(np.transpose(spread)), atol=0.015)
+    np.testing.assert_allclose(
+        crossing_covariance(level, upright, at, 0.0)[0], np.cov(np.transpose(spread)), atol=0.015
+    )
     floored = crossing_covariance(exact([0.0], [50.0]), exact([0.0], [300.0]), at, 0.3)
     np.testing.assert_allclose(floored[0], 0.09 * np.eye(2), atol=1e-12)
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.geometry import pinhole
 from savmap.graph import CameraHeight, KnownLength, References, Solution, gauge, merge, published_start, solve
-from savmap.graph.solve import SolveOptions
+from savmap.graph.optimise import SolveOptions
 from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
 

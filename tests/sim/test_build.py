@@ -1,23 +1,18 @@
 """Scenes: strict files, boxes that agree with the survey, labels on mapped fronts alone."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import small_scene
 
 from savmap.sim.build import Built, build
 from savmap.sim.camera import face_size, mapped_rows, row_fronts, sample_camera
 from savmap.sim.random_scene import random_scene
 from savmap.sim.raycast import Caster
-from savmap.sim.scene import SceneError, load_scene, parse_scene
+from savmap.sim.scene import Scene, SceneError, load_scene, parse_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scenes"
-
-
-@pytest.fixture(scope="module")
-def built() -> Built:
-    return build(small_scene())
 
 
 def test_fronts_of_every_mapped_row_are_where_the_survey_says(built: Built) -> None:
@@ -74,18 +69,18 @@ def test_random_scenes_are_sound(seed: int) -> None:
     assert built.aisle_z[0] < camera.origin[2] < built.aisle_z[1]
 
 
-def test_a_misspelt_key_is_named() -> None:
-    with pytest.raises(SceneError, match="hall.heigth"):
+def test_a_misspelt_key_is_named(scene_with: Callable[..., Scene]) -> None:
+    with pytest.raises(SceneError, match=r"hall\.heigth"):
         parse_scene({"hall": {"heigth": 3}})
     with pytest.raises(SceneError, match=r"structures.shelves.*beam_hight"):
-        build(small_scene(structures={"shelves": {"rows": {"A": {"bays": [{"width": 2.0}], "beam_hight": 0.1}}}}))
+        build(scene_with(structures={"shelves": {"rows": {"A": {"bays": [{"width": 2.0}], "beam_hight": 0.1}}}}))
 
 
-def test_a_row_without_a_place_and_a_structure_without_a_plugin_are_named() -> None:
+def test_a_row_without_a_place_and_a_structure_without_a_plugin_are_named(scene_with: Callable[..., Scene]) -> None:
     with pytest.raises(SceneError, match="does not place a row Z"):
-        build(small_scene(structures={"shelves": {"rows": {"Z": {"bays": [{"width": 2.0}]}}}}))
-    with pytest.raises(SceneError, match="structures.cranes"):
-        build(small_scene(structures={"cranes": {}}))
+        build(scene_with(structures={"shelves": {"rows": {"Z": {"bays": [{"width": 2.0}]}}}}))
+    with pytest.raises(SceneError, match=r"structures\.cranes"):
+        build(scene_with(structures={"cranes": {}}))
 
 
 def test_the_examples_are_scenes() -> None:

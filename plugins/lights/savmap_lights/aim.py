@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from savmap.stages.aim import Manual, Scout, fit_count
+from savmap.stages.aim import Manual, Scout
+from savmap.stages.fit import fit_count
 
 from savmap.geometry.pinhole import angles_from_rotation
 from savmap.types import Aim, Detection, Floats, View, ViewSpec

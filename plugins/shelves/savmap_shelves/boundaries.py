@@ -13,7 +13,7 @@ from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.stages.edges import Ints, Probability, Runs, separated, union_of_longest
 from savmap.types import Axis, Detection, Feature, Floats, View
 from savmap_shelves.boundary_settings import BoundarySettings
-from savmap_shelves.strips import Bools, Strips, askew, strips_of
+from savmap_shelves.strips import Bools, Strips, askew, paralleled, strips_of
 
 CUT_MARGIN_PX = 2.0
 LEAST_SEPARATOR = 0.25
@@ -102,7 +102,7 @@ def _beams(frame: Frame, detections: Sequence[Detection], separators: Separators
     strips = strips_of(runs[inside], part[inside], cell[inside], found[1], settings)
     long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
     strips = strips[long & strips.two_edged]
-    strips = strips[~askew(strips, (frame.width, frame.height), settings)]
+    strips = paralleled(strips[~askew(strips, (frame.width, frame.height), settings)], settings)
     return strips[np.lexsort((strips.upper.at(frame.width / 2), strips.cell))]
 
 

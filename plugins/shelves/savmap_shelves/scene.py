@@ -6,51 +6,15 @@ the world. Only the +z faces of mapped rows' front uprights and beams carry labe
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from savmap.sim.primitives import Box, Material
 from savmap.sim.scene import Hall, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, Support, validated
-
-Texture = Literal["plain", "noise", "wood", "carton", "holes", "stripes", "wire", "scratches"]
-
-
-class Bay(Strict):
-    """One section: clear `width` between its uprights, heights of its beams' bottom edges from the bottom up."""
-
-    width: float = Field(gt=0.3)
-    beams: tuple[float, ...] = ()
-    beam_height: float | None = None
-    empty: bool = False
-
-
-class Rack(Strict):
-    """A row's rack."""
-
-    bays: tuple[Bay, ...] = Field(min_length=1)
-    height: float | None = None
-    depth: float = Field(default=1.1, gt=0.3)
-    upright_width: float = Field(default=0.1, gt=0.02)
-    upright_depth: float = Field(default=0.08, gt=0.02)
-    beam_height: float = Field(default=0.1, gt=0.02)
-    beam_thickness: float = Field(default=0.05, gt=0.005)
-    setback: float = Field(default=0.005, ge=0)
-    upright_color: Rgb = (0.03, 0.22, 0.09)
-    upright_texture: Texture = "holes"
-    hole_pitch: float = Field(default=0.05, gt=0.01)
-    beam_color: Rgb = (0.35, 0.37, 0.4)
-    beam_texture: Texture = "plain"
-    deck: Literal["none", "steel", "wire", "wood"] = "steel"
-    deck_color: Rgb = (0.3, 0.32, 0.35)
-    rear_color: Rgb | None = None
-    bracing: bool = True
-    guards: float = Field(default=0.0, ge=0, le=1)
-    labels: float = Field(default=0.3, ge=0, le=1)
-    signs: float = Field(default=0.0, ge=0, le=1)
-    metallic: float = Field(default=0.0, ge=0, le=1)
-    roughness: float = Field(default=0.5, ge=0, le=1)
+from savmap.sim.shapes import span
+from savmap_shelves.rack import Bay, Rack, Texture, top_of, upright_starts
+from savmap_shelves.rack_extras import beam_labels, guard, sign
 
 
 class Racks(Strict):
@@ -82,20 +46,6 @@ def survey_of(rack: Rack) -> dict[str, Any]:
     }
 
 
-def upright_starts(rack: Rack) -> list[float]:
-    """The left edges of a rack's uprights."""
-    widths = [bay.width + rack.upright_width for bay in rack.bays]
-    return [0.0, *(float(x) for x in np.cumsum(widths))]
-
-
-def top_of(rack: Rack) -> float:
-    """The height of a rack's uprights."""
-    if rack.height is not None:
-        return rack.height
-    highest = max((bay.beams[-1] for bay in rack.bays if bay.beams), default=2.0)
-    return highest + rack.beam_height + 0.15
-
-
 def _beam_height(rack: Rack, bay: Bay) -> float:
     return bay.beam_height or rack.beam_height
 
@@ -118,11 +68,6 @@ def _placed(box: Box, frame: RowFrame) -> Box:
         rotation=frame.world_from_row @ box.rotation,
         face_labels=box.face_labels if frame.mapped else {},
     )
-
-
-def _span(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], material: Material) -> Box:
-    low, high = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
-    return Box((low + high) / 2, high - low, material)
 
 
 def _rack(rack: Rack, rng: np.random.Generator) -> Iterator[Box]:
@@ -150,16 +95,16 @@ def _paint(rack: Rack, color: Rgb, texture: Texture, rng: np.random.Generator) -
 def _frame(rack: Rack, start: float, rng: np.random.Generator) -> Iterator[Box]:
     x = (start, start + rack.upright_width)
     y = (0.0, top_of(rack))
-    front = _span(x, y, (-rack.upright_depth, 0.0), _paint(rack, rack.upright_color, rack.upright_texture, rng))
+    front = span(x, y, (-rack.upright_depth, 0.0), _paint(rack, rack.upright_color, rack.upright_texture, rng))
     yield replace(front, face_labels={"+z": "upright"})
     plain = _paint(rack, rack.rear_color or rack.upright_color, "plain", rng)
-    yield _span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(plain, texture=rack.upright_texture))
+    yield span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(plain, texture=rack.upright_texture))
     if rack.bracing:
         yield from _bracing(rack, (x[0] + x[1]) / 2, plain, rng)
     if rng.random() < rack.guards:
-        yield _guard(rack, x, rng)
+        yield guard(rack, x, rng)
     if rng.random() < rack.signs:
-        yield _sign(rack, x, rng)
+        yield sign(rack, x, rng)
 
 
 def _bracing(rack: Rack, x: float, paint: Material, rng: np.random.Generator) -> Iterator[Box]:
@@ -172,39 +117,18 @@ def _bracing(rack: Rack, x: float, paint: Material, rng: np.random.Generator) ->
         turn = np.array([[1, 0, 0], [0, np.cos(slope), -np.sin(slope)], [0, np.sin(slope), np.cos(slope)]])
         yield Box(np.array([x, y + step / 2, sum(z) / 2]), np.array([0.03, 0.03, np.hypot(step, run)]), paint, turn)
         if index == 0:
-            yield _span((x - 0.015, x + 0.015), (y, y + 0.04), z, paint)
-
-
-def _guard(rack: Rack, x: tuple[float, float], rng: np.random.Generator) -> Box:
-    height = float(rng.uniform(0.25, 0.6))
-    color: Rgb = (0.75, 0.5, 0.02) if rng.random() < 0.7 else (0.6, 0.08, 0.04)
-    stripes = Material(color, "stripes", (0.02, 0.02, 0.02), 0.15, 1.0 if rng.random() < 0.5 else 0.0)
-    return _span((x[0] - 0.02, x[1] + 0.02), (0.0, height), (-rack.upright_depth - 0.02, 0.03), stripes)
-
-
-def _sign(rack: Rack, x: tuple[float, float], rng: np.random.Generator) -> Box:
-    bottom = float(rng.uniform(1.3, max(1.4, top_of(rack) * 0.6)))
-    color = tuple(float(c) for c in rng.choice([[0.8, 0.8, 0.78], [0.75, 0.55, 0.03], [0.05, 0.15, 0.4]]))
-    paper = Material((color[0], color[1], color[2]), "noise", (0.05, 0.05, 0.05), 0.08, 0.4)
-    half = float(rng.uniform(0.3, 0.8)) * rack.upright_width / 2
-    middle = (x[0] + x[1]) / 2
-    return replace(
-        _span(
-            (middle - half, middle + half), (bottom, bottom + float(rng.uniform(0.08, 0.25))), (0.0005, 0.002), paper
-        ),
-        face_labels={"+z": "upright"},
-    )
+            yield span((x - 0.015, x + 0.015), (y, y + 0.04), z, paint)
 
 
 def _level(rack: Rack, bay: Bay, left: float, bottom: float, rng: np.random.Generator) -> Iterator[Box]:
     x, y = (left, left + bay.width), (bottom, bottom + _beam_height(rack, bay))
     front = -rack.setback
     paint = _paint(rack, rack.beam_color, rack.beam_texture, rng)
-    yield replace(_span(x, y, (front - rack.beam_thickness, front), paint), face_labels={"+z": "beam"})
+    yield replace(span(x, y, (front - rack.beam_thickness, front), paint), face_labels={"+z": "beam"})
     rear = _paint(rack, rack.rear_color or rack.beam_color, "plain", rng)
-    yield _span(x, y, (-rack.depth, -rack.depth + rack.beam_thickness), rear)
+    yield span(x, y, (-rack.depth, -rack.depth + rack.beam_thickness), rear)
     yield from _deck(rack, x, y[1], rng)
-    yield from _beam_labels(rack, x, y, rng)
+    yield from beam_labels(rack, x, y, rng)
 
 
 def _deck(rack: Rack, x: tuple[float, float], top: float, rng: np.random.Generator) -> Iterator[Box]:
@@ -218,26 +142,14 @@ def _deck(rack: Rack, x: tuple[float, float], top: float, rng: np.random.Generat
     }
     z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
     thickness = 0.02 if rack.deck != "steel" else 0.03
-    yield _span(x, (top - thickness, top - 0.0005), z, replace(looks[rack.deck], seed=int(rng.integers(1 << 30))))
+    yield span(x, (top - thickness, top - 0.0005), z, replace(looks[rack.deck], seed=int(rng.integers(1 << 30))))
 
 
 def _cross_bars(rack: Rack, x: tuple[float, float], top: float) -> Iterator[Box]:
     bar = Material(rack.rear_color or rack.beam_color)
     z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
     for middle in np.linspace(x[0], x[1], 5)[1:-1]:
-        yield _span((middle - 0.02, middle + 0.02), (top - 0.04, top - 0.001), z, bar)
-
-
-def _beam_labels(rack: Rack, x: tuple[float, float], y: tuple[float, float], rng: np.random.Generator) -> Iterator[Box]:
-    height = y[1] - y[0]
-    paper = Material((0.75, 0.75, 0.73), "noise", (0.05, 0.05, 0.05), 0.05, 0.4)
-    z = (-rack.setback + 0.0005, -rack.setback + 0.002)
-    for middle in np.arange(x[0] + 0.25, x[1] - 0.2, 0.45):
-        if rng.random() < rack.labels:
-            at, size = middle + rng.uniform(-0.1, 0.1), rng.uniform(0.3, 0.9) * np.array([0.16, height])
-            low = y[0] + rng.uniform(0.02, 0.98) * (height - size[1])
-            label = _span((at - size[0] / 2, at + size[0] / 2), (low, low + size[1]), z, paper)
-            yield replace(label, face_labels={"+z": "beam"})
+        yield span((middle - 0.02, middle + 0.02), (top - 0.04, top - 0.001), z, bar)
 
 
 def _supports(rack: Rack, frame: RowFrame) -> Iterator[Support]:

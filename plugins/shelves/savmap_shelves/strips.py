@@ -108,18 +108,37 @@ def askew(strips: Strips, shape: tuple[float, float], settings: BoundarySettings
     `shape` is the picture's size along u and along v. Published, but for two allowances: edges may meet as far as their
     fit's noise explains it, and what converges as all strips of the picture do is perspective, not askew.
     """
-    common = convergence(_middle(strips))
-    turn = common * (strips.lower.at_zero - strips.upper.at_zero)
     slack = settings.plane_margin / 2
     ends = np.array([[-slack], [1 + slack]]) * shape[0]
     middle = (strips.first + strips.last) / 2
-    gap = strips.lower.at(ends) - strips.upper.at(ends) - turn * (ends - middle)
+    gap = strips.lower.at(ends) - strips.upper.at(ends)
+    in_perspective = gap - _slope_apart(strips) * (ends - middle)
     noise = np.sqrt(strips.lower.variance_at(ends) + strips.upper.variance_at(ends))
-    meets = gap < -settings.askew_sigmas * noise
+    meets = np.maximum(gap, in_perspective) < -settings.askew_sigmas * noise
     nearer = strips.thickness / np.maximum(strips.thickness - gap, 1e-9)
     at = strips.upper.at(middle + nearer * (ends - middle))
     in_plane = (at > -slack * shape[1]) & (at < (1 + slack) * shape[1])
     return np.asarray((meets & in_plane).any(axis=0))
+
+
+def paralleled(strips: Strips, settings: BoundarySettings) -> Strips:
+    """Strips whose edges' slopes differ as the picture's perspective wants it, as far as they are not known better.
+
+    A prior of `parallel_sigma` on the difference: it steadies short strips, and long ones do not feel it.
+    """
+    upper, lower = strips.upper, strips.lower
+    total = upper.slope_var + lower.slope_var + settings.parallel_sigma**2
+    surprise = (lower.slope - upper.slope - _slope_apart(strips)) / total
+    steady = [
+        replace(line, slope=line.slope + sign * line.slope_var * surprise, slope_var=line.slope_var - line.slope_var**2 / total)
+        for line, sign in ((upper, 1), (lower, -1))
+    ]
+    return replace(strips, upper=steady[0], lower=steady[1])
+
+
+def _slope_apart(strips: Strips) -> Floats:
+    """The slope of lower less that of upper edges (p,) that the common vanishing point of all strips asks for."""
+    return convergence(_middle(strips)) * (strips.lower.at_zero - strips.upper.at_zero)
 
 
 def _middle(strips: Strips) -> Lines:

@@ -31,7 +31,7 @@ class Faults:
     noise_px: float = 0.5
     miss_upright: float = 0.08
     miss_beam: float = 0.15
-    run: float = 4.0
+    run: float = 2.5
     duplicate: float = 0.02
     wide: float = 0.1
     wide_px: float = 4.0

@@ -1,7 +1,11 @@
 """A small scene that the simulator's tests share."""
 
+from collections.abc import Callable
 from typing import Any
 
+import pytest
+
+from savmap.sim.build import Built, build
 from savmap.sim.scene import Scene, parse_scene
 
 BAYS = [{"width": 2.0, "beams": [0.2, 1.2, 2.2]}, {"width": 1.5, "beams": [1.8, 2.4]}]
@@ -26,3 +30,15 @@ def small_scene(**changes: Any) -> Scene:
         },
     }
     return parse_scene({**content, **changes})
+
+
+@pytest.fixture(scope="session")
+def scene_with() -> Callable[..., Scene]:
+    """Makes the small scene, with top-level keys changed."""
+    return small_scene
+
+
+@pytest.fixture(scope="session")
+def built() -> Built:
+    """The small scene, built."""
+    return build(small_scene())

@@ -1,0 +1,159 @@
+"""Choosing views in a made-up hall, with the camera turned any way."""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from savmap.errors import StructureError
+from savmap.geometry import pinhole
+from savmap.stages.aim import Manual, Scout, ceiling_view, choose_face, face_candidates
+from savmap.stages.fit import LARGEST_HFOV_DEG, fit_count, fit_height
+from savmap.stages.overview import overview
+from savmap.types import Panorama, View, ViewSpec
+
+from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
+
+LEVEL = np.diag([1.0, -1.0, -1.0])
+TURNS = [(0.0, 0.0, 0.0), (130.0, 12.0, -8.0), (-75.0, -25.0, 20.0), (20.0, 40.0, 5.0)]
+
+
+def turned(yaw: float, pitch: float, roll: float) -> np.ndarray:
+    """rig_from_world of a rig that faced the grid before it was turned."""
+    return pinhole.rig_from_view(yaw, pitch, roll).T @ LEVEL
+
+
+@lru_cache
+def scout(yaw: float, pitch: float, roll: float, step: float = 0.07) -> Scout:
+    """A pass from x = 2 to x = 10 (or back, for a negative step)."""
+    places = np.linspace(2, 10, 4)[:: 1 if step > 0 else -1]
+    rig = turned(yaw, pitch, roll)
+    keys = [hall(x, rig, i) for i, x in enumerate(places)]
+    pairs = [(keys[i], hall(places[i] + step, rig, i)) for i in (1, 3)]
+    return Scout.look(keys, pairs)
+
+
+def redness(spec: ViewSpec, panorama: Panorama) -> float:
+    return float(red(scout(*TURNS[0]).renderer.render(panorama, spec).image).mean())
+
+
+def extent(view: View) -> tuple[float, float] | None:
+    rows = np.flatnonzero(red(view.image).sum(axis=1) > 5)
+    return (float(rows[0]), float(rows[-1])) if len(rows) else None
+
+
+def lamps(view: View) -> int:
+    whole = (view.image.min(axis=-1) > 200).astype(np.uint8)
+    return int(cv2.connectedComponentsWithStats(whole)[0]) - 1
+
+
+def degrees_between(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(Rotation.from_matrix(a.T @ b).magnitude()))
+
+
+@pytest.mark.parametrize("turn", TURNS, ids=str)
+def test_face_is_found_whichever_way_the_camera_is_turned(turn: tuple[float, float, float]) -> None:
+    face = choose_face(scout(*turn), redness)
+    assert degrees_between(face.rig_from_world, turned(*turn)) < 0.5
+    assert np.allclose(face.world_from_rig, face.rig_from_world.T)
+    assert face.travel == 1
+
+
+@pytest.mark.parametrize(("step", "travel", "side"), [(0.07, 1, "left"), (-0.07, -1, "right")])
+def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side: str) -> None:
+    pass_ = scout(*TURNS[0], step)
+    assert choose_face(pass_, redness).travel == travel
+    assert degrees_between(choose_face(pass_, redness, side).rig_from_world, LEVEL) < 0.5
+    other = choose_face(pass_, lambda spec, panorama: 1.0, "right" if side == "left" else "left")
+    assert degrees_between(other.rig_from_world, turned(180, 0, 0)) < 0.5
+    assert other.travel == -travel
+
+
+def test_a_standing_camera_has_no_direction_of_travel() -> None:
+    still = scout(*TURNS[0])
+    still = Scout(still.keys, tuple((key, key) for key in still.keys[:2]), still.renderer, still.rig_from_manhattan)
+    face = choose_face(still, redness, "left")
+    assert face.travel == 0
+    assert degrees_between(face.rig_from_world, LEVEL) < 0.5
+
+
+def test_candidates_are_level_and_turn_to_the_right() -> None:
+    views = face_candidates(LEVEL)
+    assert [round(view.yaw_deg) % 360 for view in views] == [0, 90, 180, 270]
+    assert all(abs(view.pitch_deg) < 1e-6 and abs(view.roll_deg) < 1e-6 for view in views)
+    assert len(face_candidates(turned(0, 50, 0))) == 8
+
+
+def test_no_face() -> None:
+    with pytest.raises(StructureError, match="on the left"):
+        choose_face(scout(*TURNS[0]), lambda spec, panorama: 0.0, "left")
+
+
+@pytest.mark.parametrize("turn", TURNS[:3], ids=str)
+def test_whole_height_at_the_smallest_field_of_view(turn: tuple[float, float, float]) -> None:
+    pass_ = scout(*turn)
+    fitted = fit_height(pass_, choose_face(pass_, redness), extent, margin=0.05)
+    assert fitted.warning is None
+    for view in pass_.views(fitted.spec):
+        rows = extent(view)
+        assert rows is not None
+        assert rows[0] > 10
+        assert rows[1] < 469
+    up, down = np.arctan2(TOP - EYE_HEIGHT, EYE_DISTANCE), np.arctan2(EYE_HEIGHT, EYE_DISTANCE)
+    least = 2 * np.degrees(np.arctan(np.tan((up + down) / 2) * 4 / 3))
+    assert least < fitted.spec.hfov_deg < least + 8
+    pitch = pinhole.angles_from_rotation(LEVEL @ turned(*turn).T @ fitted.spec.rig_from_view)[1]
+    assert pitch == pytest.approx(np.degrees(up - down) / 2, abs=2)
+
+
+def test_manual_values_win() -> None:
+    pass_ = scout(*TURNS[0])
+    face = choose_face(pass_, redness)
+    level = fit_height(pass_, face, extent, Manual(pitch_deg=0.0, width=800, height=800), "level")
+    assert (level.spec.pitch_deg, level.spec.width, level.spec.height, level.spec.name) == (0, 800, 800, "level")
+    assert all(extent(view)[1] < 797 for view in pass_.views(level.spec))
+    assert fit_height(pass_, face, extent, Manual(hfov_deg=150)).spec.hfov_deg == 150
+    whole = Manual(1, 2, 3, 4)
+    assert fit_height(pass_, face, lambda view: None, whole).spec == ViewSpec("face", 1, 2, 3, 4)
+    assert fit_count(pass_, ceiling_view(face), lamps, manual=Manual(hfov_deg=88)).spec.hfov_deg == 88
+
+
+def test_a_height_that_fits_nowhere() -> None:
+    pass_ = scout(*TURNS[0])
+    fitted = fit_height(pass_, choose_face(pass_, redness), lambda view: (0.0, view.spec.height - 1.0))
+    assert fitted.spec.hfov_deg == LARGEST_HFOV_DEG
+    assert "does not fit" in (fitted.warning or "")
+
+
+@pytest.mark.parametrize("manual", [Manual(), Manual(hfov_deg=100)], ids=["free", "fixed"])
+def test_a_structure_that_is_never_seen(manual: Manual) -> None:
+    pass_ = scout(*TURNS[0])
+    with pytest.raises(StructureError, match="no structure is seen in"):
+        fit_height(pass_, choose_face(pass_, redness), lambda view: None, manual)
+
+
+@pytest.mark.parametrize("turn", TURNS[:2], ids=str)
+def test_ceiling_shows_two_lamps_at_the_smallest_field_of_view(turn: tuple[float, float, float]) -> None:
+    pass_ = scout(*turn)
+    ceiling = ceiling_view(choose_face(pass_, redness))
+    assert (
+        degrees_between(turned(*turn).T @ ceiling.rig_from_view, np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])) < 0.5
+    )
+    two, three = (fit_count(pass_, ceiling, lamps, at_least=n) for n in (2, 3))
+    assert two.warning is None
+    assert all(lamps(view) >= 2 for view in pass_.views(two.spec))
+    assert 60 <= two.spec.hfov_deg < three.spec.hfov_deg
+    assert "fewer than 99" in (fit_count(pass_, ceiling, lamps, at_least=99).warning or "")
+
+
+def test_overview_has_a_tile_a_view_and_frame() -> None:
+    pass_ = scout(*TURNS[0])
+    picture = overview(pass_.keys, face_candidates(LEVEL)[:2], pass_.renderer, columns=3)
+    assert picture.shape == (2 * 360, 3 * 480, 3)
+
+
+def test_no_building_in_a_blank_picture() -> None:
+    with pytest.raises(StructureError, match="no building directions"):
+        Scout.look([Panorama(0, 0.0, np.full((256, 512, 3), 90, np.uint8))])
