@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SAMPLES = 32
-ROUNDS = 4
+ROUNDS = 3
 BIWEIGHT = 4.685
 LEAST_SIGMA_PX = 0.08
 MOST_CORRELATION = 0.95
@@ -39,6 +39,11 @@ class Lines:
     def __getitem__(self, index: slice | NDArray[np.intp] | NDArray[np.bool_]) -> "Lines":
         return Lines(*(value[index] for value in vars(self).values()))
 
+    def joined(self, others: "Lines") -> "Lines":
+        """These, then others."""
+        pairs = zip(vars(self).values(), vars(others).values(), strict=True)
+        return Lines(*(np.concatenate(pair) for pair in pairs))
+
     @property
     def column(self) -> "Lines":
         """The same with shape (g, 1), to be asked for many u each."""
@@ -59,15 +64,21 @@ class Lines:
         return grown
 
 
-def robust_lines(group: Ints, u: Floats, v: Floats, count: int, tolerance_px: float, max_slope: float = 0.6) -> Lines:
-    """Lines through the points (n,) of each group 0..count-1, however large a minority of them lies elsewhere.
+def robust_lines(
+    group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float
+) -> Lines:
+    """Lines through the points (n,) of each group 0..g-1, however large a minority of them lies elsewhere.
+
+    `about` are slopes (g,) to be expected and how far from them to look.
 
     A vote of point pairs (most points within `tolerance_px`) starts a reweighted least-squares fit (Tukey's biweight).
     Where there are no outliers it is the least-squares line of the paper (section III.C, Fig. "Boundary detection").
     """
-    order = np.lexsort((u, group))
-    group, u, v = group[order], u[order], v[order]
-    slope, offset = _voted(group, u, v, count, tolerance_px, max_slope)
+    count = len(about[0])
+    if (np.diff(group) < 0).any() or (np.diff(u)[np.diff(group) == 0] < 0).any():
+        order = np.lexsort((u, group))
+        group, u, v = group[order], u[order], v[order]
+    slope, offset = _voted(group, u, v, about, tolerance_px)
     centre, sigma = np.zeros(count), np.full(count, tolerance_px / 3)
     residual = v - offset[group] - slope[group] * u
     weight = np.ones(len(u))
@@ -139,9 +150,10 @@ def _sums_or_nan(group: Ints, values: Floats, count: int) -> Floats:
 
 
 def _voted(
-    group: Ints, u: Floats, v: Floats, count: int, tolerance: float, max_slope: float
+    group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance: float
 ) -> tuple[Floats, Floats]:
     """Slope and v at u = 0 (count,) of the line through two of `SAMPLES` points of each group that most support."""
+    count = len(about[0])
     sizes = np.bincount(group, minlength=count)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     pick = starts[:, None] + ((np.arange(SAMPLES) + 0.5) / SAMPLES * sizes[:, None]).astype(np.int64)
@@ -153,20 +165,20 @@ def _voted(
     offset = vs[:, one] - slope * us[:, one]
     residual = vs[:, None, :] - offset[..., None] - slope[..., None] * us[:, None, :]
     vote = np.square(np.maximum(0.0, 1 - np.square(residual / tolerance))).sum(axis=-1)
-    best = np.argmax(np.where((np.abs(slope) <= max_slope) & (run > 0), vote, -1.0), axis=1)
+    best = np.argmax(np.where((np.abs(slope - about[0][:, None]) <= about[1]) & (run > 0), vote, -1.0), axis=1)
     rows = np.arange(count)
     return slope[rows, best], offset[rows, best]
 
 
 def _pairs() -> tuple[Ints, Ints]:
     one, other = np.triu_indices(SAMPLES, SAMPLES // 4)
-    widest_first = np.argsort(one - other, kind="stable")[:: max(1, len(one) // 48)]
+    widest_first = np.argsort(one - other, kind="stable")[:: max(1, len(one) // 36)]
     return one[widest_first], other[widest_first]
 
 
 def _biweight(residual: Floats, sigma: Floats) -> Floats:
     inside = 1 - np.square(residual / (BIWEIGHT * sigma))
-    return np.asarray(np.square(np.maximum(np.nan_to_num(inside), 0.0)))
+    return np.asarray(np.square(np.fmax(inside, 0.0)))
 
 
 def _sigma(group: Ints, residual: Floats, weight: Floats, count: int, most: float) -> Floats:
@@ -187,9 +199,9 @@ def _summary(group: Ints, u: Floats, weight: Floats, residual: Floats, fit: tupl
     kept = np.clip(lagged / np.maximum(square, 1e-12), 0.0, MOST_CORRELATION)
     variance = np.maximum(square / total, LEAST_SIGMA_PX**2) * (1 + kept) / (1 - kept)
     inlier = weight > 0
-    first, last = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(first, group[inlier], u[inlier])
-    np.maximum.at(last, group[inlier], u[inlier])
+    first, last = np.full((2, count), np.nan)
+    np.fmin.at(first, group[inlier], u[inlier])
+    np.fmax.at(last, group[inlier], u[inlier])
     spread = _sums_or_nan(group, weight * du * du, count)
     inliers = np.bincount(group[inlier], minlength=count).astype(np.float64)
     return Lines(centre, slope, offset, variance / spread, variance / total, first, last, inliers)

@@ -29,10 +29,13 @@ class Covariance:
     def of(self, keys: list[int]) -> Floats:
         """Joint covariance (3n, 3n) of some variables."""
         slots = np.concatenate([3 * self.keys.index(key) + np.arange(3) for key in keys])
-        return self.points[np.ix_(slots, slots)]
+        joint: Floats = self.points[np.ix_(slots, slots)]
+        return joint
 
 
-def covariance(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: list[int], centres: list[int]) -> Covariance:
+def covariance(
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: list[int], centres: list[int]
+) -> Covariance:
     """From a graph without robust losses, at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
 
     Raises SolveError if the graph leaves a variable undetermined.
@@ -53,12 +56,16 @@ def covariance(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: 
         schur[:, part] -= cross.T @ columns
         solved[:, part] = columns[wanted]
     points = _inverse((schur + schur.T) / 2)
-    own = np.concatenate([_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)])
+    own = np.concatenate(
+        [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
+    )
     places = own + np.einsum("ij,ij->i", solved @ points, solved)
     return Covariance(tuple(outer_keys), points, places.reshape(-1, 3))
 
 
-def _information(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int]) -> tuple[csc_matrix, dict[int, Ints]]:
+def _information(
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int]
+) -> tuple[csc_matrix, dict[int, Ints]]:
     """Information matrix, and the rows of each key in it: keys are laid out in order."""
     entries = graph.linearize(values).sparseJacobian_()
     rows, cols = entries[:2].astype(np.int64) - 1
@@ -82,7 +89,9 @@ def _inverse(matrix: Floats) -> Floats:
     try:
         inverse = cho_solve(cho_factor(matrix * scale[:, None] * scale), np.eye(len(matrix)))
     except LinAlgError as error:
-        raise SolveError("the solution leaves some points undetermined: too few observations for what is asked") from error
+        raise SolveError(
+            "the solution leaves some points undetermined: too few observations for what is asked"
+        ) from error
     result: Floats = inverse * scale[:, None] * scale
     return result
 

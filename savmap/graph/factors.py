@@ -5,6 +5,7 @@ plain relations between points in the world's axes. Axes that a relation leaves 
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -38,11 +39,15 @@ def observation_factors(observations: Observations, inflation: float | None = No
         observations.view.tolist(),
         strict=True,
     )
-    made = []
+    made: list[gtsam.NonlinearFactor] = []
     for pixel, covariance, frame, key, view in rows:
-        noise = gtsam.noiseModel.Gaussian.Covariance(covariance * (inflation or 1.0))
-        noise = gtsam.noiseModel.Robust.Create(loss, noise) if inflation is None else noise
-        made.append(gtsam.GenericProjectionFactorCal3_S2(pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]))
+        plain = gtsam.noiseModel.Gaussian.Covariance(covariance * (inflation or 1.0))
+        noise = gtsam.noiseModel.Robust.Create(loss, plain) if inflation is None else plain
+        made.append(
+            gtsam.GenericProjectionFactorCal3_S2(
+                pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]
+            )
+        )
     return made
 
 
@@ -56,7 +61,9 @@ def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
     for relation in problem.relations:
         graph.push_back(relation_factor(relation))
     for key in problem.keys.tolist():
-        graph.push_back(gtsam.PriorFactorPoint3(key, at.points[problem.index(key)], gtsam.noiseModel.Isotropic.Sigma(3, LOOSE_M)))
+        graph.push_back(
+            gtsam.PriorFactorPoint3(key, at.points[problem.index(key)], gtsam.noiseModel.Isotropic.Sigma(3, LOOSE_M))
+        )
     for room in problem.rooms:
         if room.factors is not None:
             graph.push_back(room.factors)
@@ -82,7 +89,7 @@ def _frame_factors(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFa
     rigid = gtsam.noiseModel.Isotropic.Sigma(3, TIGHT_M)
     yield gtsam.PriorFactorPoint3(ORIGIN, np.zeros(3), rigid)
     for frame in problem.used.tolist():
-        yield gtsam.ReferenceFrameFactorPoint3Pose3(centre_key(frame), frame_key(frame), ORIGIN, rigid)
+        yield gtsam.ReferenceFrameFactorPoint3Pose3(ORIGIN, frame_key(frame), centre_key(frame), rigid)
     if problem.frames.fixed is not None:
         yield from _held(problem)
         return
@@ -94,7 +101,9 @@ def _frame_factors(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFa
 
 
 def _attitude(frame: int, pose: Floats, sigma: float) -> gtsam.NonlinearFactor:
-    return gtsam.PoseRotationPrior3D(frame_key(frame), gtsam.Rot3(pose[:3, :3]), gtsam.noiseModel.Isotropic.Sigma(3, sigma))
+    return gtsam.PoseRotationPrior3D(
+        frame_key(frame), gtsam.Rot3(pose[:3, :3]), gtsam.noiseModel.Isotropic.Sigma(3, sigma)
+    )
 
 
 def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
@@ -108,7 +117,7 @@ def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
 def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
     """Steps stay near those of the estimate: far too weak to matter but where a frame sees next to nothing."""
     for chunk in problem.passes():
-        for before, after in zip(chunk[:-1], chunk[1:], strict=True):
+        for before, after in pairwise(chunk.tolist()):
             step = at.poses[after, :3, 3] - at.poses[before, :3, 3]
             a, b = int(problem.used[before]), int(problem.used[after])
             noise = gtsam.noiseModel.Isotropic.Sigma(3, MOTION_M * np.sqrt(b - a))
@@ -147,4 +156,6 @@ def estimate_of(problem: Problem, values: gtsam.Values, before: Estimate) -> Est
     points = np.array([values.atPoint3(key) for key in problem.keys.tolist()])
     if problem.frames.fixed is not None:
         return Estimate(poses, points, before.heights)
-    return Estimate(poses, points, np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))]))
+    return Estimate(
+        poses, points, np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))])
+    )

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Ints
 
-ROUNDS = 8
+ROUNDS = 6
 HUBER = 1.345
 HARD, SOFT = 1e4, 1e-3
 SMOOTH_M = 1.0
@@ -167,7 +167,8 @@ def _matrix(equations: Iterable[Equation], size: int) -> csc_matrix:
 def _solve(matrix: csc_matrix, size: int) -> Floats:
     normal = (matrix.T @ matrix).tocsc()
     right = -normal[:size, size].toarray().ravel()
-    return np.asarray(splu(normal[:size, :size].tocsc()).solve(right), np.float64)
+    factor = splu(normal[:size, :size].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return np.asarray(factor.solve(right), np.float64)
 
 
 def _unpack(plan: Layout, unknowns: Floats, poses: Floats) -> tuple[Floats, Floats]:

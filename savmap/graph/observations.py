@@ -1,8 +1,7 @@
 """Observed pixels as arrays: what the projection factors are made of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +27,17 @@ class Observations:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def take(self, chosen: Ints) -> "Observations":
-        """The observations of these numbers (or where a mask is true)."""
-        return Observations(*(array[chosen] for array in self._arrays), self.views)
-
-    @property
-    def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return self.frames, self.keys, self.view, self.pixels, self.covariances, self.dof
+    def take(self, chosen: NDArray[np.bool_]) -> "Observations":
+        """The observations where a mask (n,) is true."""
+        return Observations(
+            self.frames[chosen],
+            self.keys[chosen],
+            self.view[chosen],
+            self.pixels[chosen],
+            self.covariances[chosen],
+            self.dof[chosen],
+            self.views,
+        )
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,9 @@ def observe(
         np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
         np.array([number[view] for track in tracks for view in track.views], np.int64),
         np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
-        np.concatenate([np.zeros((0, 2, 2)), *(track.covariances / (weights or {}).get(track.name, 1.0) for track in tracks)]),
+        np.concatenate(
+            [np.zeros((0, 2, 2)), *(track.covariances / (weights or {}).get(track.name, 1.0) for track in tracks)]
+        ),
         np.concatenate([np.zeros(0), *(worth.get(track.name, plain_dof(track.covariances)) for track in tracks)]),
         tuple(views.values()),
     )
@@ -89,10 +94,16 @@ def plain_dof(covariances: Floats) -> Floats:
 
 def join(parts: Sequence[Observations]) -> Observations:
     """Observations of several rooms in one, room after room."""
-    offsets = np.cumsum([0, *(len(part.views) for part in parts)])
-    moved = [replace(part, view=part.view + offset) for part, offset in zip(parts, offsets, strict=False)]
-    arrays = [np.concatenate(column) for column in zip(*(part._arrays for part in moved), strict=True)]
-    return Observations(*arrays, tuple(spec for part in parts for spec in part.views))
+    offsets = np.cumsum([0, *(len(part.views) for part in parts)]).tolist()
+    return Observations(
+        np.concatenate([part.frames for part in parts]),
+        np.concatenate([part.keys for part in parts]),
+        np.concatenate([part.view + offset for part, offset in zip(parts, offsets, strict=False)]),
+        np.concatenate([part.pixels for part in parts]),
+        np.concatenate([part.covariances for part in parts]),
+        np.concatenate([part.dof for part in parts]),
+        tuple(spec for part in parts for spec in part.views),
+    )
 
 
 def sight(observations: Observations) -> Sight:

@@ -19,6 +19,8 @@ from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, start
 
 Mask = NDArray[np.bool_]
+SETTLED = 1e-4
+ROUGH, FINE = 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class SolveOptions:
 
     start: Literal["linear", "published"] = "linear"
     reject_sigma: float = 4.0
-    rounds: int = 6
-    max_iterations: int = 100
+    rounds: int = 5
+    max_iterations: int = 50
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -37,10 +39,8 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     contradict one another, or if the graph cannot be solved."""
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
-    estimate, fit = start(problem, chosen.start), None
-    for estimate, fit in _rounds(problem, estimate, chosen):
-        pass
-    if fit is None or not fit.kept.any():
+    estimate, fit = [*_rounds(problem, start(problem, chosen.start), chosen)][-1]
+    if not fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
     inflation = fit.scale**2 * correlation(problem, fit)
     return conclude(problem, estimate, fit, _covariance(problem, estimate, fit.kept, inflation), inflation)
@@ -50,24 +50,25 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     """Estimates and what fits them, the last one being the answer: all observations at first, then those that fitted."""
     factors = observation_factors(problem.observations)
     kept: Mask = np.ones(len(factors), dtype=bool)
-    for _ in range(options.rounds):
-        estimate = _optimise(problem, estimate, [factors[number] for number in np.flatnonzero(kept)], options)
+    for number in range(options.rounds):
+        chosen = [factors[index] for index in np.flatnonzero(kept)]
+        estimate = _optimise(problem, estimate, chosen, options.max_iterations, FINE if number else ROUGH)
         fit = fit_of(problem, estimate, kept, options.reject_sigma)
         yield estimate, fit
-        if (fit.kept == kept).all():
+        if number and (fit.kept != kept).sum() <= SETTLED * len(kept):
             return
         kept = fit.kept
 
 
 def _optimise(
-    problem: Problem, estimate: Estimate, factors: list[gtsam.NonlinearFactor], options: SolveOptions
+    problem: Problem, estimate: Estimate, factors: list[gtsam.NonlinearFactor], iterations: int, change: float
 ) -> Estimate:
     graph = other_factors(problem, estimate)
     for factor in factors:
         graph.push_back(factor)
     settings = gtsam.LevenbergMarquardtParams()
-    settings.setMaxIterations(options.max_iterations)
-    settings.setRelativeErrorTol(1e-7)
+    settings.setMaxIterations(iterations)
+    settings.setRelativeErrorTol(change)
     try:
         values = gtsam.LevenbergMarquardtOptimizer(graph, values_of(problem, estimate), settings).optimize()
     except RuntimeError as error:
@@ -78,7 +79,7 @@ def _optimise(
 
 def _covariance(problem: Problem, estimate: Estimate, kept: Mask, inflation: float) -> Covariance:
     graph = other_factors(problem, estimate)
-    for factor in observation_factors(problem.observations.take(np.flatnonzero(kept)), inflation):
+    for factor in observation_factors(problem.observations.take(kept), inflation):
         graph.push_back(factor)
     used = problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]

@@ -137,7 +137,7 @@ def _tied(axis: Axis, a: int, b: int, relations: tuple[Relation, ...]) -> bool:
     group = {a}
     pairs = [{r.a, r.b} for r in relations if r.axis == axis and r.b is not None and not r.name]
     while True:
-        grown = group.union(*(pair for pair in pairs if pair & group))  # type: ignore[arg-type]
+        grown = group.union(*(pair for pair in pairs if pair & group))
         if grown == group:
             return b in group
         group = grown

@@ -48,7 +48,9 @@ def correlation(problem: Problem, fit: Fit) -> float:
     order = np.lexsort((observations.frames, observations.view, observations.keys))
     order = order[fit.kept[order]]
     before, after = order[:-1], order[1:]
-    same = (observations.keys[before] == observations.keys[after]) & (observations.view[before] == observations.view[after])
+    same = (observations.keys[before] == observations.keys[after]) & (
+        observations.view[before] == observations.view[after]
+    )
     near = same & (observations.frames[after] - observations.frames[before] == 1)
     if not near.any():
         return 1.0

@@ -92,7 +92,9 @@ def _scale_advice(problem: Problem) -> str:
     if heights and not levels:
         return "a camera height alone does not give it: add a known height on the structure (lowest_beam_bottom_height_m) or a known length"
     if levels and not heights:
-        return "heights of the lowest edges alone do not give it: add a camera height or a known length under 'references'"
+        return (
+            "heights of the lowest edges alone do not give it: add a camera height or a known length under 'references'"
+        )
     return "add a known length, or a camera height and a known height on the structure, or two surveyed points under 'references'"
 
 

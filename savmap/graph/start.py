@@ -9,7 +9,7 @@ from savmap.errors import StructureError
 from savmap.graph import linear
 from savmap.graph.problem import Problem
 from savmap.graph.scale import fit, require_metric
-from savmap.types import Floats, RowFacts, Trajectory
+from savmap.types import Floats, Ints, RowFacts, Trajectory
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,9 @@ class Estimate:
     heights: Floats
 
 
-def published_start(facts: RowFacts, attitudes: Floats, length_m: float, height_m: float, distance_m: float) -> Trajectory:
+def published_start(
+    facts: RowFacts, attitudes: Floats, length_m: float, height_m: float, distance_m: float
+) -> Trajectory:
     """All frames of a row: constant speed over length_m along x (n L / N), constant height and distance.
 
     attitudes (n, 3, 3) world_from_rig; nan where not known: then interpolated. A pass whose direction of travel is not known
@@ -39,7 +41,7 @@ def published_start(facts: RowFacts, attitudes: Floats, length_m: float, height_
 
 
 def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
-    known = np.isfinite(attitudes).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
     if not known.any():
         raise StructureError(f"row {facts.name}: the camera's attitude is not known in any frame")
     filled = attitudes.copy()
@@ -50,7 +52,7 @@ def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
     return filled
 
 
-def rotations_at(wanted: Floats, frames: Floats, rotations: Floats) -> Floats:
+def rotations_at(wanted: Ints, frames: Ints, rotations: Floats) -> Floats:
     """Rotations (w, 3, 3) at frame numbers `wanted`, interpolated between those at sorted `frames`; held beyond the ends."""
     if len(frames) == 1:
         return np.repeat(rotations, len(wanted), axis=0)

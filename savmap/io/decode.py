@@ -51,8 +51,11 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
 
 
 def _why_unreadable(path: Path) -> str:
-    with path.open("rb") as file:
-        head = file.read(12)
+    try:
+        with path.open("rb") as file:
+            head = file.read(12)
+    except OSError as error:
+        return f"{path}: cannot be read: {error.strerror}"
     if head[4:8] == b"ftyp":
         return f"{path}: the file is cut off or damaged (its index is missing); copy it from the camera again"
     return f"{path}: not a video file"

@@ -1,6 +1,7 @@
 """`savmap simulate`: panoramic footage of a made-up place, with everything that is true about it.
 
 The folder gets footage.mp4, survey.json (a survey file), references.json (what a user would know without mapping),
+site.yaml (a site file with these references),
 poses.json (the rig's path), scene.yaml (the scene as resolved) and masks/VIEW/FRAME.png for the views asked for.
 """
 
@@ -22,6 +23,7 @@ from savmap.sim.footage import encode, frames
 from savmap.sim.panorama import view_classes
 from savmap.sim.scene import Scene, SceneMaker
 from savmap.sim.shade import Renderer, renderer
+from savmap.sim.site import site_of
 from savmap.sim.truth import poses, references
 from savmap.types import ViewSpec
 
@@ -55,10 +57,13 @@ def simulate(
 def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpec], workers: int) -> None:
     path = drive(built.scene.cart, built.scene.seed)
     _dump(folder / "survey.json", built.survey)
-    _dump(folder / "references.json", references(built, path))
+    known = references(built, path)
+    _dump(folder / "references.json", known)
     _dump(folder / "poses.json", poses(built, path))
     resolved = yaml.safe_dump(built.scene.model_dump(mode="json"), sort_keys=False)
     (folder / "scene.yaml").write_text(resolved, encoding="utf-8")
+    site = yaml.safe_dump(site_of(built.scene, known), sort_keys=False)
+    (folder / "site.yaml").write_text(site, encoding="utf-8")
     monitor.note(f"lighting {len(built.boxes)} boxes")
     scene = renderer(built)
     for spec in masks:

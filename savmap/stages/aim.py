@@ -27,7 +27,7 @@ Score = Callable[[ViewSpec, Panorama], float]
 LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
 UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 STEEPEST_TILT_DEG = 60.0
-SCORED_FRAMES = 5
+FEW = 5
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Scout:
     ) -> "Scout":
         """Find the building's axes in the key frames. StructureError where none stand out."""
         renderer = renderer or Renderer()
-        return cls(tuple(keys), tuple(pairs), renderer, manhattan(keys, renderer))
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer))
 
     def views(self, spec: ViewSpec) -> list[View]:
         """The view of every key frame."""
@@ -135,10 +135,9 @@ def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: 
     camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
     faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
     """
-    frames = scout.keys[:: max(1, len(scout.keys) // SCORED_FRAMES)]
     specs = face_candidates(scout.rig_from_manhattan, hfov_deg)
     travels = [way for spec in specs[::4] for way in travel_directions(scout.pairs, spec, scout.renderer)]
-    scores = [float(np.mean([score(spec, panorama) for panorama in frames])) for spec in specs]
+    scores = [float(np.mean([score(spec, panorama) for panorama in _some(scout.keys)])) for spec in specs]
     faces = [Face(*each) for each in zip(specs, travels, scores, strict=True)]
     wanted = {"left": 1, "right": -1}.get(side or "", 0)
     across = [face for face in faces if face.travel and wanted in (0, face.travel)]
@@ -149,6 +148,12 @@ def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: 
             f"no structure is seen {where}; check the side, or give the view's angles in the site file"
         )
     return best
+
+
+def _some(keys: Sequence[Panorama]) -> list[Panorama]:
+    """A few of the key frames, evenly spaced."""
+    chosen = np.linspace(0, len(keys) - 1, min(FEW, len(keys))).round().astype(int)
+    return [keys[i] for i in chosen]
 
 
 def ceiling_view(face: Face, hfov_deg: float = 110.0, name: str = "ceiling") -> ViewSpec:

@@ -60,14 +60,14 @@ def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> By
     Length is measured from column to column (`dimension` 0) or from row to row (1). Overlapping masks of one thing are
     the second of the published mask errors (section III.C).
     """
-    areas = [int(np.count_nonzero(mask)) for mask in masks]
-    union = np.zeros_like(masks[0])
+    layers = np.zeros(masks[0].shape, dtype=np.uint8)
     for mask in masks:
-        union |= mask
-    if sum(areas) == np.count_nonzero(union):
-        return union.view(np.uint8)
+        cv2.add(layers, mask.view(np.uint8), dst=layers)
+    if layers.max() <= 1:
+        return layers
+    areas = [int(np.count_nonzero(mask)) for mask in masks]
     lengths = [cv2.boundingRect(mask.view(np.uint8))[2 + dimension] for mask in masks]
-    union[:] = False
+    union = np.zeros_like(masks[0])
     for index in sorted(range(len(masks)), key=lambda i: (-lengths[i], -areas[i], i)):
         if np.count_nonzero(masks[index] & union) <= share * areas[index]:
             union |= masks[index]

@@ -56,23 +56,24 @@ def fit_height(
     """
     if manual.complete:
         return Fitted(manual.over(ViewSpec(name, 0.0)))
-    spec, best = manual.over(tilted(face, 0.0, FIRST_HFOV_DEG, name)), None
+    spec = manual.over(tilted(face, 0.0, FIRST_HFOV_DEG, name))
+    whole: list[tuple[bool, float, ViewSpec]] = []
     for _ in range(MOST_ROUNDS):
         seen = _look(scout, face, spec, extent)
         following = manual.over(_covering(face, seen or NOTHING, spec, margin))
         settled = _change(following, spec) < SETTLED_DEG
-        if seen is None and settled:
-            raise StructureError(
-                f"view {name}: no structure is seen in its direction; give its angles in the site file"
-            )
-        if seen and not (seen.cut_low or seen.cut_high) and (best is None or spec.hfov_deg < best.hfov_deg):
-            best = spec
+        if seen and not (seen.cut_low or seen.cut_high):
+            whole.append((following.hfov_deg > spec.hfov_deg + SETTLED_DEG, spec.hfov_deg, spec))
         if settled:
             break
         spec = following
-    if best is not None:
-        return Fitted(best)
-    return Fitted(spec, f"view {name}: the structure's whole height does not fit into {spec.hfov_deg:.0f} degrees")
+    if seen is None:
+        raise StructureError(f"view {name}: no structure is seen in its direction; give its angles in the site file")
+    if not whole:
+        return Fitted(
+            spec, f"view {name}: the whole height of the structure is not seen at {spec.hfov_deg:.0f} degrees"
+        )
+    return Fitted(min(whole, key=lambda tried: tried[:2])[2])
 
 
 def _look(scout: Scout, face: Face, spec: ViewSpec, extent: Extent) -> _Seen | None:
@@ -109,14 +110,15 @@ def fit_count(
 ) -> Fitted:
     """The view along `spec` with the smallest field of view that shows `at_least` things in this share of the key frames.
 
-    `count(view)` says how many a view shows. Values of `manual` stay.
+    `count(view)` says how many a view shows. A step is added for the frames between. Values of `manual` stay.
     """
     if manual.hfov_deg is not None:
         return Fitted(manual.over(spec))
     for hfov in np.arange(SMALLEST_HFOV_DEG, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
         if _enough(scout, candidate, count, at_least, share):
-            return Fitted(candidate)
+            wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)
+            return Fitted(replace(candidate, hfov_deg=wider))
     return Fitted(
         candidate, f"view {spec.name}: fewer than {at_least} are in sight in some frames, however wide the view"
     )

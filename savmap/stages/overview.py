@@ -30,7 +30,7 @@ def _tile(panorama: Panorama, spec: ViewSpec, renderer: Renderer, height: int) -
     tile = np.zeros((height, TILE_WIDTH, 3), np.uint8)
     tile[: len(scaled)] = scaled
     angles = f"yaw {spec.yaw_deg:.1f}  pitch {spec.pitch_deg:.1f}  roll {spec.roll_deg:.1f}  fov {spec.hfov_deg:.0f}"
+    tile[:48] //= 3
     for line, text in enumerate((f"{spec.name}  {panorama.stamp_s:.2f} s", angles)):
-        for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-            cv2.putText(tile, text, (8, 20 + 20 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness, cv2.LINE_AA)
+        cv2.putText(tile, text, (8, 20 + 20 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
     return tile

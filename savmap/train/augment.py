@@ -98,14 +98,22 @@ def random_paint(rng: Generator, region: Image) -> Image:
     return region * np.float32(rng.uniform(0.35, 1.9))
 
 
+OVEREXPOSED = 0.85
+
+
 def recolour(rng: Generator, image: Image, mask: Bytes, classes: int) -> Image:
-    """Repaint every class, and the background, each on its own; borders blend over a pixel as they do in a camera."""
+    """Repaint every class, and the background, each on its own; borders blend over a pixel as they do in a camera.
+
+    A class that shines here (overexposed on average) is left alone: paint does not change what a lamp looks like.
+    """
     result = image
     for value in range(classes + 1):
         share = (mask == value).astype(np.float32)
         if rng.random() < 0.6 and share.any():
             soft = cv2.GaussianBlur(share, (3, 3), 0.6)[:, :, None]
             flat = image[mask == value].mean(axis=0)
+            if value > 0 and flat.mean() > OVEREXPOSED:
+                continue
             region = image if value == 0 else image * soft + flat * (1 - soft)
             result = result * (1 - soft) + random_paint(rng, region.astype(np.float32)) * soft
     return result.astype(np.float32)

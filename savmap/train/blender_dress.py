@@ -11,7 +11,7 @@ from savmap.train.blender_looks import Color, Rng
 from savmap.train.blender_mesh import Part, Shader, Shape
 
 HELD_OUT_HUES = (0.74, 0.94)
-"""Hues (of 0..1: violet to pink) that no upright and no beam of a training picture has."""
+"""Hues (of 0..1: violet to magenta) that no upright and no beam of a training picture has."""
 
 _TRAINING_SHAPES: tuple[Shape, ...] = ("drum", "sack")
 _HELD_OUT_SHAPES: tuple[Shape, ...] = ("roll", "tyres", "cone")

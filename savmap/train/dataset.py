@@ -122,8 +122,15 @@ def split(samples: Sequence[Sample], share: float = 0.06) -> tuple[list[Sample],
 
 
 def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> NDArray[np.float64]:
-    """Probability (n,) of drawing each sample: pictures without any class are drawn less often."""
+    """Probability (n,) of drawing each sample.
+
+    Pictures without any class are drawn less often. A data set's share goes with the square root of its number of pictures,
+    so that a small one with another look counts for more than its size.
+    """
     weights = np.array([1.0 if _shows_class(sample) else empty_weight for sample in samples])
+    folders = np.array([str(sample.mask.parent) for sample in samples])
+    for folder in np.unique(folders):
+        weights[folders == folder] /= np.sqrt(np.sum(folders == folder))
     probabilities: NDArray[np.float64] = weights / weights.sum()
     return probabilities
 

@@ -12,7 +12,7 @@ def points(
 
 
 def line_of(u: np.ndarray, v: np.ndarray) -> Lines:
-    return robust_lines(np.zeros(len(u), dtype=np.int64), u, v, 1, 1.0)
+    return robust_lines(np.zeros(len(u), dtype=np.int64), u, v, (np.zeros(1), 1.0), 1.0)
 
 
 def exact(slope: list[float], at_zero: list[float], variance: float = 0.01) -> Lines:
@@ -44,17 +44,17 @@ def test_groups_do_not_mix_whatever_their_order() -> None:
     group = np.repeat([1, 0], [120, 40])
     order = np.random.default_rng(1).permutation(160)
     u, v = (np.concatenate(pair)[order] for pair in zip(first, second, strict=True))
-    lines = robust_lines(group[order], u, v, 2, 1.0)
+    lines = robust_lines(group[order], u, v, (np.zeros(2), 1.0), 1.0)
     np.testing.assert_allclose(lines.slope, [-0.2, 0.1], atol=1e-9)
     np.testing.assert_allclose(lines.at_zero, [300.0, 10.0], atol=1e-6)
 
 
 def test_a_group_without_points_is_no_line() -> None:
     u, v = points(0.1, 10.0)
-    lines = robust_lines(np.full(len(u), 1, dtype=np.int64), u, v, 3, 1.0)
+    lines = robust_lines(np.full(len(u), 1, dtype=np.int64), u, v, (np.zeros(3), 1.0), 1.0)
     assert np.isnan(lines.slope).tolist() == [True, False, True]
     assert lines.inliers.tolist() == [0, 120, 0]
-    assert len(robust_lines(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), 0, 1.0)) == 0
+    assert len(robust_lines(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), (np.zeros(0), 1.0), 1.0)) == 0
 
 
 @pytest.mark.parametrize("length", [1, 25])

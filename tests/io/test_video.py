@@ -180,6 +180,14 @@ def test_missing_empty_and_no_video(tmp_path: Path) -> None:
         probe(text.rename(tmp_path / "notes.mp4"))
 
 
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_a_single_picture_is_no_video(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a.{suffix}"
+    cv2.imwrite(str(path), picture(0))
+    with pytest.raises(VideoError, match="not a video"):
+        probe(path)
+
+
 def test_a_file_with_sound_only(tmp_path: Path) -> None:
     path = tmp_path / "sound.mp4"
     with av.open(str(path), "w") as container:

@@ -124,7 +124,7 @@ def test_a_height_that_fits_nowhere() -> None:
     pass_ = scout(*TURNS[0])
     fitted = fit_height(pass_, choose_face(pass_, redness), lambda view: (0.0, view.spec.height - 1.0))
     assert fitted.spec.hfov_deg == LARGEST_HFOV_DEG
-    assert "does not fit" in (fitted.warning or "")
+    assert "whole height" in (fitted.warning or "")
 
 
 @pytest.mark.parametrize("manual", [Manual(), Manual(hfov_deg=100)], ids=["free", "fixed"])

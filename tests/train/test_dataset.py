@@ -8,6 +8,8 @@ import pytest
 from savmap.errors import OutputError
 from savmap.train.dataset import IGNORE, class_lookup, group_of, read_dataset, sampling_weights, split
 
+from .conftest import write_dataset
+
 
 def test_lookup_reorders_drops_and_ignores() -> None:
     table = class_lookup(["a", "b", "c"], ["c", "a"])
@@ -43,6 +45,12 @@ def test_pictures_without_a_class_are_drawn_less_often(four_pictures: Path) -> N
     weights = sampling_weights(read_dataset(four_pictures, ["column"]).samples, empty_weight=0.2)
     assert weights.sum() == pytest.approx(1)
     assert weights[0] == pytest.approx(weights[1] * 0.2)
+
+
+def test_a_small_data_set_counts_for_more_than_its_size(tmp_path: Path) -> None:
+    small, large = write_dataset(tmp_path / "small", 1), write_dataset(tmp_path / "large", 4)
+    samples = [sample for folder in (small, large) for sample in read_dataset(folder, ["column"]).samples]
+    assert sampling_weights(samples) == pytest.approx([1 / 3, *[1 / 6] * 4])
 
 
 def test_no_header(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import StructureError
+from savmap.geometry.pinhole import project
 from savmap.stages import link
 from savmap.types import Feature, Floats, Ints, RowFacts, Track, Trajectory
 
@@ -18,6 +19,10 @@ MAX_SLOPE = 3.0
 HEIGHTS_M = (0.5, 20.0)
 SAME_LAMP_M = 0.3
 SAME_LINE_M = 0.4
+LEAST_SHARE = 0.4
+SURE = 0.2
+UPWARDS = 0.7
+MARGIN_PX = 40
 
 Mask = NDArray[np.bool_]
 
@@ -41,6 +46,11 @@ class Sightings:
         return self.origins[:, [0, 2]] + (height_m - self.origins[:, 1:2]) * self.slopes
 
     @property
+    def certainty(self) -> Floats:
+        """How sure the network was (n,): 0 at a probability of one half, 1 at one."""
+        return np.clip(2 * np.array([feature.score for feature in self.features]) - 1, 0.01, 1) ** 2
+
+    @property
     def is_centre(self) -> Mask:
         return np.array([feature.part == "centre" for feature in self.features], dtype=bool)
 
@@ -53,9 +63,12 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     """
     seen = _sightings(features, facts, start)
     height_m = _height(seen.where(seen.is_centre))
-    seen = _nearest_line(seen, height_m)
+    seen, line_z = _nearest_line(seen, height_m)
     x = seen.at(height_m)[:, 0]
     lamps = link.peaks(x[seen.is_centre], SAME_LAMP_M, MIN_SUPPORT)
+    hits = np.array([(np.abs(x[seen.is_centre] - lamp) <= SAME_LAMP_M).sum() for lamp in lamps])
+    shown = _shown(np.array([[lamp, height_m, line_z] for lamp in lamps]).reshape(-1, 3), facts, start)
+    lamps = lamps[hits >= LEAST_SHARE * shown]
     if len(lamps) == 0:
         raise _no_lamp()
     return [track for number, at in enumerate(lamps, start=1) for track in _tracks(number, at, lamps, seen, x)]
@@ -84,32 +97,52 @@ def _height(centres: Sightings) -> float:
     if len(centres.frames) < MIN_SUPPORT:
         raise _no_lamp()
     base = float(centres.origins[:, 1].mean())
-    coarse = base + np.arange(*HEIGHTS_M, 0.05)
-    best = coarse[np.argmax([_gathering(centres.at(height), 0.15) for height in coarse])]
+    above = np.arange(*HEIGHTS_M, 0.05)
+    best = above[np.argmax([_gathering(centres, base + height, 0.03 * height) for height in above])]
     fine = best + np.arange(-0.1, 0.1001, 0.005)
-    return float(fine[np.argmax([_gathering(centres.at(height), 0.05) for height in fine])])
+    return base + float(fine[np.argmax([_gathering(centres, base + height, 0.015 * height) for height in fine])])
 
 
-def _gathering(points: Floats, width_m: float) -> float:
-    """How many pairs of neighbours in x, of points (n, 2), lie nearer than `width_m` along both axes, softly."""
+def _gathering(seen: Sightings, height_m: float, width_m: float) -> float:
+    """How many pairs of sightings, neighbours in x at a height, lie nearer than `width_m` along both axes, softly, each
+    counted by how sure the network was.
+
+    The width must grow with the height that is tried: otherwise the lowest, where all rays are close, always wins.
+    """
+    points, certainty = seen.at(height_m), seen.certainty
     order = np.argsort(points[:, 0], kind="stable")
-    ordered = points[order]
+    points, certainty = points[order], certainty[order]
     total = 0.0
     for step in (1, 2, 4, 8):
-        if step < len(ordered):
-            apart = ordered[step:] - ordered[:-step]
-            total += float(np.exp(-0.5 * (apart / width_m) ** 2).prod(axis=1).sum())
+        near = np.exp(-0.5 * ((points[step:] - points[:-step]) / width_m) ** 2).prod(axis=1)
+        total += float((near * certainty[step:] * certainty[:-step]).sum())
     return total
 
 
-def _nearest_line(seen: Sightings, height_m: float) -> Sightings:
-    """The sightings of the line of lamps, parallel to x, that runs nearest above the camera."""
+def _nearest_line(seen: Sightings, height_m: float) -> tuple[Sightings, float]:
+    """The sightings of the line of lamps, parallel to x, that runs nearest above the camera, and its z."""
     z = seen.at(height_m)[:, 1]
-    lines = link.peaks(z[seen.is_centre], SAME_LINE_M, max(MIN_SUPPORT, int(seen.is_centre.sum() / 10)))
+    sure = seen.is_centre & (seen.certainty >= SURE)
+    lines = link.peaks(z[sure], SAME_LINE_M, max(MIN_SUPPORT, int(sure.sum() / 10)))
     if len(lines) == 0:
         raise _no_lamp()
-    path = float(np.median(seen.origins[:, 2]))
-    return seen.where(np.abs(z - lines[np.argmin(np.abs(lines - path))]) <= SAME_LINE_M)
+    nearest = float(lines[np.argmin(np.abs(lines - np.median(seen.origins[:, 2])))])
+    return seen.where(np.abs(z - nearest) <= SAME_LINE_M), nearest
+
+
+def _shown(points: Floats, facts: RowFacts, start: Trajectory) -> Ints:
+    """In how many frames points (n, 3) lie well inside a view that looks up: (n,)."""
+    count = np.zeros(len(points), dtype=np.int64)
+    for frame, pose in zip(start.frames.tolist(), start.world_from_rig, strict=True):
+        inside = np.zeros(len(points), dtype=bool)
+        for name, spec in facts.views.items():
+            looks_up = (pose[:3, :3] @ spec.rig_from_view)[1, 2] > UPWARDS
+            if looks_up and name.startswith(facts.frames.passes[frame]):
+                pixels = project((points - pose[:3, 3]) @ pose[:3, :3] @ spec.rig_from_view, spec.camera)
+                room = np.array([spec.width, spec.height]) - 1
+                inside |= ((pixels > MARGIN_PX) & (pixels < room - MARGIN_PX)).all(axis=1)
+        count += inside
+    return count
 
 
 def _tracks(number: int, at: float, lamps: Floats, seen: Sightings, x: Floats) -> list[Track]:

@@ -8,6 +8,7 @@ which leaves a small dense system of edges.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import bsr_array, coo_array, csr_array
 
 from savmap.types import Floats, Ints
 
@@ -79,16 +80,19 @@ def _step(
         np.bincount(seen.frame, weight * by_state[:, i] * by_state[:, j], minlength=frames) for i in range(6) for j in range(6)
     ], axis=1).reshape(frames, 6, 6) + np.diag(1 / prior**2)  # fmt: skip
     right = np.stack([np.bincount(seen.frame, pull * by_state[:, i], minlength=frames) for i in range(6)], axis=1) + off / prior**2
-    cell = seen.frame * edge_count + seen.edge
-    cross = np.stack(
-        [np.bincount(cell, weight * by_state[:, i] * by_edge, minlength=frames * edge_count) for i in range(6)], axis=1
-    )
-    cross = cross.reshape(frames, edge_count, 6).transpose(0, 2, 1)
-    solved = np.linalg.solve(blocks, np.concatenate([cross, right[:, :, None]], axis=2))
+    coupling = _coupling(seen, weight * by_edge, by_state, (frames, edge_count))
+    inverse = bsr_array((np.linalg.inv(blocks), np.arange(frames), np.arange(frames + 1))).tocsr()
+    solved = inverse @ coupling
+    free = inverse @ right.ravel()
     diagonal = np.bincount(seen.edge, weight * by_edge**2, minlength=edge_count)
-    reduced = np.diag(diagonal * (1 + 1e-9) + 1e-6) - np.tensordot(cross, solved[:, :, :-1], axes=([0, 1], [0, 1]))
-    edge_right = np.bincount(seen.edge, pull * by_edge, minlength=edge_count) - np.tensordot(
-        cross, solved[:, :, -1], axes=([0, 1], [0, 1])
-    )
-    step_edges = np.linalg.solve(reduced, edge_right)
-    return solved[:, :, -1] - solved[:, :, :-1] @ step_edges, step_edges
+    reduced = np.diag(diagonal * (1 + 1e-9) + 1e-6) - (coupling.T @ solved).toarray()
+    step_edges = np.linalg.solve(reduced, np.bincount(seen.edge, pull * by_edge, minlength=edge_count) - coupling.T @ free)
+    return (free - solved @ step_edges).reshape(frames, 6), step_edges
+
+
+def _coupling(seen: Sighted, weight: Floats, by_state: Floats, shape: tuple[int, int]) -> csr_array:
+    """The normal equations' part (6 n, k) between the states and the edges."""
+    rows = 6 * seen.frame[:, None] + np.arange(6)
+    columns = np.broadcast_to(seen.edge[:, None], rows.shape)
+    values = weight[:, None] * by_state
+    return coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * shape[0], shape[1])).tocsr()

@@ -13,7 +13,9 @@ from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.stages.edges import Ints, Probability, Runs, separated, union_of_longest
 from savmap.types import Axis, Detection, Feature, Floats, View
 from savmap_shelves.boundary_settings import BoundarySettings
-from savmap_shelves.strips import Bools, Strips, askew, paralleled, strips_of
+from savmap_shelves.merging import strips_of
+from savmap_shelves.perspective import askew, crossed, paralleled
+from savmap_shelves.strips import Bools, Strips
 
 CUT_MARGIN_PX = 2.0
 LEAST_SEPARATOR = 0.25
@@ -103,7 +105,20 @@ def _beams(frame: Frame, detections: Sequence[Detection], separators: Separators
     long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
     strips = strips[long & strips.two_edged]
     strips = paralleled(strips[~askew(strips, (frame.width, frame.height), settings)], settings)
+    strips = strips[~crossed(strips, _section_ends(strips, separators))]
     return strips[np.lexsort((strips.upper.at(frame.width / 2), strips.cell))]
+
+
+def _section_ends(beams: Strips, separators: Separators) -> Floats:
+    """First and last x (p, 2) of beams that are extended to the uprights next to them."""
+    kept = np.append(separators.kept, False)
+    row = beams.upper.at((beams.first + beams.last) / 2)
+    ends = np.stack([beams.first, beams.last], axis=-1)
+    for end, number in ((0, beams.cell - 1), (1, np.minimum(beams.cell, len(separators.kept)))):
+        at = np.flatnonzero(kept[number])
+        edges = separators.strips.lower if end == 0 else separators.strips.upper
+        ends[at, end] = edges[number[at]].at(row[at])
+    return ends
 
 
 def _cells(runs: Runs, separators: Strips) -> Ints:

@@ -14,6 +14,7 @@ class BoundarySettings(BaseModel):
     - `edge_tolerance_px`: how far a border may be from straight and still count for a line.
     - `merge_tolerance_px`: how far fragments may be out of line and still be one structure.
     - `parallel_sigma`: by how much the slopes of a structure's two edges may differ from parallel in perspective.
+    - `perspective_tolerance`: by how much edges may fail to lead to the picture's vanishing point (difference in slope).
     - `end_trim_px`: the rounded ends of masks that no edge is fitted to.
     - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times thicker than the rest.
     - `least_sigma_px`: no edge is claimed to be better known than this.
@@ -30,7 +31,8 @@ class BoundarySettings(BaseModel):
     least_aspect: float = Field(default=1.5, ge=0)
     edge_tolerance_px: float = Field(default=1.0, gt=0)
     merge_tolerance_px: float = Field(default=2.0, gt=0)
-    parallel_sigma: float = Field(default=0.02, gt=0)
+    parallel_sigma: float = Field(default=0.003, gt=0)
+    perspective_tolerance: float = Field(default=0.015, gt=0)
     end_trim_px: float = Field(default=3.0, ge=0)
     least_run_px: int = Field(default=7, ge=1)
     most_thick: float = Field(default=3.0, gt=1)

@@ -1,6 +1,7 @@
 """Clusters on a line by kernel density estimation (paper, III.D)."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from savmap.types import Floats, Ints
@@ -39,3 +40,11 @@ def one_each(group: Ints, target: Ints, cost: Floats) -> Ints:
     first[1:] = (np.diff(group[order]) != 0) | (np.diff(target[order]) != 0)
     kept[order[first]] = target[order[first]]
     return kept
+
+
+def supported(support: Floats, shown: Ints, count: Ints, least: float) -> NDArray[np.bool_]:
+    """Which clusters (k,) are things: seen three times at least, and in a share of the frames that should show them which,
+    less its standard deviation, is `least` of the usual share or more. With few frames chance makes a share large."""
+    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
+    sure = support - np.sqrt(support * (1 - support) / np.maximum(shown, 1))
+    return np.asarray((sure >= least * usual) & (count >= 3))

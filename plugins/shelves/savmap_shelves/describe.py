@@ -6,7 +6,6 @@ import numpy as np
 
 from savmap.graph import Landmark, Solution
 from savmap.types import Floats, Structure, Track
-
 from savmap_shelves.constraints import Grid, grid_of
 
 FLOOR_SIGMA_M, TOP_SIGMA_M = 0.05, 0.3
@@ -29,7 +28,11 @@ def _uprights(grid: Grid, found: Mapping[str, Landmark], solution: Solution, roo
     for upright in sorted({number for number, side in grid.columns if (number, other(side)) in grid.columns}):
         left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
         top = _top(upright, grid, found)
-        ends = [_at_height(found[name], y, sigma) for y, sigma in ((0.0, FLOOR_SIGMA_M), (top, TOP_SIGMA_M)) for name in (left, right)]
+        ends = [
+            _at_height(found[name], y, sigma)
+            for y, sigma in ((0.0, FLOOR_SIGMA_M), (top, TOP_SIGMA_M))
+            for name in (left, right)
+        ]
         yield Structure(
             f"upright {upright}",
             "upright",

@@ -1,7 +1,7 @@
 """The grid of uprights and beam levels with the camera's path, all on the face plane: from features to a labelled fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -9,13 +9,14 @@ from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts
 from savmap_shelves.adjust import Fit, Sighted, adjusted
 from savmap_shelves.levels import Levels, find_levels
-from savmap_shelves.odometry import Glance, chained, glances, shifts, typical_spacing
+from savmap_shelves.odometry import glances, typical_spacing
 from savmap_shelves.passes import Shape, laid_on, moved
+from savmap_shelves.path import along_uprights, filled, odometry, sighted_at, upright_edges
 from savmap_shelves.rectify import facing, rectified
 from savmap_shelves.sightings import Catalogue, Tangents, catalogue, tangents
 from savmap_shelves.uprights import Uprights, find_uprights
 
-STATE_PRIOR = np.array([0.3, 3.0, 1.0, 0.01, 0.01, 0.01])
+STATE_PRIOR = np.array([0.05, 0.15, 0.08, 0.01, 0.01, 0.01])
 
 
 @dataclass(frozen=True)
@@ -45,19 +46,13 @@ class Grid:
 
 def observed_edges(seen: Catalogue, face: Tangents, uprights: Uprights, levels: Levels) -> tuple[Sighted, Ints]:
     """All sightings of the found uprights' edges (both ends) and beams' corners, and each one's row in Pixels."""
-    base = 2 * len(uprights.x)
-    known = np.flatnonzero(uprights.which >= 0)
-    vertical = (2 * uprights.which[known][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)
+    vertical, posts = upright_edges(seen, face, uprights)
     beams = np.flatnonzero(levels.which >= 0)
-    level = base + (2 * levels.which[beams][:, None] + np.arange(2))[:, None, :] + np.zeros((2, 1), dtype=np.int64)
+    level = 2 * (len(uprights.x) + levels.which[beams])[:, None, None] + np.arange(2) + np.zeros((2, 1), dtype=np.int64)
     usable = (seen.corners[beams] >= 0) & levels.ends[beams][:, :, None]
-    source = np.concatenate([seen.uprights[known].ravel(), seen.corners[beams][usable]])
-    edge = np.concatenate([vertical.ravel(), level[usable]])
-    row = (np.arange(len(source)) >= vertical.size).astype(np.int64)
-    sigma = np.where(row == 0, face.sigma_p[source], face.sigma_q[source])
-    fine = np.isfinite(face.p[source]) & np.isfinite(sigma)
-    source, edge, row, sigma = source[fine], edge[fine], row[fine], sigma[fine]
-    return Sighted(seen.points.frame[source], edge, row, face.p[source], face.q[source], sigma), source
+    horizontal, corners = sighted_at(seen, face, seen.corners[beams][usable], level[usable], 1)
+    both = (np.concatenate([getattr(part, f.name) for part in (vertical, horizontal)]) for f in fields(Sighted))
+    return Sighted(*both), np.concatenate([posts, corners])
 
 
 def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, attitudes: Floats | None = None) -> Grid:
@@ -65,7 +60,7 @@ def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, a
 
     Raises StructureError where there are too few frames, too little motion, or no uprights or beams.
     """
-    seen = catalogue(features, facts.views)
+    seen = catalogue(features, facts)
     _require_sightings(seen, facts, settings)
     world_from_rig = _attitudes(seen, facts, attitudes)
     across = np.zeros(len(seen.points.frame), dtype=np.bool_)
@@ -77,8 +72,10 @@ def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, a
     if not np.isfinite(spacing):
         raise StructureError(f"row {facts.name}: no picture shows two uprights; widen the view or check its direction")
     views = glances(seen, face, len(facts.frames))
+    sizes = (0.06 * spacing, 0.18 * spacing, settings.upright_support)
     for frames in passes:
-        states[frames] = _odometry(views, facts, frames, spacing)
+        way = odometry(views, facts, frames, spacing)
+        states[frames] = along_uprights(seen, face, world_from_rig, views, way, sizes)
     fitter = Fitter(seen, face, world_from_rig, settings, spacing)
     if len(passes) > 1:
         states = _joined([fitter.grid(states, frames, facts.name) for frames in passes], passes, facts.name)
@@ -104,17 +101,6 @@ def _attitudes(seen: Catalogue, facts: RowFacts, attitudes: Floats | None) -> Fl
         return rectified(seen, attitudes, tie, np.radians(3.0))
     main = int(np.bincount(seen.upright_view, minlength=len(seen.views)).argmax())
     return rectified(seen, np.tile(facing(seen.views[main]), (len(facts.frames), 1, 1)), tie, np.radians(20.0))
-
-
-def _odometry(views: list[Glance], facts: RowFacts, frames: Ints, spacing: float) -> Floats:
-    stamps = facts.frames.stamps_s[frames]
-    steps = np.diff(stamps)
-    usual = float(np.median(steps)) if len(steps) else 1.0
-    steps = np.clip(steps / usual, 0.2, 5.0) if usual > 0 else np.ones(len(steps))
-    own = [views[frame] for frame in frames]
-    reach = float(np.clip(0.6 * spacing, 0.4, 1.5))
-    moved = shifts(own, steps, reach, int(facts.travel.get(facts.frames.passes[frames[0]], 0)))
-    return np.column_stack([chained(own, moved), np.zeros((len(frames), 3))])
 
 
 def _joined(grids: Sequence[Grid], passes: Sequence[Ints], row: str) -> Floats:
@@ -147,8 +133,8 @@ class Fitter:
             uprights, levels = self._found(states, frames, (width, height), row)
             sighted, source = observed_edges(self.seen, self.face, uprights, levels)
             start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
-            fit = adjusted(states, start, sighted, STATE_PRIOR, rounds=5)
-            states = _filled(fit.states, sighted, frames)
+            fit = adjusted(states, start, sighted, STATE_PRIOR, rounds=4)
+            states = filled(states, fit.states, sighted, frames, 6)
         fitted = fit.edges[: 2 * len(uprights.x)].reshape(-1, 2)
         return Grid(self.seen, self.world_from_rig, replace(uprights, x=fitted), levels, fit, sighted, source)
 
@@ -163,16 +149,3 @@ class Fitter:
         if not len(levels.section):
             raise StructureError(f"row {row}: {len(uprights.x)} uprights but no beam between them were found")
         return uprights, levels
-
-
-def _filled(states: Floats, sighted: Sighted, frames: Ints) -> Floats:
-    """States with those of frames that show too little put between their neighbours'."""
-    kinds = np.unique(np.column_stack([sighted.frame, sighted.edge]), axis=0)
-    shown = np.bincount(kinds[:, 0], minlength=len(states))[frames]
-    good = frames[shown >= 6]
-    if not len(good):
-        return states
-    filled = states.copy()
-    for frame in frames[shown < 6]:
-        filled[frame] = [np.interp(frame, good, states[good, k]) for k in range(states.shape[1])]
-    return filled

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import Floats, Ints
-from savmap_shelves.density import modes, nearest, one_each
+from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
@@ -92,7 +92,7 @@ def find_levels(
         kept = _distinct(levels, hits, thickness)
         support = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
         if kept.all():
-            kept = _supported(support, hits.sum(axis=1), sizes[1])
+            kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
             break
         levels = levels[kept]
@@ -133,7 +133,7 @@ def _shown(seen: Catalogue, states: Floats, world_from_rig: Floats, uprights: Up
     p = middle[:, None] * states[:, 0] - states[:, 1]
     q = levels[:, 1:] * states[:, 0] - states[:, 2]
     frame = np.tile(np.arange(len(states)), len(levels))
-    inside = visible(p.ravel(), q.ravel(), frame, world_from_rig, seen.views, 0.02).reshape(p.shape)
+    inside = visible(seen, (p.ravel(), q.ravel()), frame, world_from_rig, 0.02).reshape(p.shape)
     return inside & (known[number] | known[number + 1])
 
 
@@ -149,8 +149,3 @@ def _distinct(levels: Floats, hits: NDArray[np.bool_], thickness: float) -> NDAr
     for index in np.argsort(count, kind="stable")[::-1]:
         kept[index] = not clash[index, kept].any()
     return kept
-
-
-def _supported(support: Floats, count: Ints, least: float) -> NDArray[np.bool_]:
-    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
-    return np.asarray((support >= least * usual) & (count >= 3))

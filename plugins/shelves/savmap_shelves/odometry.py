@@ -5,6 +5,7 @@ chooses a smooth sequence of shifts, so that a rack's regular spacing or a false
 Then scale, shift and rise of each pair of frames are fitted robustly and chained.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +14,17 @@ from scipy.ndimage import gaussian_filter1d
 from savmap.types import Floats, Ints
 from savmap_shelves.sightings import Catalogue, Tangents
 
-BIN = 0.02
+BIN = 0.01
 KERNEL = 0.05
 EVIDENCE = 8.0
-CHANGE = 0.05
-LARGEST_CHANGE = 5.0
-MATCH = 0.1
+CHANGE = (0.012, 0.05)
+LARGEST_CHANGE = 15.0
+MATCH, MATCH_SIGMA = 0.1, 0.015
+LARGEST_RISE, USUAL_RISE, RISE_SPREAD = 0.15, 0.05, 0.01
+GOOD_VOTE = 0.5
+GOOD_MATCH = 0.6
+RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
+EDGES, CORNERS = (0, 1), (2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
@@ -65,38 +71,61 @@ def typical_spacing(seen: Catalogue, face: Tangents) -> float:
     return float(np.median(gaps)) if len(gaps) else float("nan")
 
 
-def shifts(views: list[Glance], steps: Floats, reach: float, travel: int) -> Floats:
+def shifts(views: Sequence[Glance], steps: Floats, reach: float, travel: int) -> Floats:
     """The camera's shift to the right (n - 1,) between neighbouring frames, in units of its distance from the face.
 
     steps (n - 1,): the time between the frames over the usual time. reach: the largest shift in the usual time.
-    travel: +1 or -1 where the direction of travel is known, 0 where it is not.
+    travel: +1 or -1 where the direction of travel is known, 0 where it is not. A first round finds the usual pace, the
+    second holds the shifts to it: a slow or densely sampled camera changes its shift less from frame to frame.
     """
     grid = np.arange(-np.ceil(reach / BIN), np.ceil(reach / BIN) + 1) * BIN
-    cost = np.abs(grid) * 0.5 + np.where(grid * travel < -0.05, 20.0, 0.0)
-    change = np.minimum(np.abs(grid[:, None] - grid) / CHANGE, LARGEST_CHANGE)
-    table, back = np.zeros(len(grid)), np.zeros((len(steps), len(grid)), dtype=np.int64)
-    for index, step in enumerate(steps):
-        ways = table[:, None] + change
-        back[index] = ways.argmin(axis=0)
-        table = ways.min(axis=0) + cost - EVIDENCE * _votes(views[index], views[index + 1], grid * step)
-    path = np.zeros(len(steps), dtype=np.int64)
+    against = np.abs(grid) * 0.5 + np.where(grid * travel < -0.05, 20.0, 0.0)
+    cost = [
+        against - EVIDENCE * _evidence(a, b, grid * step) for a, b, step in zip(views[:-1], views[1:], steps, strict=True)
+    ]
+    moved = _smoothest(grid, cost, CHANGE[1])
+    return _smoothest(grid, cost, float(np.clip(pace(moved) / 2, *CHANGE))) * steps
+
+
+def pace(moved: Floats) -> float:
+    """The usual size of a shift."""
+    return float(np.median(np.abs(moved))) if len(moved) else 0.0
+
+
+def _smoothest(grid: Floats, cost: Sequence[Floats], change: float) -> Floats:
+    """The sequence of shifts (n,) out of `grid` with the least cost, changes of `change` costing 1 (Viterbi)."""
+    turn = np.minimum(np.abs(grid[:, None] - grid) / change, LARGEST_CHANGE)
+    table, back = np.zeros(len(grid)), []
+    for own in cost:
+        ways = table[:, None] + turn
+        back.append(ways.argmin(axis=0))
+        table = ways.min(axis=0) + own
+    path = []
     state = int(table.argmin())
-    for index in range(len(steps) - 1, -1, -1):
-        path[index] = state
-        state = int(back[index, state])
-    return grid[path] * steps
+    for came in reversed(back):
+        path.append(state)
+        state = int(came[state])
+    return grid[np.array(path[::-1], dtype=np.int64)]
 
 
-def _votes(first: Glance, second: Glance, grid: Floats) -> Floats:
+def _evidence(first: Glance, second: Glance, grid: Floats) -> Floats:
+    """Votes for each shift; where few agree, also if the distance from the face changed between the two frames."""
+    votes = _votes(first, second, grid, 1.0)
+    if votes.max() < GOOD_VOTE:
+        votes = np.max([votes, *(_votes(first, second, grid, ratio) for ratio in RATIOS)], axis=0)
+    return votes
+
+
+def _votes(first: Glance, second: Glance, grid: Floats, ratio: float) -> Floats:
     """For each shift, the share of things in one frame that have a like one in the other (near 1 at best)."""
-    edges, corners = _differences(first, second, (0, 1)), _differences(first, second, (2, 3, 4, 5))
+    edges, corners = (_differences(first, second, kinds, ratio) for kinds in (EDGES, CORNERS))
     possible = sum(
         weight * min(np.isin(first.kind, kinds).sum(), np.isin(second.kind, kinds).sum())
-        for weight, kinds in ((1.0, (0, 1)), (0.1, (2, 3, 4, 5)))
+        for weight, kinds in ((1.0, EDGES), (0.1, CORNERS))
     )
-    if possible == 0:
+    width = float(grid[1] - grid[0])
+    if possible == 0 or width < 1e-6:
         return np.zeros_like(grid)
-    width = max(float(grid[1] - grid[0]), 1e-6)
     values, weights = np.concatenate([edges, corners]), np.repeat([1.0, 0.1], [len(edges), len(corners)])
     bins = np.round((values - grid[0]) / width).astype(np.int64)
     inside = (bins >= 0) & (bins < len(grid))
@@ -106,35 +135,53 @@ def _votes(first: Glance, second: Glance, grid: Floats) -> Floats:
     return np.minimum(peaks / possible, 1.5) * possible / (possible + 1)
 
 
-def _differences(first: Glance, second: Glance, kinds: tuple[int, ...]) -> Floats:
+def _differences(first: Glance, second: Glance, kinds: tuple[int, ...], ratio: float) -> Floats:
     a, b = np.isin(first.kind, kinds), np.isin(second.kind, kinds)
-    apart = first.places[a][:, None] - second.places[b]
+    apart = ratio * first.places[a][:, None] - second.places[b]
     like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 1]) < MATCH)
     differences: Floats = apart[..., 0][like]
     return differences
 
 
-def chained(views: list[Glance], moved: Floats) -> Floats:
+def steps_between(views: Sequence[Glance], moved: Floats) -> Floats:
+    """Ratio, slide and rise (n - 1, 3) from every frame to the next: p' = ratio p + slide, q' = ratio q + rise."""
+    usual = pace(moved)
+    loose = np.array([np.clip(0.5 * usual, 0.01, 0.05), np.clip(usual, 0.05, 0.2), 0.05]) / MATCH_SIGMA
+    return np.array([_fit(a, b, s, loose) for a, b, s in zip(views[:-1], views[1:], moved, strict=True)]).reshape(-1, 3)
+
+
+def chained(steps: Floats) -> Floats:
     """Scale s = 1 / t_z, u = t_x / t_z and v = t_y / t_z (n, 3) of every frame, the first at (1, 0, 0)."""
-    states = np.zeros((len(views), 3))
+    states = np.zeros((len(steps) + 1, 3))
     states[0, 0] = 1.0
-    for index, shift in enumerate(moved):
-        ratio, slide, rise = _fit(views[index], views[index + 1], shift)
+    for index, (ratio, slide, rise) in enumerate(steps):
         s, u, v = states[index]
         states[index + 1] = ratio * s, ratio * u - slide, ratio * v - rise
     return states
 
 
-def _fit(first: Glance, second: Glance, shift: float) -> Floats:
+def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
     """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone."""
-    a, b = _matches(first, second, shift)
+    start = np.array([1.0, -shift, 0.0])
+    enough = GOOD_MATCH * min(len(first.kind), len(second.kind))
+    if len(_matches(first, second, start)[0]) < enough:
+        ratios = [ratio for ratio in (1.0, *RATIOS) if abs(ratio - 1) < 3 * loose[0] * MATCH_SIGMA]
+        others = [np.array([ratio, -shift + slip, 0.0]) for slip in (0.0, -MATCH, MATCH) for ratio in ratios]
+        start = max(others, key=lambda way: len(_matches(first, second, way)[0]) * (1 - 1.5 * abs(way[0] - 1)))
+    for _ in range(3):
+        start = _refined(first, second, start, (np.array([1.0, -shift, 0.0]), loose))
+    return start
+
+
+def _refined(first: Glance, second: Glance, start: Floats, prior: tuple[Floats, Floats]) -> Floats:
+    """Least squares over the things that match under `start` (3,), robust, held to `prior` (value, sigma over MATCH_SIGMA)."""
+    a, b = _matches(first, second, start)
     before, after, level = first.places[a], second.places[b], first.kind[a] >= 2
-    rows = np.concatenate([_rows(before[:, 0], 1), _rows(before[level, 1], 2), np.diag([1 / 0.03, 1 / 0.2, 1 / 0.05]) * 0.01])
-    values = np.concatenate([after[:, 0], after[level, 1], np.array([1 / 0.03, -shift / 0.2, 0.0]) * 0.01])
-    solution = np.array([1.0, -shift, 0.0])
-    trust = np.ones(len(rows))
-    for _ in range(5):
-        misfit = (values - rows @ solution) / 0.015
+    rows = np.concatenate([_rows(before[:, 0], 1), _rows(before[level, 1], 2), np.diag(1 / prior[1])])
+    values = np.concatenate([after[:, 0], after[level, 1], prior[0] / prior[1]])
+    solution, trust = start, np.ones(len(rows))
+    for _ in range(3):
+        misfit = (values - rows @ solution) / MATCH_SIGMA
         trust[:-3] = 1 / (1 + misfit[:-3] ** 2)
         weighted = rows * trust[:, None]
         solution = np.linalg.solve(weighted.T @ rows, weighted.T @ values)
@@ -147,11 +194,26 @@ def _rows(tangent: Floats, column: int) -> Floats:
     return rows
 
 
-def _matches(first: Glance, second: Glance, shift: float) -> tuple[Ints, Ints]:
+def _matches(first: Glance, second: Glance, way: Floats) -> tuple[Ints, Ints]:
+    """Things of two frames that are each other's nearest of their kind when the first is moved by `way` (3,)."""
     if not len(first.kind) or not len(second.kind):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    apart = np.abs(first.places[:, None] - [shift, 0.0] - second.places).max(axis=2)
+    moved = way[0] * first.places + np.where(first.kind[:, None] >= 2, way[1:], [way[1], 0.0])
+    apart = np.abs(moved[:, None] - second.places).max(axis=2)
     apart[(first.kind[:, None] != second.kind) | (apart > MATCH)] = np.inf
     best = apart.argmin(axis=1)
     mutual = (apart.argmin(axis=0)[best] == np.arange(len(best))) & np.isfinite(apart.min(axis=1))
     return np.flatnonzero(mutual), best[mutual]
+
+
+def rise_between(first: Glance, second: Glance, ratio: float, slide: float) -> float:
+    """What q grew by beside `ratio`, for a known ratio and slide: the densest of the matching corners' differences."""
+    a, b = first.kind >= 2, second.kind >= 2
+    apart = second.places[b] - ratio * first.places[a][:, None]
+    like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 0] - slide) < MATCH)
+    values = apart[..., 1][like & (np.abs(apart[..., 1]) < LARGEST_RISE)]
+    if not len(values):
+        return 0.0
+    near = np.abs(values[:, None] - values) < RISE_SPREAD
+    liking = near.sum(axis=1) * np.exp(-0.5 * (values / USUAL_RISE) ** 2)
+    return float(np.mean(values[near[liking.argmax()]]))

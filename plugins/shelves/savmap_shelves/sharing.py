@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.types import Floats, Ints, Track, Trajectory, ViewSpec
 
-APART = 100.0
+APART = 200.0
 
 
 def share_edges(
@@ -17,17 +17,17 @@ def share_edges(
 
     Where n corners and the upright's own ends are seen on one edge in one view, the corners' variance along the beam (which
     is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen. `apart`: beams
-    and uprights lie on different planes, so that corners say nothing along the beam.
+    and uprights lie on different planes, so that corners say next to nothing along the beam where the ends do.
     """
     corners, ends = _counts(tracks)
-    attitudes = {int(f): pose[:3, :3] for f, pose in zip(start.frames, start.world_from_rig, strict=True)}
     shared, worth = [], {}
     for track in tracks:
         slots = _slots(track)
         with_ends = np.array([ends.get(slot, 0) > 0 for slot in slots])
         if track.label == "beam":
-            count = np.array([corners[slot] for slot in slots]) * np.where(with_ends, 2.0, 1.0) * (APART if apart else 1.0)
-            shared.append(_stretched(track, count, _directions(track, views, attitudes)))
+            alone = np.array([corners[slot] for slot in slots])
+            count = np.where(with_ends, alone * (APART if apart else 2.0), alone)
+            shared.append(_stretched(track, count, _directions(track, views, start)))
             worth[track.name] = 1.0 + 1.0 / count
         else:
             count = np.array([2.0 if slot in corners and not apart else 1.0 for slot in slots])
@@ -57,13 +57,18 @@ def _counts(tracks: Sequence[Track]) -> tuple[dict[tuple[int, str, str], int], d
     return corners, ends
 
 
-def _directions(track: Track, views: Mapping[str, ViewSpec], attitudes: Mapping[int, Floats]) -> Floats:
-    """Image directions (n, 2, 2), as columns: along the world's x axis, then along y, at each observed pixel."""
+def _directions(track: Track, views: Mapping[str, ViewSpec], start: Trajectory) -> Floats:
+    """Image directions (n, 2, 2), as columns: along the world's x axis, then along y, at each observed pixel.
+
+    A frame that the start lacks takes the attitude of the next one it has: a few degrees do not matter here.
+    """
     names = sorted(set(track.views))
     which: Ints = np.array([names.index(view) for view in track.views])
     cameras = np.array([views[name].camera for name in names])[which]
     rig_from_view = np.array([views[name].rig_from_view for name in names])[which]
-    world_from_view = np.array([attitudes[frame] for frame in track.frames.tolist()]) @ rig_from_view
+    order = np.argsort(start.frames)
+    at = np.searchsorted(start.frames[order], track.frames).clip(max=len(order) - 1)
+    world_from_view = start.world_from_rig[order[at], :3, :3] @ rig_from_view
     rays = np.concatenate([track.pixels - cameras[:, :2, 2], cameras[:, 0, 0][:, None]], axis=1)
     axes = np.swapaxes(world_from_view, 1, 2)[:, :, :2]
     moved = axes[:, :2] * rays[:, 2][:, None, None] - rays[:, :2, None] * axes[:, 2:3]

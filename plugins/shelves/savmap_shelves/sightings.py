@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
-from savmap.types import Feature, Floats, Ints, ViewSpec
+from savmap.types import Feature, Floats, Ints, RowFacts, ViewSpec
 
 UPRIGHT_PARTS = ("left", "right")
 CORNER_PARTS = (("lower left", "upper left"), ("lower right", "upper right"))
@@ -44,12 +44,14 @@ class Tangents:
 class Catalogue:
     """Which points make an upright or a beam: indices into Pixels, -1 where not seen.
 
+    open_views (frames, views): which views show the face in which frames.
     uprights (n, 2, 2): edge (left, right), end (top, bottom). corners (m, 2, 2): side (left, right), edge (lower, upper).
     bounds (m, 2): sightings of the uprights that a beam ends at (left, right). spans (m, 2): ends of a beam's own edge.
     """
 
     points: Pixels
     views: tuple[ViewSpec, ...]
+    names: tuple[str, ...]
     uprights: Ints
     corners: Ints
     bounds: Ints
@@ -60,10 +62,12 @@ class Catalogue:
     beam_view: Ints
     edges: Ints
     edge_axis: Ints
+    open_views: NDArray[np.bool_]
 
 
-def catalogue(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Catalogue:
+def catalogue(features: Sequence[Feature], facts: RowFacts) -> Catalogue:
     """Sort features into uprights and beams. Features of other labels, or of unknown views, are left out."""
+    views = facts.views
     specs = tuple(views.values())
     number = {name: index for index, name in enumerate(views)}
     own = [f for f in features if f.label in ("upright", "beam") and f.view in number]
@@ -74,14 +78,16 @@ def catalogue(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Cat
     beams = [key for key, rows in corners.items() if (rows[0] >= 0).any()]
     bounds = [[row_of.get((*key[:2], k), -1) for k in corners[key][1]] for key in beams]
     edge_rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
+    points = Pixels(
+        np.array([f.frame for f in own for _ in f.pixels], dtype=np.int64),
+        np.array([number[f.view] for f in own for _ in f.pixels], dtype=np.int64),
+        np.concatenate([f.pixels for f in own]) if own else np.zeros((0, 2)),
+        np.concatenate([f.covariance for f in own]) if own else np.zeros((0, 2, 2)),
+    )
     return Catalogue(
-        Pixels(
-            np.array([f.frame for f in own for _ in f.pixels], dtype=np.int64),
-            np.array([number[f.view] for f in own for _ in f.pixels], dtype=np.int64),
-            np.concatenate([f.pixels for f in own]) if own else np.zeros((0, 2)),
-            np.concatenate([f.covariance for f in own]) if own else np.zeros((0, 2, 2)),
-        ),
+        points,
         specs,
+        tuple(views),
         np.array([uprights[key] for key in keys], dtype=np.int64).reshape(-1, 2, 2),
         np.array([corners[key][0] for key in beams], dtype=np.int64).reshape(-1, 2, 2),
         np.array(bounds, dtype=np.int64).reshape(-1, 2),
@@ -92,7 +98,17 @@ def catalogue(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Cat
         np.array([key[1] for key in beams], dtype=np.int64),
         edge_rows[:, :2],
         edge_rows[:, 2],
+        _open_views(points, facts),
     )
+
+
+def _open_views(points: Pixels, facts: RowFacts) -> NDArray[np.bool_]:
+    """A view is open in all frames of a pass in which it showed anything."""
+    passes = list(dict.fromkeys(facts.frames.passes))
+    number = np.array([passes.index(name) for name in facts.frames.passes], dtype=np.int64)
+    table = np.zeros((len(passes), len(facts.views)), dtype=np.bool_)
+    table[number[points.frame], points.view] = True
+    return np.asarray(table[number])
 
 
 Key = tuple[int, int, int]
@@ -155,13 +171,17 @@ def _across_only(covariance: Floats) -> Floats:
     return across
 
 
-def visible(p: Floats, q: Floats, frame: Ints, world_from_rig: Floats, views: Sequence[ViewSpec], margin: float) -> NDArray[np.bool_]:
-    """Whether face tangents p, q (N,) lie in any of the views at `frame` (N,), `margin` of its size away from its border."""
-    rays = np.stack([p, q, -np.ones_like(p)], axis=1)
+def visible(
+    seen: Catalogue, tangent: tuple[Floats, Floats], frame: Ints, world_from_rig: Floats, margin: float
+) -> NDArray[np.bool_]:
+    """Whether face tangents p, q (N,) lie in a view that is open at `frame` (N,), `margin` of its size inside its border."""
+    rays = np.stack([*tangent, -np.ones_like(tangent[0])], axis=1)
     rig = np.einsum("nji,nj->ni", world_from_rig[frame], rays)
-    seen = np.zeros(len(p), dtype=np.bool_)
-    for view in views:
+    inside = np.zeros(len(frame), dtype=np.bool_)
+    for number in np.flatnonzero(seen.open_views.any(axis=0)):
+        view = seen.views[number]
         pixel = pinhole.project(rig @ view.rig_from_view, view.camera)
         size = np.array([view.width, view.height])
-        seen |= ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
-    return seen
+        within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
+        inside |= within & seen.open_views[frame, number]
+    return inside

@@ -140,5 +140,5 @@ def _numbered(sections: Ints) -> list[tuple[int, int]]:
 def _track(grid: Grid, rows: Ints, name: str, label: str, place: dict[str, int | str]) -> Track:
     points = grid.seen.points
     rows = rows[np.lexsort((points.view[rows], points.frame[rows]))]
-    views = tuple(grid.seen.views[index].name for index in points.view[rows])
+    views = tuple(grid.seen.names[index] for index in points.view[rows])
     return Track(name, label, place, points.frame[rows], views, points.pixels[rows], points.covariance[rows])

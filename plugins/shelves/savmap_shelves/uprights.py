@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import Floats, Ints
-from savmap_shelves.density import modes, nearest, one_each
+from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.odometry import at_horizon
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 
@@ -45,8 +45,8 @@ def find_uprights(
     for _ in range(20):
         which = nearest(centre, found, reach)
         which = one_each(group, which, np.abs(centre - np.append(found, np.nan)[which]))
-        support, count = _support(seen, found, which, states, world_from_rig, frames)
-        kept = _strong(found, support, count, least, 2 * reach)
+        support, sized, count = _support(seen, found, which, states, world_from_rig, frames)
+        kept = _strong(found, support, sized, count, least, 2 * reach)
         if kept.all():
             break
         found = found[kept]
@@ -56,27 +56,35 @@ def find_uprights(
 
 def _support(
     seen: Catalogue, x: Floats, which: Ints, states: Floats, world_from_rig: Floats, frames: Ints
-) -> tuple[Floats, Ints]:
-    """Share and number of frames (k,) in which each was seen, of those in which it lies well inside a view."""
+) -> tuple[Floats, Ints, Ints]:
+    """Of each (k,): the share of the frames that should show it in which it was seen, their number, and how often it was."""
     state = states[frames]
     p = x[:, None] * state[:, 0] - state[:, 1]
-    shown = np.zeros(p.shape, dtype=np.bool_)
-    for height in (-1.5, -0.5, 0.0, 0.5, 1.5):
-        at = np.full(p.size, height)
-        shown |= visible(p.ravel(), at, np.tile(frames, len(x)), world_from_rig, seen.views, 0.06).reshape(p.shape)
+    shown, edge = (_inside(seen, p, frames, world_from_rig, margin) for margin in (0.06, 0.0))
+    shown = np.where(shown.sum(axis=1, keepdims=True) >= 5, shown, edge)
     hits = np.zeros((len(x), len(states)), dtype=np.bool_)
     hits[which[which >= 0], seen.upright_frame[which >= 0]] = True
     hits = hits[:, frames]
     share = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
-    return np.where(shown.sum(axis=1) >= 3, share, 0.0), hits.sum(axis=1)
+    return np.where(shown.sum(axis=1) >= 3, share, 0.0), shown.sum(axis=1), hits.sum(axis=1)
 
 
-def _strong(x: Floats, support: Floats, count: Ints, least: float, apart: float) -> NDArray[np.bool_]:
+def _inside(
+    seen: Catalogue, p: Floats, frames: Ints, world_from_rig: Floats, margin: float
+) -> NDArray[np.bool_]:
+    """Whether uprights at tangents p (k, f) lie in a view of `frames` (f,) at some height."""
+    number = np.tile(frames, len(p))
+    parts = [visible(seen, (p.ravel(), np.full(p.size, q)), number, world_from_rig, margin) for q in (-1.0, 0.0, 1.0)]
+    return np.any(parts, axis=0).reshape(p.shape)
+
+
+def _strong(
+    x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float
+) -> NDArray[np.bool_]:
     """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
     kept = np.zeros(len(x), dtype=np.bool_)
     for index in np.lexsort((count, support))[::-1]:
         kept[index] = not (np.abs(x[kept] - x[index]) < apart).any()
     if not kept.all():
         return kept
-    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
-    return np.asarray((support >= least * usual) & (count >= 3))
+    return supported(support, shown, count, least)

@@ -261,8 +261,10 @@ def test_askew_beams_are_dropped() -> None:
     row = float(picture.camera.pixels(1.3, 1.7)[1])
     beam = wedge(picture.beams, (row - 12, row + 12), (row - 3, row + 3), (columns.start, columns.stop))
     assert counts(found(picture, beam=beam)) == counts(found(picture))
-    lenient = BoundarySettings(askew_sigmas=1e6)
     masks = [*regions("upright", picture.uprights, 0.5, 30), *regions("beam", beam, 0.5, 30)]
+    published = BoundarySettings(perspective_tolerance=1.0)
+    lenient = BoundarySettings(perspective_tolerance=1.0, askew_sigmas=1e6)
+    assert counts(extract_features(picture.view, masks, published)) == counts(found(picture))
     assert counts(extract_features(picture.view, masks, lenient))[1] == counts(found(picture))[1] + 1
 
 

@@ -1,18 +1,29 @@
 """Tracks of a made-up rack as a tracker would give them: exact geometry, then noise, outliers, sway and poor starts."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from savmap_shelves.constraints import GridSettings, constrain
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry import pinhole
-from savmap.graph import CameraHeight, KnownLength, References, Solution, gauge, merge, published_start, solve
-from savmap.graph.optimise import SolveOptions
+from savmap.graph import (
+    CameraHeight,
+    KnownLength,
+    Problem,
+    References,
+    Solution,
+    SolveOptions,
+    gauge,
+    merge,
+    published_start,
+    solve,
+)
 from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
-from savmap_shelves.constraints import GridSettings, constrain
 
 NOMINAL = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
+Setback = tuple[float, float]
 VIEW = ViewSpec("face", 0.0, 0.0, 0.0, 150.0)
 
 
@@ -45,7 +56,11 @@ def rack(rng: np.random.Generator, sections: int = 4, levels: tuple[int, int] = 
     beams = []
     for section in range(sections):
         count = int(rng.integers(levels[0], levels[1] + 1))
-        bottoms = np.sort(rng.uniform(0.15, 0.33) + np.arange(count) * (5.6 / count) + rng.uniform(-0.1, 0.1, count) * (np.arange(count) > 0))
+        bottoms = np.sort(
+            rng.uniform(0.15, 0.33)
+            + np.arange(count) * (5.6 / count)
+            + rng.uniform(-0.1, 0.1, count) * (np.arange(count) > 0)
+        )
         beams.append(np.stack([bottoms, bottoms + 0.1], axis=1)[2 if section == bridge else 0 :])
     return Rack(np.stack([left, left + 0.0986], axis=1), tuple(beams))
 
@@ -71,6 +86,7 @@ def world(
     misses: float = 0.2,
     levels: tuple[int, int] = (5, 7),
     bridge: int | None = 2,
+    setback_m: float = 0.0,
 ) -> World:
     """A rack seen from a swaying camera. Edges' and corners' noise is drawn line by line, as a detector's is."""
     rng = np.random.default_rng(seed)
@@ -81,7 +97,7 @@ def world(
     seen: dict[str, list[tuple[int, Floats, Floats]]] = {}
     places: dict[str, tuple[str, dict[str, int | str]]] = {}
     for frame, pose in enumerate(poses):
-        for name, label, place, pixel, covariance in _seen(truth, pose, noise_px, misses, rng):
+        for name, label, place, pixel, covariance in _seen(truth, pose, noise_px, misses, setback_m, rng):
             if rng.random() < outliers:
                 pixel = pixel + rng.normal(0, 30, 2)
             places[name] = label, place
@@ -92,13 +108,17 @@ def world(
 
 def _track(name: str, label: str, place: dict[str, int | str], seen: Sequence[tuple[int, Floats, Floats]]) -> Track:
     frames, pixels, covariances = zip(*seen, strict=True)
-    return Track(name, label, place, np.array(frames), (VIEW.name,) * len(seen), np.array(pixels), np.array(covariances))
+    return Track(
+        name, label, place, np.array(frames), (VIEW.name,) * len(seen), np.array(pixels), np.array(covariances)
+    )
 
 
 Sighting = tuple[str, str, dict[str, int | str], Floats, Floats]
 
 
-def _seen(truth: Rack, pose: Floats, noise: float, misses: float, rng: np.random.Generator) -> Iterator[Sighting]:
+def _seen(
+    truth: Rack, pose: Floats, noise: float, misses: float, setback: float, rng: np.random.Generator
+) -> Iterator[Sighting]:
     """Uprights within the frame with both edges, and the beams' corners on them."""
     lines: dict[tuple[int, str], float] = {}
     for number, edges in enumerate(truth.uprights, 1):
@@ -106,7 +126,11 @@ def _seen(truth: Rack, pose: Floats, noise: float, misses: float, rng: np.random
             continue
         for side, x in zip(("left", "right"), edges, strict=True):
             top, bottom = _project(pose, np.array([[x, 6.2, 0], [x, 0.0, 0]]))
-            if not (np.isfinite(top).all() and np.isfinite(bottom).all()) or not 2 < top[0] < 637 or not 2 < bottom[0] < 637:
+            if (
+                not (np.isfinite(top).all() and np.isfinite(bottom).all())
+                or not 2 < top[0] < 637
+                or not 2 < bottom[0] < 637
+            ):
                 continue
             lines[number, side] = float(rng.normal(0, noise))
             yield from _edge(number, side, top, bottom, lines[number, side], noise, rng)
@@ -119,16 +143,24 @@ def _seen(truth: Rack, pose: Floats, noise: float, misses: float, rng: np.random
                 if rng.random() < misses:
                     continue
                 for edge, y in zip(("lower", "upper"), heights, strict=True):
-                    pixel, right, up = _with_axes(pose, np.array([x, y, 0]))
+                    pixel, right, up = _corner(pose, float(x), float(y), setback)
                     if not (0 < pixel[0] < 639 and 0 < pixel[1] < 479):
                         continue
                     across = np.array([-up[1], up[0]])
                     shift = lines[column] / (across @ right) * right
                     over = np.array([-right[1], right[0]])
                     lift = rng.normal(0, noise) / (over @ up) * up
-                    spread = (noise / (across @ right)) ** 2 * np.outer(right, right) + (noise / (over @ up)) ** 2 * np.outer(up, up)
+                    spread = (noise / (across @ right)) ** 2 * np.outer(right, right) + (
+                        noise / (over @ up)
+                    ) ** 2 * np.outer(up, up)
                     place: dict[str, int | str] = {"section": section, "beam": beam, "side": side, "edge": edge}
-                    yield f"section {section} / beam {beam} / {edge} {side}", "beam", place, pixel + shift + lift, spread
+                    yield (
+                        f"section {section} / beam {beam} / {edge} {side}",
+                        "beam",
+                        place,
+                        pixel + shift + lift,
+                        spread,
+                    )
 
 
 def _edge(
@@ -149,27 +181,71 @@ def _project(pose: Floats, points: Floats) -> Floats:
     return pinhole.project(local, VIEW.camera)
 
 
+def _corner(pose: Floats, x: float, y: float, setback: float) -> tuple[Floats, Floats, Floats]:
+    """Where the upright's edge, seen on the face, crosses the beam's edge, which lies behind it; and their directions."""
+    depth = pose[2, 3]
+    return _with_axes(pose, np.array([x, pose[1, 3] + (y - pose[1, 3]) * depth / (depth + setback), 0.0]))
+
+
 def _with_axes(pose: Floats, point: Floats) -> tuple[Floats, Floats, Floats]:
     step = 1e-4
     pixel, right, up = _project(pose, point + step * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))
     return pixel, (right - pixel) / np.linalg.norm(right - pixel), (up - pixel) / np.linalg.norm(up - pixel)
 
 
-def begin(made: World, speed: float = 1.0, height: float = 0.0, distance: float = 1.0, attitude_deg: float = 0.5) -> Trajectory:
+def begin(
+    made: World, speed: float = 1.0, height: float = 0.0, distance: float = 1.0, attitude_deg: float = 0.5
+) -> Trajectory:
     """The published start, off by a factor in speed and distance, by metres in height, and by degrees in attitude."""
     rng = np.random.default_rng(99)
     turns = Rotation.from_rotvec(np.radians(attitude_deg) * rng.normal(0, 1, (len(made.poses), 3))).as_matrix()
     length = float(np.ptp(made.poses[:, 0, 3])) * speed
     middle = made.poses[:, :3, 3].mean(axis=0)
-    return published_start(made.facts, made.poses[:, :3, :3] @ turns, length, float(middle[1]) + height, float(middle[2]) * distance)
+    return published_start(
+        made.facts, made.poses[:, :3, :3] @ turns, length, float(middle[1]) + height, float(middle[2]) * distance
+    )
 
 
-def references(made: World, camera: bool = True, length: bool = True) -> References:
-    span = float(made.rack.uprights[-1, 1])
+def references(
+    made: World, camera: bool = True, length: bool = True, rng: np.random.Generator | None = None
+) -> References:
+    """Camera height +- 2 cm and the row's length +- 3 mm: exact, or, with `rng`, off by that much."""
+    off_height, off_length = rng.normal(0, [0.02, 0.003]) if rng else (0.0, 0.0)
+    height, span = float(made.poses[:, 1, 3].mean()) + off_height, float(made.rack.uprights[-1, 1]) + off_length
     return References(
-        (CameraHeight(float(made.poses[:, 1, 3].mean()), 0.02),) if camera else (),
+        (CameraHeight(height, 0.02),) if camera else (),
         (KnownLength("upright 1 / left", f"upright {len(made.rack.uprights)} / right", span, 0.003),) if length else (),
     )
+
+
+def problem(
+    made: World,
+    start: Trajectory,
+    given: References | None = None,
+    heights: bool = True,
+    setback: Setback = (0.0, 0.01),
+) -> Problem:
+    settings = GridSettings(made.rack.lowest if heights else None, 0.002, *setback)
+    own = constrain(made.tracks, made.facts, start, settings=settings)
+    return merge(gauge(made.facts, start, given or references(made)), own)
+
+
+def without_frames(made: World, blind: set[int]) -> World:
+    """The same world, but nothing was seen in some frames."""
+    tracks = []
+    for track in made.tracks:
+        kept = np.array([frame not in blind for frame in track.frames.tolist()])
+        views = tuple(view for view, keep in zip(track.views, kept, strict=True) if keep)
+        tracks.append(
+            replace(
+                track,
+                frames=track.frames[kept],
+                views=views,
+                pixels=track.pixels[kept],
+                covariances=track.covariances[kept],
+            )
+        )
+    return replace(made, tracks=tracks)
 
 
 def solved(
@@ -178,11 +254,9 @@ def solved(
     given: References | None = None,
     options: SolveOptions | None = None,
     heights: bool = True,
+    setback: Setback = (0.0, 0.01),
 ) -> Solution:
-    at = start or begin(made)
-    settings = GridSettings(made.rack.lowest if heights else None)
-    own = constrain(made.tracks, made.facts, at, settings=settings)
-    return solve(merge(gauge(made.facts, at, given or references(made)), own), options)
+    return solve(problem(made, start or begin(made), given, heights, setback), options)
 
 
 def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Floats]:

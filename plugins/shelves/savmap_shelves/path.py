@@ -1,0 +1,129 @@
+"""The camera's path past the uprights before any beam is known: the odometry's chain, its drift taken out.
+
+Uprights stand far apart, so that they are told from one another even on a drifting path. Fitting them alone fixes place
+and scale of every frame; then only the rise from frame to frame is left to be chained.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, eye_array
+from scipy.sparse.linalg import spsolve
+
+from savmap.types import Floats, Ints, RowFacts
+from savmap_shelves.adjust import FLOOR, Sighted
+from savmap_shelves.odometry import Glance, chained, rise_between, shifts, steps_between
+from savmap_shelves.sightings import Catalogue, Tangents
+from savmap_shelves.uprights import Uprights, find_uprights
+
+RATIO_SIGMA, SLIDE_SIGMA = 0.01, 0.02
+DOUBT, TIE_DOUBT = 2.0, 8.0
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """One pass: its frames (f,), the way from each to the next (f - 1, 3) as ratio, slide and rise."""
+
+    frames: Ints
+    steps: Floats
+
+
+def odometry(views: Sequence[Glance], facts: RowFacts, frames: Ints, spacing: float) -> Odometry:
+    """The way between the frames of one pass. spacing: of the uprights, as a tangent."""
+    times = np.diff(facts.frames.stamps_s[frames])
+    usual = float(np.median(times)) if len(times) else 0.0
+    times = np.clip(times / usual, 0.2, 5.0) if usual > 0 else np.ones(len(times))
+    own = [views[frame] for frame in frames]
+    reach = float(np.clip(0.6 * spacing, 0.4, 1.5))
+    moved = shifts(own, times, reach, int(facts.travel.get(facts.frames.passes[frames[0]], 0)))
+    return Odometry(frames, steps_between(own, moved))
+
+
+def along_uprights(
+    seen: Catalogue,
+    face: Tangents,
+    world_from_rig: Floats,
+    views: Sequence[Glance],
+    way: Odometry,
+    sizes: tuple[float, float, float],
+) -> Floats:
+    """States (f, 6) of a pass's frames, fitted to the uprights alone and to the odometry; `sizes` as in `find_uprights`."""
+    frames, steps = way.frames, way.steps
+    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(world_from_rig), 1))
+    states[frames, :3] = chained(steps)
+    for _ in range(3):
+        uprights = find_uprights(seen, face, states, world_from_rig, frames, sizes)
+        sighted, _ = upright_edges(seen, face, uprights)
+        states[frames, :2] = _tied(states[frames, :2], uprights.x.ravel(), sighted, way)
+    ratios = states[frames[1:], 0] / states[frames[:-1], 0]
+    slides = ratios * states[frames[:-1], 1] - states[frames[1:], 1]
+    for k, (before, after) in enumerate(zip(frames[:-1], frames[1:], strict=True)):
+        rise = rise_between(views[before], views[after], ratios[k], slides[k])
+        states[after, 2] = ratios[k] * states[before, 2] - rise
+    return states[frames]
+
+
+def _tied(start: Floats, x: Floats, sighted: Sighted, way: Odometry) -> Floats:
+    """s and u (f, 2) of a pass and, with them, the edges' x: robust least squares over sightings and odometry."""
+    count, size = len(start), 2 * len(start) + len(x)
+    frame = np.searchsorted(way.frames, sighted.frame)
+    sigma = np.concatenate([
+        np.hypot(sighted.sigma, FLOOR), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
+    ])  # fmt: skip
+    value = np.concatenate([start.ravel(), x])
+    doubt = np.where(np.arange(len(sigma)) < len(frame), DOUBT, TIE_DOUBT)
+    known, links = len(frame), np.arange(count - 1)
+    rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
+    columns = np.concatenate([2 * frame, 2 * frame + 1, 2 * count + sighted.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1])
+    ratio, slide = way.steps[:, 0], way.steps[:, 1]
+    for _ in range(8):
+        s, u, edge = value[: 2 * count : 2], value[1 : 2 * count : 2], value[2 * count :]
+        misfit = np.concatenate([
+            sighted.p - edge[sighted.edge] * s[frame] + u[frame],
+            ratio * s[:-1] - s[1:],
+            ratio * u[:-1] - slide - u[1:],
+        ]) / sigma  # fmt: skip
+        weight = 1 / sigma / np.sqrt(1 + (misfit / doubt) ** 2)
+        slopes = [edge[sighted.edge], -np.ones(known), s[frame], np.ones(2 * count - 2), -ratio, -ratio]
+        jacobian = coo_array((np.concatenate(slopes) * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()
+        normal = jacobian.T @ jacobian + 1e-3 * eye_array(size)
+        value = value + spsolve(normal.tocsc(), jacobian.T @ (misfit * sigma * weight))
+    return np.asarray(value[: 2 * count].reshape(-1, 2))
+
+
+def upright_edges(seen: Catalogue, face: Tangents, uprights: Uprights) -> tuple[Sighted, Ints]:
+    """The sightings of the found uprights' edges, at both ends, and each one's row in Pixels."""
+    known = np.flatnonzero(uprights.which >= 0)
+    edge = (2 * uprights.which[known][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)
+    return sighted_at(seen, face, seen.uprights[known].ravel(), edge.ravel(), 0)
+
+
+def sighted_at(seen: Catalogue, face: Tangents, source: Ints, edge: Ints, row: int) -> tuple[Sighted, Ints]:
+    """Observations of edges (N,) at points `source` (N,), without those that do not meet the face, and their points."""
+    sigma = (face.sigma_p, face.sigma_q)[row][source]
+    fine = np.isfinite(face.p[source]) & np.isfinite(sigma)
+    source, edge, sigma = source[fine], edge[fine], sigma[fine]
+    rows = np.full(len(source), row, dtype=np.int64)
+    return Sighted(seen.points.frame[source], edge, rows, face.p[source], face.q[source], sigma), source
+
+
+def filled(start: Floats, fitted: Floats, sighted: Sighted, frames: Ints, least: int) -> Floats:
+    """Fitted states; frames that show fewer than `least` edges follow `start`, corrected as the frames around them were.
+
+    The correction is a factor for the distance from the face and an addition to the place along and above it.
+    """
+    kinds = np.unique(np.column_stack([sighted.frame, sighted.edge]), axis=0)
+    shown = np.bincount(kinds[:, 0], minlength=len(start))[frames]
+    good, poor = frames[shown >= least], frames[shown < least]
+    states = fitted.copy()
+    if not len(good):
+        return states
+    factor = np.interp(poor, good, np.log(fitted[good, 0] / start[good, 0]))
+    states[poor, 0] = start[poor, 0] * np.exp(factor)
+    for column in (1, 2):
+        change = fitted[good, column] / fitted[good, 0] - start[good, column] / start[good, 0]
+        place = start[poor, column] / start[poor, 0] + np.interp(poor, good, change)
+        states[poor, column] = place * states[poor, 0]
+    states[poor, 3:] = 0.0
+    return states

@@ -1,0 +1,126 @@
+"""Gauge and scale: what is missing is named, what contradicts is named."""
+
+import made_up_rack as made
+import numpy as np
+import pytest
+from savmap_shelves.constraints import GridSettings, constrain
+
+from savmap.errors import SiteError, SolveError, StructureError
+from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, gauge, merge
+from savmap.types import Trajectory
+
+
+@pytest.fixture(scope="module")
+def small() -> made.World:
+    return made.world(6, sections=3, frames=40, bridge=None)
+
+
+@pytest.mark.parametrize(
+    ("camera", "length", "heights", "missing"),
+    [
+        (True, False, False, "known height on the structure"),
+        (False, True, False, "place along y"),
+        (False, False, False, "scale is not known"),
+    ],
+)
+def test_missing_reference_is_named(small: made.World, camera: bool, length: bool, heights: bool, missing: str) -> None:
+    with pytest.raises(SolveError, match=missing) as raised:
+        made.solved(small, given=made.references(small, camera, length), heights=heights)
+    assert "\n" not in str(raised.value)
+
+
+def test_one_height_for_all_sections_gives_no_scale(small: made.World) -> None:
+    begin = made.begin(small)
+    own = constrain(small.tracks, small.facts, begin, settings=GridSettings(0.3))
+    with pytest.raises(SolveError, match="add a camera height or a known length"):
+        made.solve(merge(gauge(small.facts, begin), own))
+
+
+@pytest.mark.parametrize(
+    ("camera", "length", "heights"), [(True, False, True), (False, True, True), (True, True, False)]
+)
+def test_enough_references(small: made.World, camera: bool, length: bool, heights: bool) -> None:
+    x, y, _, _ = made.errors(small, made.solved(small, given=made.references(small, camera, length), heights=heights))
+    assert np.abs(x).max() < 0.05
+    assert np.abs(y).max() < 0.03
+
+
+def test_two_surveyed_points_are_enough(small: made.World) -> None:
+    rack = small.rack
+    points = tuple(
+        SurveyedPoint(f"section {s} / beam 1 / lower left", (rack.uprights[s - 1, 1], rack.lowest[s - 1], 0.0), 0.002)
+        for s in (1, 3)
+    )
+    x, y, _, _ = made.errors(small, made.solved(small, given=References(points=points), heights=False))
+    assert np.abs(x).max() < 0.02
+    assert np.abs(y).max() < 0.02
+
+
+def test_gross_contradiction_is_refused_and_named(small: made.World) -> None:
+    span = float(small.rack.uprights[-1, 1]) + 2.0
+    given = References(
+        (CameraHeight(3.05, 0.02),), (KnownLength("upright 1 / left", "upright 4 / right", span, 0.003),)
+    )
+    with pytest.raises(SolveError, match="contradict") as raised:
+        made.solved(small, given=given)
+    assert "camera height" in str(raised.value)
+    assert "length upright 1 / left to upright 4 / right" in str(raised.value)
+
+
+def test_slight_contradiction_is_told(small: made.World) -> None:
+    span = float(small.rack.uprights[-1, 1]) + 0.35
+    given = References(
+        (CameraHeight(3.05, 0.02),), (KnownLength("upright 1 / left", "upright 4 / right", span, 0.003),)
+    )
+    warnings = " ".join(made.solved(small, given=given).warnings)
+    assert "length upright 1 / left to upright 4 / right" in warnings
+
+
+def test_vague_scale_is_told(small: made.World) -> None:
+    given = References((CameraHeight(float(small.poses[:, 1, 3].mean()), 0.1),))
+    warnings = " ".join(made.solved(small, given=given).warnings)
+    assert "scale" in warnings
+
+
+def test_all_references_are_reported(small: made.World) -> None:
+    used = {use.name: use for use in made.solved(small).references}
+    assert used["camera height"].solved == pytest.approx(used["camera height"].value, abs=0.04)
+    assert used["height of the lowest edge of section 2"].value == pytest.approx(small.rack.lowest[1])
+    assert len(used) == 5
+
+
+def test_unknown_name_suggests_the_nearest(small: made.World) -> None:
+    given = References((), (KnownLength("upright 1 / left", "upright 9 / right", 10.0, 0.003),))
+    with pytest.raises(SiteError, match=r"upright 9 / right.*nearest name is 'upright 4 / right'"):
+        made.problem(small, made.begin(small), given)
+
+
+def test_length_between_vertices_of_one_column(small: made.World) -> None:
+    names = "section 1 / beam 1 / lower left", "section 1 / beam 3 / upper left"
+    found = made.problem(small, made.begin(small), References(lengths=(KnownLength(*names, 2.0, 0.01),)))
+    assert [relation.axis for relation in found.relations if relation.name.startswith("length")] == ["y"]
+
+
+def test_length_along_no_axis_is_refused(small: made.World) -> None:
+    corner = "section 1 / beam 1 / lower left"
+    for a, b in ((corner, "section 2 / beam 3 / upper left"), ("upright 1 / left", "section 1 / beam 2 / upper")):
+        given = References(lengths=(KnownLength(a, b, 2.0, 0.01),))
+        with pytest.raises(SiteError, match="along no one axis"):
+            made.problem(small, made.begin(small), given)
+
+
+def test_references_must_make_sense(small: made.World) -> None:
+    with pytest.raises(SolveError, match="sigma"):
+        CameraHeight(3.0, 0.0)
+    with pytest.raises(SolveError, match="no such pass"):
+        gauge(small.facts, made.begin(small), References((CameraHeight(3.0, 0.1, passes=("two",)),)))
+
+
+def test_nothing_seen_is_said(small: made.World) -> None:
+    begin = made.begin(small)
+    with pytest.raises(StructureError, match="nothing was tracked"):
+        merge(gauge(small.facts, begin))
+    own = constrain(small.tracks, small.facts, begin)
+    elsewhere = Trajectory(begin.frames + 1000, begin.world_from_rig)
+    with pytest.raises(StructureError, match="no frame with a known pose"):
+        merge(gauge(small.facts, begin, fixed=elsewhere), own)

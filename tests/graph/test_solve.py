@@ -1,0 +1,133 @@
+"""The solve on made-up racks: truth is found, from poor starts and among outliers, and sigmas are honest."""
+
+import gtsam
+import made_up_rack as made
+import numpy as np
+import pytest
+from savmap_shelves.constraints import GridSettings, constrain
+
+from savmap.graph import SolveOptions, gauge, merge, solve
+from savmap.graph.covariance import covariance
+from savmap.graph.factors import observation_factors, other_factors, values_of
+from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.start import start
+
+
+@pytest.fixture(scope="module")
+def small() -> made.World:
+    return made.world(5, sections=3, frames=40, bridge=1)
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_recovers_truth() -> None:
+    world = made.world(0)
+    solution = made.solved(world)
+    x, y, _, _ = made.errors(world, solution)
+    assert np.abs(x).mean() < 0.003
+    assert np.abs(y).mean() < 0.002
+    camera = solution.trajectory.world_from_rig[:, :3, 3] - world.poses[solution.trajectory.frames, :3, 3]
+    assert solution.trajectory.sigma_m is not None
+    assert 0.7 < rms(camera / solution.trajectory.sigma_m) < 1.3
+    assert solution.warnings == ()
+
+
+@pytest.mark.parametrize("kind", ["linear", "published"])
+@pytest.mark.parametrize(("speed", "height", "distance"), [(1.3, 0.3, 1.3), (0.7, -0.3, 0.7)])
+def test_poor_start(small: made.World, kind: str, speed: float, height: float, distance: float) -> None:
+    best = made.errors(small, made.solved(small))
+    begin = made.begin(small, speed, height, distance, attitude_deg=1.0)
+    found = made.errors(small, made.solved(small, begin, options=SolveOptions(start=kind)))  # type: ignore[arg-type]
+    np.testing.assert_allclose(found[0], best[0], atol=3e-3)
+    np.testing.assert_allclose(found[1], best[1], atol=3e-3)
+
+
+def test_linear_start_is_the_better_one(small: made.World) -> None:
+    problem = made.problem(small, made.begin(small, 1.3, 0.3, 1.3))
+    truth = small.poses[problem.used, :3, 3]
+    linear, published = (
+        np.abs(start(problem, kind).poses[:, :3, 3] - truth).mean() for kind in ("linear", "published")
+    )
+    assert linear < 0.1 < published
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_outliers_are_found(share: float) -> None:
+    world = made.world(7, frames=60, outliers=share)
+    solution = made.solved(world)
+    x, y, _, _ = made.errors(world, solution)
+    assert np.abs(x).mean() < 0.004
+    assert np.abs(y).mean() < 0.003
+    assert solution.report["rejected_share"] == pytest.approx(share, abs=0.015)
+    assert len(solution.rejected) == solution.report["rejected"]
+
+
+def test_sigmas_are_honest() -> None:
+    """Normalised errors over several racks, the references being off by their own sigmas too."""
+    off: dict[int, list[np.ndarray]] = {0: [], 1: []}
+    for seed in range(6):
+        world = made.world(20 + seed, sections=3, frames=30)
+        given = made.references(world, rng=np.random.default_rng(seed))
+        x, y, sigma_x, sigma_y = made.errors(world, made.solved(world, given=given))
+        off[0].append(x[1:] / sigma_x[1:])
+        off[1].append(y / sigma_y)
+    assert 0.7 < rms(np.concatenate(off[0])) < 1.3
+    assert 0.7 < rms(np.concatenate(off[1])) < 1.3
+
+
+def test_covariance_is_that_of_gtsam(small: made.World) -> None:
+    problem = made.problem(small, made.begin(small))
+    estimate = start(problem, "linear")
+    graph = other_factors(problem, estimate)
+    for factor in observation_factors(problem.observations, 1.5):
+        graph.push_back(factor)
+    values = values_of(problem, estimate)
+    used = problem.used.tolist()
+    ours = covariance(graph, values, [frame_key(f) for f in used], [centre_key(f) for f in used])
+    theirs = gtsam.Marginals(graph, values)
+    for key in problem.keys.tolist()[::17]:
+        np.testing.assert_allclose(ours.of([key]), theirs.marginalCovariance(key), rtol=1e-3, atol=1e-10)
+    for index in (0, 7, len(used) - 1):
+        place = np.diag(theirs.marginalCovariance(centre_key(used[index])))
+        np.testing.assert_allclose(ours.places[index], place, rtol=1e-3)
+
+
+def test_the_same_twice(small: made.World) -> None:
+    first, second = made.solved(small), made.solved(small)
+    assert np.array_equal(first.trajectory.world_from_rig, second.trajectory.world_from_rig)
+    assert np.array_equal(first.covariance.points, second.covariance.points)
+    for name, landmark in first.of("shelves").items():
+        assert np.array_equal(landmark.position, second.of("shelves")[name].position)
+
+
+def test_frames_that_saw_nothing_are_filled_in(small: made.World) -> None:
+    blind = made.without_frames(small, {0, 10, 11, 12})
+    path = made.solved(blind).trajectory
+    assert path.frames.tolist() == list(range(1, 40))
+    assert path.sigma_m is not None
+    assert np.isfinite(path.world_from_rig).all()
+    assert np.abs(path.world_from_rig[10, :3, 3] - small.poses[11, :3, 3]).max() < 0.3
+    assert path.sigma_m[10].min() > path.sigma_m[8].max()
+
+
+@pytest.mark.parametrize("free_rotation", [False, True])
+def test_landmarks_alone_from_a_known_path(small: made.World, free_rotation: bool) -> None:
+    path = made.solved(small).trajectory
+    own = constrain(small.tracks, small.facts, path, settings=GridSettings())
+    solution = solve(merge(gauge(small.facts, path, fixed=path, free_rotation=free_rotation), own))
+    x, y, _, _ = made.errors(small, solution)
+    assert np.abs(x).mean() < 0.005
+    assert np.abs(y).mean() < 0.003
+    np.testing.assert_allclose(solution.trajectory.world_from_rig[:, :3, 3], path.world_from_rig[:, :3, 3], atol=2e-3)
+
+
+def test_weights_shrink_covariances(small: made.World) -> None:
+    from savmap.graph import KeySpace, observe
+
+    track = small.tracks[0]
+    keys = KeySpace("shelves").keys([track.name])
+    plain = observe([track], keys, small.facts.views)
+    heavy = observe([track], keys, small.facts.views, weights={track.name: 4.0})
+    np.testing.assert_allclose(heavy.covariances, plain.covariances / 4)
