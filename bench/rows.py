@@ -1,6 +1,6 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 60] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--keep DIR] [-o bench/results/rows.json]
 
 Nothing of a row is looked at by hand; footage already in DIR is used again.
 """
@@ -72,7 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1000)
-    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()

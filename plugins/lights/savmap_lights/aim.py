@@ -1,13 +1,14 @@
 """Which way to look: straight up, wide enough for two lamps. Paper, section III.B."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from savmap.stages.aim import Manual, Scout
-from savmap.stages.fit import fit_count
 
 from savmap.geometry.pinhole import angles_from_rotation
+from savmap.stages.aim import Manual, Scout
+from savmap.stages.fit import fit_count
 from savmap.types import Aim, Detection, Floats, View, ViewSpec
+from savmap_lights.features import touches_border
 
 HFOV_DEG = 110.0
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -20,5 +21,10 @@ def aim_at_ceiling(
     rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
     yaw, pitch, roll = angles_from_rotation(rig_from_world @ WORLD_FROM_VIEW)
     spec = ViewSpec("ceiling", yaw, pitch, roll, HFOV_DEG)
-    fitted = fit_count(scout, spec, lambda view: len(see(view)), at_least=2, manual=manual.get("ceiling", Manual()))
+    fitted = fit_count(scout, spec, lambda view: whole(see(view)), at_least=2, manual=manual.get("ceiling", Manual()))
     return Aim((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
+
+
+def whole(detections: Sequence[Detection]) -> int:
+    """How many lamps are seen whole: not cut by the frame."""
+    return sum(not touches_border(detection.mask) for detection in detections)

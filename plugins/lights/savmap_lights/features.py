@@ -32,7 +32,7 @@ def _lamp(view: View, detection: Detection, instance: int) -> list[Feature]:
     centre = np.average(pixels, axis=0, weights=weights)
     spread, axes = np.linalg.eigh(np.cov((pixels - centre).T, aweights=weights) + 1e-9 * np.eye(2))
     long, wide = np.sqrt(12 * spread[1]), np.sqrt(12 * spread[0])
-    inside = not _touches(detection.mask)
+    inside = not touches_border(detection.mask)
     points = [("centre", centre, SIGMA_CENTRE_PX)] if inside else []
     if long > STRIP_RATIO * wide:
         ends = _ends(pixels, weights, centre, axes[:, 1])
@@ -85,7 +85,8 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def _touches(mask: NDArray[np.bool_]) -> bool:
+def touches_border(mask: NDArray[np.bool_]) -> bool:
+    """Whether a mask comes within two pixels of the frame's border."""
     return bool(mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any())
 
 

@@ -52,9 +52,10 @@ def extract_features(
 ) -> list[Feature]:
     """The edges of uprights and beams of one view, and the beams' corners at the uprights.
 
-    Per upright: edges "left" and "right", extended to the frame's borders, top end first. Per beam of one section: edges
-    "upper" and "lower", extended to the next uprights, left end first, and corners "upper left" ... at the uprights that
-    it ends at, which `neighbours` name by role. Covariances px^2.
+    Per upright: edges "left" and "right", extended to the frame's borders, top end first, and a point "foot" where its mask
+    ends inside the frame. Per beam of one section: edges "upper" and "lower", extended to the next uprights, left end
+    first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
+    that it ends at, which `neighbours` name by role. Covariances px^2.
     """
     frame = Frame(view, view.spec.width, view.spec.height, settings or BoundarySettings())
     separators = _separators(frame, detections)
@@ -139,6 +140,18 @@ def _upright_edges(frame: Frame, separators: Separators) -> Iterator[Feature]:
         for index in range(len(strips)):
             name, score = ("upright", part, index), float(strips.score[index])
             yield _feature(frame, name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score, {})
+    yield from _feet(frame, strips)
+
+
+def _feet(frame: Frame, strips: Strips) -> Iterator[Feature]:
+    """Where uprights that end inside the frame end below: a point between their edges."""
+    settings = frame.settings
+    row = strips.last + 0.5
+    middle = (strips.upper.at(row) + strips.lower.at(row)) / 2
+    covariance = np.diag([settings.foot_across_px**2, settings.foot_along_px**2])[None]
+    for index in np.flatnonzero(row < frame.height - settings.foot_margin_px).tolist():
+        name, pixel = ("upright", "foot", index), np.array([[middle[index], row[index]]])
+        yield _feature(frame, name, pixel, covariance, None, float(strips.score[index]), {})
 
 
 def _line_ends(lines: Lines, u: Floats, settings: BoundarySettings) -> tuple[Floats, Floats]:
@@ -169,8 +182,9 @@ def _beam_features(frame: Frame, beams: Strips, separators: Separators) -> Itera
                 yield _feature(frame, name, point[None], covariance[None], None, score, touching[index])
         across, spread = _line_ends(lines, ends, frame.settings)
         pixels = np.stack([ends, across], axis=-1)
+        cover = np.clip(beams.columns / np.maximum(ends[:, 1] - ends[:, 0], 1.0), 0.0, 1.0)
         for index in range(len(beams)):
-            name, score = ("beam", part, index), float(beams.score[index])
+            name, score = ("beam", part, index), float(beams.score[index] * cover[index])
             yield _feature(frame, name, pixels[index], spread[index], "x", score, touching[index])
 
 

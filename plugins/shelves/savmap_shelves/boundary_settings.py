@@ -19,6 +19,8 @@ class BoundarySettings(BaseModel):
     - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times thicker than the rest.
     - `least_sigma_px`: no edge is claimed to be better known than this.
     - `along_sigma_px`: the standard deviation of an edge's ends along the edge.
+    - `foot_margin_px`: an upright whose mask ends nearer to the frame's lower border has no foot; `foot_along_px`,
+      `foot_across_px`: a foot's standard deviations.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -38,3 +40,6 @@ class BoundarySettings(BaseModel):
     most_thick: float = Field(default=3.0, gt=1)
     least_sigma_px: float = Field(default=0.3, gt=0)
     along_sigma_px: float = Field(default=200.0, gt=0)
+    foot_margin_px: float = Field(default=6.0, ge=0)
+    foot_along_px: float = Field(default=3.0, gt=0)
+    foot_across_px: float = Field(default=2.0, gt=0)

@@ -7,10 +7,12 @@ from scipy.ndimage import gaussian_filter1d
 from savmap.types import Floats, Ints
 
 CELLS = 5
+FAR = 3000.0
 
 
 def modes(values: Floats, bandwidth: float) -> Floats:
-    """The peaks (k,) of the Gaussian kernel density of values (n,), in rising order."""
+    """The peaks (k,) of the Gaussian kernel density of values (n,), in rising order; values far from all are left out."""
+    values = values[np.abs(values - np.median(values)) < FAR * bandwidth] if len(values) else values
     if not len(values):
         return np.zeros(0)
     cell = bandwidth / CELLS

@@ -10,7 +10,7 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-SIDES = 2
+THIN, THIN_AND_RARE = 0.65, 0.45
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,11 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
+            kept = ~_thin(levels, _medians(edges, which, len(levels)), support)
+        if kept.all():
             break
         levels = levels[kept]
-    y = np.array([np.median(edges[which == k], axis=0) for k in range(len(levels))]).reshape(-1, 2)
+    y = _medians(edges, which, len(levels))
     return Levels(levels[:, 0].astype(np.int64), y, which, ends, support)
 
 
@@ -135,6 +137,27 @@ def _shown(seen: Catalogue, states: Floats, world_from_rig: Floats, uprights: Up
     frame = np.tile(np.arange(len(states)), len(levels))
     inside = visible(seen, (p.ravel(), q.ravel()), frame, world_from_rig, 0.02).reshape(p.shape)
     return inside & (known[number] | known[number + 1])
+
+
+def _medians(edges: Floats, which: Ints, count: int) -> Floats:
+    return np.array([np.median(edges[which == k], axis=0) for k in range(count)]).reshape(-1, 2)
+
+
+def _thin(levels: Floats, y: Floats, support: Floats) -> NDArray[np.bool_]:
+    """Levels much thinner than the sure ones of their section (or of the row, where it has less than two), and seen less.
+
+    These are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden now
+    and then. Edges of goods are thin as well.
+    """
+    thickness, usual = y[:, 1] - y[:, 0], np.median(support)
+    sure = support >= 0.8 * usual
+    thin = np.zeros(len(levels), dtype=np.bool_)
+    for k, section in enumerate(levels[:, 0]):
+        own = sure & (levels[:, 0] == section)
+        peers = thickness[own if own.sum() > 1 else sure]
+        ratio = thickness[k] / np.median(peers) if len(peers) else 1.0
+        thin[k] = ratio < THIN and ratio * support[k] / usual < THIN_AND_RARE
+    return thin
 
 
 def _distinct(levels: Floats, hits: NDArray[np.bool_], thickness: float) -> NDArray[np.bool_]:

@@ -12,13 +12,13 @@ from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from savmap.types import Floats, Ints, RowFacts
-from savmap_shelves.adjust import FLOOR, Sighted
+from savmap_shelves.adjust import Sighted
 from savmap_shelves.odometry import Glance, chained, rise_between, shifts, steps_between
 from savmap_shelves.sightings import Catalogue, Tangents
 from savmap_shelves.uprights import Uprights, find_uprights
 
-RATIO_SIGMA, SLIDE_SIGMA = 0.01, 0.02
-DOUBT, TIE_DOUBT = 2.0, 8.0
+RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
+DOUBT, SLIP_DOUBT = 2.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ def _tied(start: Floats, x: Floats, sighted: Sighted, way: Odometry) -> Floats:
     count, size = len(start), 2 * len(start) + len(x)
     frame = np.searchsorted(way.frames, sighted.frame)
     sigma = np.concatenate([
-        np.hypot(sighted.sigma, FLOOR), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
+        np.hypot(sighted.sigma, UPRIGHT_SIGMA), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
     ])  # fmt: skip
     value = np.concatenate([start.ravel(), x])
-    doubt = np.where(np.arange(len(sigma)) < len(frame), DOUBT, TIE_DOUBT)
+    doubt = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
     known, links = len(frame), np.arange(count - 1)
     rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
     columns = np.concatenate([2 * frame, 2 * frame + 1, 2 * count + sighted.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1])

@@ -38,9 +38,9 @@ class Faults:
     false_upright: float = 0.1
     false_beam: float = 0.3
     rear: float = 0.1
+    behind: float = 0.6
     sway_deg: float = 1.0
     attitude_deg: float = 0.7
-    hidden_levels: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,10 @@ class _Observer:
         self.rack, self.rng, self.faults, self.view = rack, rng, faults, view
         self.missing: dict[tuple[int, ...], bool] = {}
         self.truth: dict[int, tuple[int, ...] | None] = {}
+        inverse = np.linalg.inv(view.camera).T
+        corners = np.array([[0, 0, 1], [0, view.height - 1, 1], [view.width - 1, view.height - 1, 1], [view.width - 1, 0, 1]])
+        rays = corners @ inverse
+        self.borders = np.array([*(np.cross(rays[k], rays[k - 1]) for k in range(4)), [0.0, 0.0, 1.0]])
         self.goods = [
             (float(rng.uniform(0, rack.uprights[-1, 1])), float(rng.uniform(0.3, 6.0)), float(rng.uniform(0.6, 1.5)))
             for _ in range(4 * len(rack.beams))
@@ -182,19 +186,20 @@ class _Observer:
         self.missing[key] = state
         return state
 
-    def _project(self, pose: Floats, points: Floats) -> Floats:
-        rig = (points - pose[:3, 3]) @ pose[:3, :3]
-        return pinhole.project(rig @ self.view.rig_from_view, self.view.camera)
-
     def _line(self, pose: Floats, a: Floats, b: Floats) -> Floats | None:
         """The visible part (2, 2) of a straight edge from a to b, cut at the view's borders; None if less than 12 px."""
-        share = np.linspace(0, 1, 200)[:, None]
-        pixels = self._project(pose, a + (b - a) * share)
-        size = (self.view.width, self.view.height)
-        inside = np.flatnonzero(((pixels > 0) & (pixels < np.array(size) - 1)).all(axis=1))
-        if len(inside) < 2 or np.linalg.norm(pixels[inside[-1]] - pixels[inside[0]]) < 12:
-            return None
-        return pixels[inside[[0, -1]]]
+        ends = (np.stack([a, b]) - pose[:3, 3]) @ (pose[:3, :3] @ self.view.rig_from_view)
+        sides = ends @ self.borders.T
+        low, high = 0.0, 1.0
+        for start, end in sides.T.tolist():
+            if start < 0 and end < 0:
+                return None
+            if start < 0:
+                low = max(low, start / (start - end))
+            elif end < 0:
+                high = min(high, start / (start - end))
+        pixels = pinhole.project(ends[0] + np.array([[low], [high]]) * (ends[1] - ends[0]), self.view.camera)
+        return pixels if low < high and np.hypot(*(pixels[1] - pixels[0])) >= 12 else None
 
     def _noisy(self, line: Floats, offset: float) -> Floats:
         """A line moved across itself by `offset` and noise that depends on its length."""
@@ -251,6 +256,11 @@ class _Observer:
                     found.append((y, (x[section, 1], x[section + 1, 0]), -1.1, None))
                 if self.rng.random() < self.faults.duplicate:
                     found.append((y - self.rng.uniform(0.05, 0.12), (x[section, 1], x[section + 1, 0]), 0.0, None))
+            if len(levels) and levels[0, 0] > 3:
+                for height in (1.3, 1.9, 2.6, 3.1):
+                    if self.rng.random() < self.faults.behind:
+                        low = np.array([height, height + np.ptp(levels[0])])
+                        found.append((low, (x[section, 1] - 2, x[section + 1, 0] + 2), -2.5, None))
         for start, y, length in self.goods:
             if self.rng.random() < self.faults.false_beam / 4:
                 found.append((np.array([y, y + 0.1]), (start, start + length), 0.0, None))
