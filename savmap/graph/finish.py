@@ -18,7 +18,8 @@ from savmap.types import Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA, GROSS_SIGMA = 3.0, 5.0
 GROSS_M, GROSS_PART = 0.1, 0.05
-LEAST_SPARE = 1e-3
+LEAST_SPARE = 1e-6
+VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
@@ -143,9 +144,14 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance
 
 
 def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:
-    """Baarda's test: a residual's own variance is the reference's less the solution's."""
+    """Baarda's test: a residual's own variance is the reference's less the solution's.
+
+    Where the rest hardly speaks of what the reference says, it cannot be tested.
+    """
     spare = max(1.0 - variance / sigma**2, LEAST_SPARE)
     use = ReferenceUse(name, value, sigma, solved)
+    if sigma / float(np.sqrt(spare)) > max(VAGUE_M, VAGUE_SHARE * abs(value)):
+        return Verdict(use, solved, 0.0)
     return Verdict(use, value + (solved - value) / spare, abs(solved - value) / (sigma * float(np.sqrt(spare))))
 
 

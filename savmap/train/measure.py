@@ -98,7 +98,7 @@ def edge_offsets(probability: Maps, truth: Bytes, value: int, limit: int = 2000)
 
 
 def measure(predict: Predictor, samples: Iterable[Sample], classes: Sequence[str]) -> dict[str, Mapping[str, float]]:
-    """For each class its `iou` over all samples together and the summary of its edges' offsets."""
+    """For each class its `iou` over all samples together, if it is in any, and the summary of its edges' offsets."""
     counts = np.zeros((len(classes), 2), np.int64)
     edges: list[list[EdgeOffsets]] = [[] for _ in classes]
     for sample in samples:
@@ -113,5 +113,5 @@ def measure(predict: Predictor, samples: Iterable[Sample], classes: Sequence[str
 def _class_result(counts: NDArray[np.int64], edges: Sequence[EdgeOffsets]) -> dict[str, float]:
     offsets = np.concatenate([edge.offsets_px for edge in edges]) if edges else np.empty(0)
     sides = np.concatenate([edge.sides for edge in edges]) if edges else np.empty(0, np.int64)
-    iou = float(counts[0] / counts[1]) if counts[1] else float("nan")
-    return {"iou": iou, **EdgeOffsets(offsets, sides).summary()}
+    overlap = {"iou": float(counts[0] / counts[1])} if counts[1] else {}
+    return {**overlap, **EdgeOffsets(offsets, sides).summary()}

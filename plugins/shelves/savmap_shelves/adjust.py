@@ -60,7 +60,9 @@ def adjusted(states: Floats, edges: Floats, seen: Sighted, prior: Floats, rounds
     for _ in range(rounds):
         residual = (measured - predicted(states, edges, seen)) / sigma
         weight = 1 / (1 + (residual / scale) ** 2) / sigma**2
-        step_states, step_edges = _step(states, edges, seen, weight * residual * sigma, weight, (anchor - states, prior))
+        step_states, step_edges = _step(
+            states, edges, seen, weight * residual * sigma, weight, (anchor - states, prior)
+        )
         states, edges = states + step_states, edges + step_edges
     return Fit(states, edges, (measured - predicted(states, edges, seen)) / sigma)
 
@@ -79,14 +81,19 @@ def _step(
     blocks = np.stack([
         np.bincount(seen.frame, weight * by_state[:, i] * by_state[:, j], minlength=frames) for i in range(6) for j in range(6)
     ], axis=1).reshape(frames, 6, 6) + np.diag(1 / prior**2)  # fmt: skip
-    right = np.stack([np.bincount(seen.frame, pull * by_state[:, i], minlength=frames) for i in range(6)], axis=1) + off / prior**2
+    right = (
+        np.stack([np.bincount(seen.frame, pull * by_state[:, i], minlength=frames) for i in range(6)], axis=1)
+        + off / prior**2
+    )
     coupling = _coupling(seen, weight * by_edge, by_state, (frames, edge_count))
     inverse = bsr_array((np.linalg.inv(blocks), np.arange(frames), np.arange(frames + 1))).tocsr()
     solved = inverse @ coupling
     free = inverse @ right.ravel()
     diagonal = np.bincount(seen.edge, weight * by_edge**2, minlength=edge_count)
     reduced = np.diag(diagonal * (1 + 1e-9) + 1e-6) - (coupling.T @ solved).toarray()
-    step_edges = np.linalg.solve(reduced, np.bincount(seen.edge, pull * by_edge, minlength=edge_count) - coupling.T @ free)
+    step_edges = np.linalg.solve(
+        reduced, np.bincount(seen.edge, pull * by_edge, minlength=edge_count) - coupling.T @ free
+    )
     return (free - solved @ step_edges).reshape(frames, 6), step_edges
 
 

@@ -14,6 +14,7 @@ from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_shelves.sharing import share_edges
 
 TOP_M = 6.0
+FLOOR_SIGMA_M = 0.05
 Column = tuple[int, str]
 Row = tuple[int, int, str]
 
@@ -56,28 +57,41 @@ def constrain(
     """The rack's part of the graph. Raises StructureError if there is no grid, SiteError if the number of heights given is
     not that of the sections found."""
     chosen = settings or GridSettings()
+    feet = [track for track in tracks if is_foot(track)] if chosen.lowest_beam_bottom_height_m is None else []
+    tracks = [track for track in tracks if not is_foot(track)]
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
     shared, dof = share_edges(
         tracks, facts.views, start, apart=chosen.beam_setback_m != 0 or chosen.beam_setback_sigma_m > 0
     )
-    keys = KeySpace(room).keys(track.name for track in tracks)
+    keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
+    initial = published_grid(tracks, grid, start, chosen)
     return Constraints(
         room,
         keys,
-        observe(shared, keys, facts.views, dof=dof),
-        (*_grid_lines(grid, keys), *_plane(tracks, keys, chosen), *_heights(grid, keys, chosen, facts.name)),
-        published_grid(tracks, grid, start, chosen),
+        observe((*shared, *feet), keys, facts.views, dof=dof),
+        (
+            *_grid_lines(grid, keys),
+            *_plane(tracks, keys, chosen),
+            *_heights(grid, keys, chosen, facts.name),
+            *_floor(feet, keys),
+        ),
+        initial | {track.name: _below(track, grid, initial) for track in feet},
         dict(_places(grid, keys)),
     )
+
+
+def is_foot(track: Track) -> bool:
+    """Whether a track is where an upright stands on the floor."""
+    return track.place.get("end") == "foot"
 
 
 def grid_of(tracks: Sequence[Track]) -> Grid:
     """Sort tracks into columns and rows by their place."""
     columns: dict[Column, list[str]] = {}
     rows: dict[Row, list[str]] = {}
-    for track in tracks:
+    for track in (one for one in tracks if not is_foot(one)):
         columns.setdefault(column_of(track), []).append(track.name)
         if track.label == "beam":
             rows.setdefault(row_of(track), []).append(track.name)
@@ -131,6 +145,18 @@ def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: s
         lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
         name = f"height of the lowest edge of section {section}"
         yield reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name)
+
+
+def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
+    """Uprights stand on the floor, y = 0: a reference like any other, for maps without a known height."""
+    for track in feet:
+        yield pin("z", keys[track.name])
+        yield reference("y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}")
+
+
+def _below(foot: Track, grid: Grid, initial: Mapping[str, Floats]) -> Floats:
+    x = [initial[grid.columns[column][0]][0] for column in grid.columns if column[0] == foot.place["upright"]]
+    return np.array([np.mean(x) if x else 0.0, 0.0, 0.0])
 
 
 def _places(grid: Grid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:

@@ -24,7 +24,7 @@ class Settings:
     """Least support of an upright, and of a level, as a share of the usual one; `gate`: an observation farther than this
     many standard deviations from the fitted grid is dropped; least_frames: fewer are refused."""
 
-    upright_support: float = 0.35
+    upright_support: float = 0.25
     level_support: float = 0.3
     gate: float = 4.0
     least_frames: int = 3
@@ -85,9 +85,13 @@ def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, a
 def _require_sightings(seen: Catalogue, facts: RowFacts, settings: Settings) -> None:
     shown = np.unique(seen.upright_frame)
     if not len(shown):
-        raise StructureError(f"row {facts.name}: no upright was found in any of {len(facts.frames)} frames; check the view's direction")
+        raise StructureError(
+            f"row {facts.name}: no upright was found in any of {len(facts.frames)} frames; check the view's direction"
+        )
     if not len(seen.corners):
-        raise StructureError(f"row {facts.name}: no beam that meets an upright was found in any of {len(facts.frames)} frames")
+        raise StructureError(
+            f"row {facts.name}: no beam that meets an upright was found in any of {len(facts.frames)} frames"
+        )
     if len(shown) < settings.least_frames:
         raise StructureError(
             f"row {facts.name}: uprights were found in {len(shown)} frames only, {settings.least_frames} are needed"
@@ -95,7 +99,9 @@ def _require_sightings(seen: Catalogue, facts: RowFacts, settings: Settings) -> 
 
 
 def _attitudes(seen: Catalogue, facts: RowFacts, attitudes: Floats | None) -> Floats:
-    begins = np.array([a != b for a, b in zip(facts.frames.passes[:-1], facts.frames.passes[1:], strict=True)], dtype=np.bool_)
+    begins = np.array(
+        [a != b for a, b in zip(facts.frames.passes[:-1], facts.frames.passes[1:], strict=True)], dtype=np.bool_
+    )
     tie = np.where(begins, np.inf, np.radians(1.0 if attitudes is not None else 2.0))
     if attitudes is not None:
         return rectified(seen, attitudes, tie, np.radians(3.0))
@@ -112,7 +118,9 @@ def _joined(grids: Sequence[Grid], passes: Sequence[Ints], row: str) -> Floats:
         if index != main:
             similarity = laid_on(shapes[main], shapes[index])
             if similarity is None:
-                raise StructureError(f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same sections")
+                raise StructureError(
+                    f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same sections"
+                )
             states[frames] = moved(grid.fit.states[frames], similarity)
     return states
 
@@ -143,7 +151,9 @@ class Fitter:
         limits = (width * self.spacing, 3 * width * self.spacing, self.settings.upright_support)
         uprights = find_uprights(self.seen, self.face, states, self.world_from_rig, frames, limits)
         if len(uprights.x) < 2:
-            raise StructureError(f"row {row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part")
+            raise StructureError(
+                f"row {row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
+            )
         kernel = (height, self.settings.level_support)
         levels = find_levels(self.seen, self.face, states, self.world_from_rig, uprights, frames, kernel)
         if not len(levels.section):

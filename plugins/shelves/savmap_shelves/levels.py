@@ -87,7 +87,10 @@ def find_levels(
     levels = np.concatenate(places)
     for _ in range(20):
         which = _assigned(seen, section, centre, levels, 0.8 * thickness)
-        hits, shown = _hits(seen, which, (len(levels), len(states))), _shown(seen, states, world_from_rig, uprights, levels)
+        hits, shown = (
+            _hits(seen, which, (len(levels), len(states))),
+            _shown(seen, states, world_from_rig, uprights, levels),
+        )
         hits, shown = hits[:, frames], shown[:, frames]
         kept = _distinct(levels, hits, thickness)
         support = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
@@ -126,7 +129,9 @@ def _hits(seen: Catalogue, which: Ints, shape: tuple[int, int]) -> NDArray[np.bo
     return hits
 
 
-def _shown(seen: Catalogue, states: Floats, world_from_rig: Floats, uprights: Uprights, levels: Floats) -> NDArray[np.bool_]:
+def _shown(
+    seen: Catalogue, states: Floats, world_from_rig: Floats, uprights: Uprights, levels: Floats
+) -> NDArray[np.bool_]:
     """Frames (k, n) that should show a level: its middle is in a view and one of its uprights was seen."""
     known = np.zeros((len(uprights.x) + 1, len(states)), dtype=np.bool_)
     known[uprights.which, seen.upright_frame] = uprights.which >= 0
@@ -164,9 +169,9 @@ def _distinct(levels: Floats, hits: NDArray[np.bool_], thickness: float) -> NDAr
     """Leaves the stronger of two levels that overlap, or that are close and hardly ever seen together."""
     count = hits.sum(axis=1)
     together = hits.astype(float) @ hits.T.astype(float)
-    rarely = together < 0.2 * np.minimum(count[:, None], count)
-    apart = np.abs(levels[:, 1, None] - levels[:, 1])
-    clash = (apart < 1.1 * thickness) | ((apart < 2.5 * thickness) & rarely)
+    share = together / np.maximum(np.minimum(count[:, None], count), 1)
+    apart = np.abs(levels[:, 1, None] - levels[:, 1]) / thickness
+    clash = (apart < 1.1) | ((apart < 2.5) & (share < 0.2)) | ((apart < 8) & (share < 0.1))
     clash &= levels[:, 0, None] == levels[:, 0]
     kept = np.zeros(len(levels), dtype=np.bool_)
     for index in np.argsort(count, kind="stable")[::-1]:

@@ -7,6 +7,7 @@ Then scale, shift and rise of each pair of frames are fitted robustly and chaine
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -58,7 +59,7 @@ def glances(seen: Catalogue, face: Tangents, count: int) -> list[Glance]:
     usable = np.isfinite(places).all(axis=1)
     order = np.flatnonzero(usable)[np.argsort(frame[usable], kind="stable")]
     starts = np.searchsorted(frame[order], np.arange(count + 1))
-    return [Glance(places[order[a:b]], kind[order[a:b]]) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    return [Glance(places[order[a:b]], kind[order[a:b]]) for a, b in pairwise(starts)]
 
 
 def typical_spacing(seen: Catalogue, face: Tangents) -> float:
@@ -81,10 +82,12 @@ def shifts(views: Sequence[Glance], steps: Floats, reach: float, travel: int) ->
     grid = np.arange(-np.ceil(reach / BIN), np.ceil(reach / BIN) + 1) * BIN
     against = np.abs(grid) * 0.5 + np.where(grid * travel < -0.05, 20.0, 0.0)
     cost = [
-        against - EVIDENCE * _evidence(a, b, grid * step) for a, b, step in zip(views[:-1], views[1:], steps, strict=True)
+        against - EVIDENCE * _evidence(a, b, grid * step)
+        for a, b, step in zip(views[:-1], views[1:], steps, strict=True)
     ]
     moved = _smoothest(grid, cost, CHANGE[1])
-    return _smoothest(grid, cost, float(np.clip(pace(moved) / 2, *CHANGE))) * steps
+    calmer: Floats = _smoothest(grid, cost, float(np.clip(pace(moved) / 2, *CHANGE))) * steps
+    return calmer
 
 
 def pace(moved: Floats) -> float:
@@ -105,7 +108,8 @@ def _smoothest(grid: Floats, cost: Sequence[Floats], change: float) -> Floats:
     for came in reversed(back):
         path.append(state)
         state = int(came[state])
-    return grid[np.array(path[::-1], dtype=np.int64)]
+    smoothest: Floats = grid[np.array(path[::-1], dtype=np.int64)]
+    return smoothest
 
 
 def _evidence(first: Glance, second: Glance, grid: Floats) -> Floats:
@@ -132,7 +136,8 @@ def _votes(first: Glance, second: Glance, grid: Floats, ratio: float) -> Floats:
     count = np.bincount(bins[inside], weights[inside], minlength=len(grid))
     spread = KERNEL / width
     peaks: Floats = gaussian_filter1d(count, spread, mode="constant") * spread * np.sqrt(2 * np.pi)
-    return np.minimum(peaks / possible, 1.5) * possible / (possible + 1)
+    share: Floats = np.minimum(peaks / possible, 1.5) * possible / (possible + 1)
+    return share
 
 
 def _differences(first: Glance, second: Glance, kinds: tuple[int, ...], ratio: float) -> Floats:

@@ -6,6 +6,7 @@ and scale of every frame; then only the rise from frame to frame is left to be c
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array, eye_array
@@ -58,38 +59,49 @@ def along_uprights(
         states[frames, :2] = _tied(states[frames, :2], uprights.x.ravel(), sighted, way)
     ratios = states[frames[1:], 0] / states[frames[:-1], 0]
     slides = ratios * states[frames[:-1], 1] - states[frames[1:], 1]
-    for k, (before, after) in enumerate(zip(frames[:-1], frames[1:], strict=True)):
+    for k, (before, after) in enumerate(pairwise(frames)):
         rise = rise_between(views[before], views[after], ratios[k], slides[k])
         states[after, 2] = ratios[k] * states[before, 2] - rise
     return states[frames]
 
 
 def _tied(start: Floats, x: Floats, sighted: Sighted, way: Odometry) -> Floats:
-    """s and u (f, 2) of a pass and, with them, the edges' x: robust least squares over sightings and odometry."""
+    """s and u (f, 2) of a pass: robust least squares over sightings and odometry, with log s as unknown, x let free and the mean of log s kept."""
     count, size = len(start), 2 * len(start) + len(x)
     frame = np.searchsorted(way.frames, sighted.frame)
     sigma = np.concatenate([
         np.hypot(sighted.sigma, UPRIGHT_SIGMA), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
     ])  # fmt: skip
-    value = np.concatenate([start.ravel(), x])
+    value = np.concatenate([np.column_stack([np.log(start[:, 0]), start[:, 1]]).ravel(), x])
     doubt = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
     known, links = len(frame), np.arange(count - 1)
     rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
-    columns = np.concatenate([2 * frame, 2 * frame + 1, 2 * count + sighted.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1])
+    columns = np.concatenate(
+        [2 * frame, 2 * frame + 1, 2 * count + sighted.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1]
+    )
     ratio, slide = way.steps[:, 0], way.steps[:, 1]
     for _ in range(8):
-        s, u, edge = value[: 2 * count : 2], value[1 : 2 * count : 2], value[2 * count :]
+        s, u, edge = np.exp(value[: 2 * count : 2]), value[1 : 2 * count : 2], value[2 * count :]
         misfit = np.concatenate([
             sighted.p - edge[sighted.edge] * s[frame] + u[frame],
-            ratio * s[:-1] - s[1:],
+            np.log(ratio * s[:-1] / s[1:]),
             ratio * u[:-1] - slide - u[1:],
         ]) / sigma  # fmt: skip
         weight = 1 / sigma / np.sqrt(1 + (misfit / doubt) ** 2)
-        slopes = [edge[sighted.edge], -np.ones(known), s[frame], np.ones(2 * count - 2), -ratio, -ratio]
+        slopes = [
+            edge[sighted.edge] * s[frame],
+            -np.ones(known),
+            s[frame],
+            np.ones(2 * count - 2),
+            -np.ones(count - 1),
+            -ratio,
+        ]
         jacobian = coo_array((np.concatenate(slopes) * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()
         normal = jacobian.T @ jacobian + 1e-3 * eye_array(size)
         value = value + spsolve(normal.tocsc(), jacobian.T @ (misfit * sigma * weight))
-    return np.asarray(value[: 2 * count].reshape(-1, 2))
+    fitted = value[: 2 * count].reshape(-1, 2)
+    drift = float(np.mean(np.log(start[:, 0]) - fitted[:, 0]))
+    return np.column_stack([np.exp(fitted[:, 0] + drift), fitted[:, 1]])
 
 
 def upright_edges(seen: Catalogue, face: Tangents, uprights: Uprights) -> tuple[Sighted, Ints]:

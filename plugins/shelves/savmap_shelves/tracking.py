@@ -9,9 +9,11 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts, Track
 from savmap_shelves.face import Grid, Settings, fit_grid
+from savmap_shelves.feet import foot_tracks
 from savmap_shelves.sightings import CORNER_PARTS, UPRIGHT_PARTS
 
 LEAST_TRAVEL = 0.2
+BEAMS_BEYOND = 2
 ENDS = ("top", "bottom")
 _log = logging.getLogger(__name__)
 
@@ -29,7 +31,8 @@ def track_structures(
     grid = fit_grid(features, facts, settings, attitudes)
     _require_motion(grid, facts)
     _report_part(grid, facts)
-    return [*_upright_tracks(grid, settings.gate), *_beam_tracks(grid, settings.gate)]
+    elements = [*_upright_tracks(grid, settings.gate), *_beam_tracks(grid, settings.gate)]
+    return [*elements, *foot_tracks(features, facts, grid)]
 
 
 def summary(tracks: Sequence[Track]) -> dict[str, int | str]:
@@ -73,16 +76,17 @@ def _require_motion(grid: Grid, facts: RowFacts) -> None:
 
 
 def _report_part(grid: Grid, facts: RowFacts) -> None:
-    """Warn where beams go on beyond the first or the last upright."""
+    """Warn where several beams go on beyond the first or the last upright in most frames that show it."""
     bound = np.where(grid.seen.bounds >= 0, np.append(grid.uprights.which, -1)[grid.seen.bounds], -1)
     last = len(grid.uprights.x) - 1
-    for side, beyond in (("left", bound[:, 1] == 0), ("right", bound[:, 0] == last)):
-        frames = len(np.unique(grid.seen.beam_frame[beyond]))
-        if frames > 0.3 * (grid.uprights.which == (0 if side == "left" else last)).sum():
+    for side, beyond, upright in (("left", bound[:, 1] == 0, 0), ("right", bound[:, 0] == last, last)):
+        beams = np.bincount(grid.seen.beam_frame[beyond], minlength=1)
+        if (beams >= BEAMS_BEYOND).sum() > 0.5 * (grid.uprights.which == upright).sum():
             _log.warning(
-                "row %s: beams go on beyond the outermost upright on the %s (%d frames); that section is not mapped",
-                facts.name, side, frames,
-            )  # fmt: skip
+                "row %s: beams go on beyond the outermost upright on the %s, which is seen only in part and not mapped",
+                facts.name,
+                side,
+            )
 
 
 def _honest(grid: Grid, gate: float) -> Ints:

@@ -30,7 +30,12 @@ def places(seen: Catalogue, face: Tangents, states: Floats) -> Floats:
 
 
 def find_uprights(
-    seen: Catalogue, face: Tangents, states: Floats, world_from_rig: Floats, frames: Ints, sizes: tuple[float, float, float]
+    seen: Catalogue,
+    face: Tangents,
+    states: Floats,
+    world_from_rig: Floats,
+    frames: Ints,
+    sizes: tuple[float, float, float],
 ) -> Uprights:
     """Uprights with enough support among the sightings of `frames`.
 
@@ -69,18 +74,14 @@ def _support(
     return np.where(shown.sum(axis=1) >= 3, share, 0.0), shown.sum(axis=1), hits.sum(axis=1)
 
 
-def _inside(
-    seen: Catalogue, p: Floats, frames: Ints, world_from_rig: Floats, margin: float
-) -> NDArray[np.bool_]:
+def _inside(seen: Catalogue, p: Floats, frames: Ints, world_from_rig: Floats, margin: float) -> NDArray[np.bool_]:
     """Whether uprights at tangents p (k, f) lie in a view of `frames` (f,) at some height."""
     number = np.tile(frames, len(p))
     parts = [visible(seen, (p.ravel(), np.full(p.size, q)), number, world_from_rig, margin) for q in (-1.0, 0.0, 1.0)]
-    return np.any(parts, axis=0).reshape(p.shape)
+    return np.asarray(np.any(parts, axis=0).reshape(p.shape))
 
 
-def _strong(
-    x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float
-) -> NDArray[np.bool_]:
+def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float) -> NDArray[np.bool_]:
     """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
     kept = np.zeros(len(x), dtype=np.bool_)
     for index in np.lexsort((count, support))[::-1]:

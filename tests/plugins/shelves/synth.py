@@ -81,7 +81,9 @@ def random_rack(rng: np.random.Generator, sections: int, levels: tuple[int, int]
     thickness = rng.uniform(0.08, 0.14)
     tunnel = sections // 2 if bridge and sections > 2 else -1
     beams = tuple(_beams(rng, levels, thickness, number == tunnel) for number in range(sections))
-    return Rack(np.column_stack([starts, starts + width]), beams, max(6.0, *(float(b.max(initial=0.0)) + 0.2 for b in beams)))
+    return Rack(
+        np.column_stack([starts, starts + width]), beams, max(6.0, *(float(b.max(initial=0.0)) + 0.2 for b in beams))
+    )
 
 
 def _beams(rng: np.random.Generator, levels: tuple[int, int], thickness: float, tunnel: bool) -> Floats:
@@ -115,7 +117,9 @@ def footage(
     travel = {f"pass {k + 1}": one.direction if known_travel else 0 for k, one in enumerate(passes)}
     observer = _Observer(rack, rng, faults, view)
     features = [feature for frame, pose in enumerate(world_from_rig) for feature in observer.frame(frame, pose)]
-    wrong = Rotation.from_rotvec(np.radians(faults.attitude_deg) * rng.normal(size=(len(world_from_rig), 3))).as_matrix()
+    wrong = Rotation.from_rotvec(
+        np.radians(faults.attitude_deg) * rng.normal(size=(len(world_from_rig), 3))
+    ).as_matrix()
     facts = RowFacts("A", FrameTable(stamps, names), {view.name: view}, travel)
     return Footage(features, facts, wrong @ world_from_rig[:, :3, :3], world_from_rig, rack, observer.truth)
 
@@ -145,7 +149,9 @@ def _path(rack: Rack, one: Pass, rng: np.random.Generator, faults: Faults, view:
     distance = one.distance * (1 + one.weave * _smooth(rng, count, 9 * one.rate))
     height = one.height + 0.03 * _smooth(rng, count, 2 * one.rate)
     facing = np.diag([1.0, -1.0, -1.0]) @ pinhole.rig_from_view(90.0, 0.0, 0.0).T
-    angles = np.radians(faults.sway_deg) * np.stack([_smooth(rng, count, p * one.rate) for p in (1.5, 4.0, 2.1)], axis=1)
+    angles = np.radians(faults.sway_deg) * np.stack(
+        [_smooth(rng, count, p * one.rate) for p in (1.5, 4.0, 2.1)], axis=1
+    )
     poses = np.tile(np.eye(4), (count, 1, 1))
     poses[:, :3, :3] = Rotation.from_rotvec(angles).as_matrix() @ facing
     poses[:, :3, 3] = np.column_stack([x, height, distance])
@@ -158,7 +164,9 @@ class _Observer:
         self.missing: dict[tuple[int, ...], bool] = {}
         self.truth: dict[int, tuple[int, ...] | None] = {}
         inverse = np.linalg.inv(view.camera).T
-        corners = np.array([[0, 0, 1], [0, view.height - 1, 1], [view.width - 1, view.height - 1, 1], [view.width - 1, 0, 1]])
+        corners = np.array(
+            [[0, 0, 1], [0, view.height - 1, 1], [view.width - 1, view.height - 1, 1], [view.width - 1, 0, 1]]
+        )
         rays = corners @ inverse
         self.borders = np.array([*(np.cross(rays[k], rays[k - 1]) for k in range(4)), [0.0, 0.0, 1.0]])
         self.goods = [
@@ -269,7 +277,9 @@ class _Observer:
             pair = [self._line(pose, np.array([a, h, z]), np.array([b, h, z])) for h in y]
             if pair[0] is not None and pair[1] is not None and np.ptp(pair[0][:, 0]) > 25:
                 wide = self.faults.wide_px * (self.rng.random() < self.faults.wide)
-                lower, upper = (self._noisy(line[np.argsort(line[:, 0])], w) for line, w in zip(pair, (wide, 0.0), strict=True))
+                lower, upper = (
+                    self._noisy(line[np.argsort(line[:, 0])], w) for line, w in zip(pair, (wide, 0.0), strict=True)
+                )
                 lines.append(((lower, upper), truth))
         return lines
 
@@ -281,7 +291,17 @@ class _Observer:
         for edge, line in zip(("lower", "upper"), lines, strict=True):
             ends = self._extended(line, inner)
             features.append(
-                Feature(frame, self.view.name, "beam", edge, number, ends, self._covariance(ends), "x", neighbours=neighbours)
+                Feature(
+                    frame,
+                    self.view.name,
+                    "beam",
+                    edge,
+                    number,
+                    ends,
+                    self._covariance(ends),
+                    "x",
+                    neighbours=neighbours,
+                )
             )
             for side, place in zip(("left", "right"), ends, strict=True):
                 if side in neighbours:
@@ -299,10 +319,10 @@ class _Observer:
         """The detected uprights on either side of a mask, with half an upright's width of play, and their inner edges."""
         neighbours: dict[str, int] = {}
         inner: list[Floats | None] = [None, None]
-        for number, (_, (left, right), _, _) in enumerate(uprights):
+        for number, (_, (_, right), _, _) in enumerate(uprights):
             if _column(right, line[0, 1]) < line[0, 0] + 12:
                 neighbours["left"], inner[0] = number, right
-        for number, (_, (left, right), _, _) in reversed(list(enumerate(uprights))):
+        for number, (_, (left, _), _, _) in reversed(list(enumerate(uprights))):
             if _column(left, line[1, 1]) > line[1, 0] - 12:
                 neighbours["right"], inner[1] = number, left
         return neighbours, inner
