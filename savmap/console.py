@@ -45,7 +45,9 @@ class Console:
     @contextmanager
     def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
         """A bar that is set by calls with the share done (0..1) and a message."""
-        with Progress(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=self.terminal) as bar:
+        with Progress(
+            TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=self.terminal
+        ) as bar:
             task = bar.add_task(doing, total=1.0)
 
             def show(share: float, message: str) -> None:

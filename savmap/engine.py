@@ -34,7 +34,8 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row))
     start = first_path(row, seen)
-    frames = gauge(seen.facts, start, row.references, fixed=row.path)
+    references = row.references if row.path is None else References()
+    frames = gauge(seen.facts, start, references, fixed=row.path)
     path = row.path
     tracks: dict[str, list[Track]] = {}
     constraints: list[Constraints] = []
@@ -64,7 +65,7 @@ def first_path(row: Row, seen: Observations) -> Trajectory:
     """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
     SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
     if row.path is not None:
-        return row.path
+        return checked_path(row.name, row.path, len(seen.facts.frames))
     stamps = seen.facts.frames.stamps_s
     return published_start(
         seen.facts,
@@ -73,6 +74,16 @@ def first_path(row: Row, seen: Observations) -> Trajectory:
         height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
         distance_m=DISTANCE_M,
     )
+
+
+def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
+    """An earlier map's path, if it is one of the same frames."""
+    if len(path.frames) != count:
+        raise StructureError(
+            f"row {row}: the earlier map has poses for {len(path.frames)} frames, these passes have {count}: "
+            "map the same passes at the same rate, all frames of which were located"
+        )
+    return path
 
 
 def attitudes_of(seen: Observations) -> Floats:

@@ -64,9 +64,7 @@ class Lines:
         return grown
 
 
-def robust_lines(
-    group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float
-) -> Lines:
+def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float) -> Lines:
     """Lines through the points (n,) of each group 0..g-1, however large a minority of them lies elsewhere.
 
     `about` are slopes (g,) to be expected and how far from them to look.
@@ -149,9 +147,7 @@ def _sums_or_nan(group: Ints, values: Floats, count: int) -> Floats:
     return np.where(sums > 1e-9, sums, np.nan)
 
 
-def _voted(
-    group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance: float
-) -> tuple[Floats, Floats]:
+def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance: float) -> tuple[Floats, Floats]:
     """Slope and v at u = 0 (count,) of the line through two of `SAMPLES` points of each group that most support."""
     count = len(about[0])
     sizes = np.bincount(group, minlength=count)

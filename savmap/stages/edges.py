@@ -145,4 +145,3 @@ def _passes(column: Ints, border: Ints, outward: int, probability: Probability) 
         if not len(left):
             break
     return rows
-

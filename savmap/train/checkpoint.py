@@ -23,7 +23,9 @@ def save_checkpoint(
     """Averaged weights, class names and the recipes so far; written whole or not at all."""
     partial = path.with_name(path.name + ".partial")
     partial.parent.mkdir(parents=True, exist_ok=True)
-    torch.save({"network": network.state_dict(), "classes": list(classes), "history": json.dumps(list(history))}, partial)
+    torch.save(
+        {"network": network.state_dict(), "classes": list(classes), "history": json.dumps(list(history))}, partial
+    )
     partial.replace(path)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from savmap_shelves.constraints import GridSettings, constrain
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry import pinhole
@@ -21,6 +20,7 @@ from savmap.graph import (
     solve,
 )
 from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
+from savmap_shelves.constraints import GridSettings, constrain
 
 NOMINAL = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
 Setback = tuple[float, float]

@@ -3,11 +3,11 @@
 import made_up_rack as made
 import numpy as np
 import pytest
-from savmap_shelves.constraints import GridSettings, constrain
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, gauge, merge
 from savmap.types import Trajectory
+from savmap_shelves.constraints import GridSettings, constrain
 
 
 @pytest.fixture(scope="module")

@@ -4,13 +4,13 @@ import gtsam
 import made_up_rack as made
 import numpy as np
 import pytest
-from savmap_shelves.constraints import GridSettings, constrain
 
 from savmap.graph import SolveOptions, gauge, merge, solve
 from savmap.graph.covariance import covariance
 from savmap.graph.factors import observation_factors, other_factors, values_of
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.start import start
+from savmap_shelves.constraints import GridSettings, constrain
 
 
 @pytest.fixture(scope="module")

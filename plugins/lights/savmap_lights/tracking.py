@@ -48,7 +48,9 @@ class Sightings:
     @property
     def certainty(self) -> Floats:
         """How sure the network was (n,): 0 at a probability of one half, 1 at one."""
-        return np.clip(2 * np.array([feature.score for feature in self.features]) - 1, 0.01, 1) ** 2
+        scores = np.array([feature.score for feature in self.features], dtype=np.float64)
+        certainty: Floats = np.clip(2 * scores - 1, 0.01, 1) ** 2
+        return certainty
 
     @property
     def is_centre(self) -> Mask:

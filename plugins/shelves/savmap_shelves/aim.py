@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
+
 from savmap.stages.aim import Face, Manual, Scout, choose_face
 from savmap.stages.fit import fit_height
-
 from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
 
 See = Callable[[View], list[Detection]]
@@ -28,9 +28,7 @@ def aim_at_face(
         return face_likeness(extract(view, see(view)), view.spec)
 
     face: Face = choose_face(scout, score, side)
-    fitted = fit_height(
-        scout, face, lambda view: extent(see(view)), manual=manual.get("face", Manual()), name="face"
-    )
+    fitted = fit_height(scout, face, lambda view: extent(see(view)), manual=manual.get("face", Manual()), name="face")
     notes = (fitted.warning,) if fitted.warning else ()
     return Aim((fitted.spec,), face.world_from_rig, face.travel, notes)
 

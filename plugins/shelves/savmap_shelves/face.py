@@ -36,6 +36,7 @@ class Grid:
     right edges, then y of levels' lower and upper edges) over `observations`; `source`: each one's row in Pixels."""
 
     seen: Catalogue
+    face: Tangents
     world_from_rig: Floats
     uprights: Uprights
     levels: Levels
@@ -144,7 +145,9 @@ class Fitter:
             fit = adjusted(states, start, sighted, STATE_PRIOR, rounds=4)
             states = filled(states, fit.states, sighted, frames, 6)
         fitted = fit.edges[: 2 * len(uprights.x)].reshape(-1, 2)
-        return Grid(self.seen, self.world_from_rig, replace(uprights, x=fitted), levels, fit, sighted, source)
+        return Grid(
+            self.seen, self.face, self.world_from_rig, replace(uprights, x=fitted), levels, fit, sighted, source
+        )
 
     def _found(self, states: Floats, frames: Ints, sizes: tuple[float, float], row: str) -> tuple[Uprights, Levels]:
         width, height = sizes

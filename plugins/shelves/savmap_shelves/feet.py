@@ -7,6 +7,7 @@ the lowest one's are left out.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.types import Feature, Floats, Ints, RowFacts, Track
 from savmap_shelves.face import Grid
@@ -53,14 +54,16 @@ def _nearest(x: Floats, edges: Floats) -> Ints:
     return np.where(np.abs(x - middle[number]) <= reach[number], number, -1)
 
 
-def _standing(upright: Ints, y: Floats, count: int, height: float) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+def _standing(upright: Ints, y: Floats, count: int, height: float) -> NDArray[np.bool_]:
     """Sightings (n,) near their upright's usual foot, of the uprights whose feet are the lowest."""
     usual = np.full(count + 1, np.inf)
     for k in range(count):
         own = y[(upright == k) & np.isfinite(y)]
         usual[k] = np.median(own) if len(own) >= LEAST_SEEN else np.inf
     low = usual <= usual.min() + HIDDEN * height
-    return low[upright] & (np.abs(y - usual[upright]) <= STRAY * height) & np.isfinite(usual[upright])
+    near = np.abs(y - usual[upright]) <= STRAY * height
+    standing: NDArray[np.bool_] = low[upright] & near & np.isfinite(usual[upright])
+    return standing
 
 
 def _track(feet: Sequence[Feature], index: Ints, upright: int) -> Track:

@@ -23,7 +23,8 @@ LARGEST_CHANGE = 15.0
 MATCH, MATCH_SIGMA = 0.1, 0.015
 LARGEST_RISE, USUAL_RISE, RISE_SPREAD = 0.15, 0.05, 0.01
 GOOD_VOTE = 0.5
-GOOD_MATCH = 0.6
+GOOD_MATCH, HOPEFUL = 0.5, 3
+CORNER_VOTE = 0.2
 RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 EDGES, CORNERS = (0, 1), (2, 3, 4, 5)
 
@@ -125,12 +126,12 @@ def _votes(first: Glance, second: Glance, grid: Floats, ratio: float) -> Floats:
     edges, corners = (_differences(first, second, kinds, ratio) for kinds in (EDGES, CORNERS))
     possible = sum(
         weight * min(np.isin(first.kind, kinds).sum(), np.isin(second.kind, kinds).sum())
-        for weight, kinds in ((1.0, EDGES), (0.1, CORNERS))
+        for weight, kinds in ((1.0, EDGES), (CORNER_VOTE, CORNERS))
     )
     width = float(grid[1] - grid[0])
     if possible == 0 or width < 1e-6:
         return np.zeros_like(grid)
-    values, weights = np.concatenate([edges, corners]), np.repeat([1.0, 0.1], [len(edges), len(corners)])
+    values, weights = np.concatenate([edges, corners]), np.repeat([1.0, CORNER_VOTE], [len(edges), len(corners)])
     bins = np.round((values - grid[0]) / width).astype(np.int64)
     inside = (bins >= 0) & (bins < len(grid))
     count = np.bincount(bins[inside], weights[inside], minlength=len(grid))
@@ -167,15 +168,22 @@ def chained(steps: Floats) -> Floats:
 
 def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
     """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone."""
-    start = np.array([1.0, -shift, 0.0])
-    enough = GOOD_MATCH * min(len(first.kind), len(second.kind))
-    if len(_matches(first, second, start)[0]) < enough:
+    usual = np.array([1.0, -shift, 0.0])
+    starts = [usual]
+    if _agreement(first, second, usual, MATCH / 2) < GOOD_MATCH * min(len(first.kind), len(second.kind)):
         ratios = [ratio for ratio in (1.0, *RATIOS) if abs(ratio - 1) < 3 * loose[0] * MATCH_SIGMA]
-        others = [np.array([ratio, -shift + slip, 0.0]) for slip in (0.0, -MATCH, MATCH) for ratio in ratios]
-        start = max(others, key=lambda way: len(_matches(first, second, way)[0]) * (1 - 1.5 * abs(way[0] - 1)))
-    for _ in range(3):
-        start = _refined(first, second, start, (np.array([1.0, -shift, 0.0]), loose))
-    return start
+        starts = [np.array([ratio, -shift + slip, 0.0]) for slip in (0.0, -MATCH, MATCH) for ratio in ratios]
+        starts = sorted(starts, key=lambda way: -_agreement(first, second, way, MATCH / 2))[:HOPEFUL]
+    for _ in range(2):
+        starts = [_refined(first, second, start, (usual, loose)) for start in starts]
+    return max(starts, key=lambda way: _agreement(first, second, way, MATCH / 4)) if len(starts) > 1 else starts[0]
+
+
+def _agreement(first: Glance, second: Glance, way: Floats, sigma: float) -> float:
+    """How many things match under `way`, closer ones counting more; less if the distance from the face changes much."""
+    a, b = _matches(first, second, way)
+    apart = np.abs(_moved(first, way)[a] - second.places[b]).max(axis=1, initial=0.0)
+    return float(np.exp(-0.5 * (apart / sigma) ** 2).sum() * (1 - 1.5 * abs(way[0] - 1)))
 
 
 def _refined(first: Glance, second: Glance, start: Floats, prior: tuple[Floats, Floats]) -> Floats:
@@ -203,12 +211,20 @@ def _matches(first: Glance, second: Glance, way: Floats) -> tuple[Ints, Ints]:
     """Things of two frames that are each other's nearest of their kind when the first is moved by `way` (3,)."""
     if not len(first.kind) or not len(second.kind):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    moved = way[0] * first.places + np.where(first.kind[:, None] >= 2, way[1:], [way[1], 0.0])
-    apart = np.abs(moved[:, None] - second.places).max(axis=2)
+    moved = _moved(first, way)
+    apart = np.maximum(
+        np.abs(moved[:, :1] - second.places[:, 0]),
+        np.abs(moved[:, 1:] - second.places[:, 1]),
+    )
     apart[(first.kind[:, None] != second.kind) | (apart > MATCH)] = np.inf
     best = apart.argmin(axis=1)
-    mutual = (apart.argmin(axis=0)[best] == np.arange(len(best))) & np.isfinite(apart.min(axis=1))
+    own = np.arange(len(best))
+    mutual = (apart.argmin(axis=0)[best] == own) & np.isfinite(apart[own, best])
     return np.flatnonzero(mutual), best[mutual]
+
+
+def _moved(glance: Glance, way: Floats) -> Floats:
+    return np.asarray(way[0] * glance.places + np.where(glance.kind[:, None] >= 2, way[1:], [way[1], 0.0]))
 
 
 def rise_between(first: Glance, second: Glance, ratio: float, slide: float) -> float:

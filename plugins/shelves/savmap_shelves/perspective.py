@@ -68,7 +68,11 @@ def paralleled(strips: Strips, settings: BoundarySettings) -> Strips:
     total = upper.slope_var + lower.slope_var + settings.parallel_sigma**2
     surprise = (lower.slope - upper.slope - _slope_apart(strips)) / total
     steady = [
-        replace(line, slope=line.slope + sign * line.slope_var * surprise, slope_var=line.slope_var * (1 - line.slope_var / total))
+        replace(
+            line,
+            slope=line.slope + sign * line.slope_var * surprise,
+            slope_var=line.slope_var * (1 - line.slope_var / total),
+        )
         for line, sign in ((upper, 1), (lower, -1))
     ]
     return replace(strips, upper=steady[0], lower=steady[1])
@@ -122,4 +126,6 @@ def _middle(strips: Strips) -> Lines:
     upper, lower = strips.upper, strips.lower
     slope = (upper.slope + lower.slope) / 2
     zero = np.zeros(len(strips))
-    return Lines(zero, slope, (upper.at_zero + lower.at_zero) / 2, zero, zero, strips.first, strips.last, strips.columns)
+    return Lines(
+        zero, slope, (upper.at_zero + lower.at_zero) / 2, zero, zero, strips.first, strips.last, strips.columns
+    )

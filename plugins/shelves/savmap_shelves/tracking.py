@@ -8,12 +8,14 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts, Track
+from savmap_shelves.adjust import FLOOR, Sighted, predicted
 from savmap_shelves.face import Grid, Settings, fit_grid
 from savmap_shelves.feet import foot_tracks
 from savmap_shelves.sightings import CORNER_PARTS, UPRIGHT_PARTS
 
 LEAST_TRAVEL = 0.2
 BEAMS_BEYOND = 2
+ALONG_GATE = 2.5
 ENDS = ("top", "bottom")
 _log = logging.getLogger(__name__)
 
@@ -90,13 +92,47 @@ def _report_part(grid: Grid, facts: RowFacts) -> None:
 
 
 def _honest(grid: Grid, gate: float) -> Ints:
-    """Observations that agree with the fitted grid: within `gate` of the sigma expected, or of the spread usual here."""
+    """Observations that agree with the fitted grid: within `gate` of the sigma expected, or of the spread usual here.
+
+    Corners must agree along the beam too, less closely: that only shows a wrong upright, for the upright's own edge is
+    observed better.
+    """
+    upright, corner = (grid.observations.row == row for row in (0, 1))
     residual = np.abs(grid.fit.residual)
-    spread = np.ones(2)
-    for row in (0, 1):
-        mine = residual[grid.observations.row == row]
-        spread[row] = max(1.0, 1.4826 * float(np.median(mine))) if len(mine) else 1.0
-    return np.flatnonzero(residual <= gate * spread[grid.observations.row])
+    along = np.zeros(len(residual))
+    along[corner] = np.abs(_along_beams(grid))
+    good = np.ones(len(residual), dtype=np.bool_)
+    for values, mine, share in ((residual, upright, 1.0), (residual, corner, 1.0), (along, corner, ALONG_GATE)):
+        spread = 1.4826 * float(np.median(values[mine])) if mine.any() else 1.0
+        good[mine] &= values[mine] <= share * gate * max(1.0, spread)
+    return np.flatnonzero(good)
+
+
+def _along_beams(grid: Grid) -> Floats:
+    """For the corners among the observations, how far they are from their upright's edge, over their sigma."""
+    corner = grid.observations.row == 1
+    seen, source = grid.observations, grid.source[corner]
+    level = grid.levels.section[(seen.edge[corner] - 2 * len(grid.uprights.x)) // 2]
+    edge = 2 * level + 1 + _side_of(grid)[source]
+    at_upright = Sighted(
+        seen.frame[corner],
+        edge,
+        np.zeros(len(source), dtype=np.int64),
+        seen.p[corner],
+        seen.q[corner],
+        np.hypot(grid.face.sigma_p[source], FLOOR),
+    )
+    apart: Floats = (at_upright.p - predicted(grid.fit.states, grid.fit.edges, at_upright)) / at_upright.sigma
+    return apart
+
+
+def _side_of(grid: Grid) -> Ints:
+    """Of each row in Pixels that is a corner, its side (0: left, 1: right); -1 for other rows."""
+    side_of = np.full(len(grid.seen.points.frame), -1)
+    for side in (0, 1):
+        rows = grid.seen.corners[:, side]
+        side_of[rows[rows >= 0]] = side
+    return side_of
 
 
 def _upright_tracks(grid: Grid, gate: float) -> list[Track]:
@@ -116,11 +152,7 @@ def _upright_tracks(grid: Grid, gate: float) -> list[Track]:
 
 
 def _beam_tracks(grid: Grid, gate: float) -> list[Track]:
-    honest = _honest(grid, gate)
-    side_of = np.full(len(grid.seen.points.frame), -1)
-    for side in (0, 1):
-        rows = grid.seen.corners[:, side]
-        side_of[rows[rows >= 0]] = side
+    honest, side_of = _honest(grid, gate), _side_of(grid)
     base, tracks = 2 * len(grid.uprights.x), []
     for level, (section, beam) in enumerate(_numbered(grid.levels.section)):
         for side, edge in np.ndindex(2, 2):

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from savmap_lights.evaluate import evaluate, match
-from savmap_lights.sketch import draw
 
 from savmap.errors import OutputError
 from savmap.evaluation import Distances, Score
 from savmap.types import Structure
+from savmap_lights.evaluate import evaluate, match
+from savmap_lights.sketch import draw
 
 Row = dict[str, Any]
 CENTRES = (-2.0, 1.0, 4.0, 7.0, 10.0, 13.0)

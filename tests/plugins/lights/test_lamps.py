@@ -6,15 +6,15 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from savmap_lights.constraints import constrain
-from savmap_lights.describe import describe
-from savmap_lights.features import extract_features
-from savmap_lights.tracking import track_lamps
 
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
 from savmap.graph import gauge, merge, solve
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+from savmap_lights.constraints import constrain
+from savmap_lights.describe import describe
+from savmap_lights.features import extract_features
+from savmap_lights.tracking import track_lamps
 
 HEIGHT_M, LINE_Z_M, PITCH_M, LENGTH_M = 7.5, 1.2, 3.0, 1.3
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

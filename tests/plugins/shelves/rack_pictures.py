@@ -20,8 +20,12 @@ Image = NDArray[np.float32]
 class Rack:
     """Uprights (x_left, x_right) and, for each section between two of them, beams (y_bottom, y_top); all at z = 0."""
 
-    uprights: list[tuple[float, float]] = field(default_factory=lambda: [(2.6 * i, 2.6 * i + 0.1) for i in range(-3, 5)])
-    beams: list[tuple[float, float]] = field(default_factory=lambda: [(0.65 * i + 0.3, 0.65 * i + 0.4) for i in range(6)])
+    uprights: list[tuple[float, float]] = field(
+        default_factory=lambda: [(2.6 * i, 2.6 * i + 0.1) for i in range(-3, 5)]
+    )
+    beams: list[tuple[float, float]] = field(
+        default_factory=lambda: [(0.65 * i + 0.3, 0.65 * i + 0.4) for i in range(6)]
+    )
     height: float = 4.2
 
     @property

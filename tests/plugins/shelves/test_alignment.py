@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+
 from savmap_shelves.alignment import Costs, Pairs, align, gaps
 
 

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rack_pictures import HEIGHT, WIDTH, Camera, Image, Picture, Rack, painted, soften
-from savmap_shelves.boundaries import extract_features
-from savmap_shelves.boundary_settings import BoundarySettings
 
 from savmap.stages.segment import regions
 from savmap.types import Detection, Feature
+from savmap_shelves.boundaries import extract_features
+from savmap_shelves.boundary_settings import BoundarySettings
 
 FACING = Camera(x=1.3, y=2.1, z=1.6, hfov=118.0)
 CAMERAS = {

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfect_maps import Row, structures_of, surveyed_row
-from savmap_shelves.evaluate import evaluate
-from savmap_shelves.sketch import draw
 
 from savmap.report.plots import write_face_view
 from savmap.types import FrameTable, RowMap, Trajectory
+from savmap_shelves.evaluate import evaluate
+from savmap_shelves.sketch import draw
 
 
 @pytest.fixture

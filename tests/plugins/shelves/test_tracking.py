@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synth
-from savmap_shelves.tracking import summary, track_structures
 
 from savmap.errors import StructureError
 from savmap.types import Feature, FrameTable, Track
+from savmap_shelves.tracking import summary, track_structures
 
 CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
@@ -86,8 +86,8 @@ def test_random_short_rows_are_counted_exactly(seed: int) -> None:
     tracks = track_structures(footage.features, footage.facts, attitudes=footage.attitudes if seed % 2 else None)
     assert counted(tracks) == (len(rack.uprights), rack.counts)
     kept, wrong = shares(footage, tracks)
-    assert kept > 0.75
-    assert wrong < 0.03
+    assert kept > 0.8
+    assert wrong < 0.06
 
 
 def test_names_places_and_single_observations() -> None:
@@ -191,7 +191,7 @@ def test_too_little_motion_says_what_was_found() -> None:
         replace(feature, frame=frame) for feature in footage.features if feature.frame == 20 for frame in range(12)
     ]
     facts = replace(footage.facts, frames=FrameTable(np.arange(12) / 4.0, ("pass 1",) * 12))
-    with pytest.raises(StructureError, match="too little motion.*uprights and .* beams"):
+    with pytest.raises(StructureError, match=r"too little motion.*uprights and .* beams"):
         track_structures(still, facts)
 
 
