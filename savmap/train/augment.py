@@ -125,7 +125,7 @@ def smooth_field(rng: Generator, height: int, width: int, cells: int) -> Image:
     return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.float32)[:, :, None]
 
 
-def uneven_light(rng: Generator, image: Image) -> Image:
+def uneven_lighting(rng: Generator, image: Image) -> Image:
     """Pools of light and shadow, and a lens darker towards its corners."""
     height, width = image.shape[:2]
     field = np.exp(smooth_field(rng, height, width, int(rng.integers(2, 6))) * rng.uniform(0.05, 0.45))
@@ -198,7 +198,7 @@ def compressed(rng: Generator, image: Bytes) -> Bytes:
 
 CHANCES: tuple[tuple[float, Callable[[Generator, Image], Image]], ...] = (
     (0.25, stickers),
-    (0.5, uneven_light),
+    (0.5, uneven_lighting),
     (0.6, colour),
     (0.8, tone),
     (0.5, blurred),

@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, scene_with: Callable[..., S
 
 def test_the_folder_holds_footage_and_truth(folder: Path) -> None:
     assert {item.name for item in folder.iterdir()} == {
-        "footage.mp4", "survey.json", "references.json", "poses.json", "scene.yaml", "masks",
+        "footage.mp4", "survey.json", "references.json", "site.yaml", "poses.json", "scene.yaml", "masks",
     }  # fmt: skip
     with av.open(str(folder / "footage.mp4")) as container:
         stream = container.streams.video[0]

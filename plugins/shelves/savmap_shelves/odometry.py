@@ -227,14 +227,16 @@ def _moved(glance: Glance, way: Floats) -> Floats:
     return np.asarray(way[0] * glance.places + np.where(glance.kind[:, None] >= 2, way[1:], [way[1], 0.0]))
 
 
-def rise_between(first: Glance, second: Glance, ratio: float, slide: float) -> float:
-    """What q grew by beside `ratio`, for a known ratio and slide: the densest of the matching corners' differences."""
+def rise_between(first: Glance, second: Glance, ratio: float, slide: float) -> tuple[float, float]:
+    """What q grew by beside `ratio`, for a known ratio and slide: the densest of the matching corners' differences, and how
+    many agree on it."""
     a, b = first.kind >= 2, second.kind >= 2
     apart = second.places[b] - ratio * first.places[a][:, None]
     like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 0] - slide) < MATCH)
     values = apart[..., 1][like & (np.abs(apart[..., 1]) < LARGEST_RISE)]
     if not len(values):
-        return 0.0
+        return 0.0, 0.0
     near = np.abs(values[:, None] - values) < RISE_SPREAD
     liking = near.sum(axis=1) * np.exp(-0.5 * (values / USUAL_RISE) ** 2)
-    return float(np.mean(values[near[liking.argmax()]]))
+    best = near[liking.argmax()]
+    return float(np.mean(values[best])), float(best.sum())

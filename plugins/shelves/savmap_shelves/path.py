@@ -6,7 +6,6 @@ and scale of every frame; then only the rise from frame to frame is left to be c
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array, eye_array
@@ -20,6 +19,7 @@ from savmap_shelves.uprights import Uprights, find_uprights
 
 RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
 DOUBT, SLIP_DOUBT = 2.0, 8.0
+GAPS, UNSEEN, RISE_DOUBT = (1, 2, 4), 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,26 @@ def along_uprights(
         uprights = find_uprights(seen, face, states, world_from_rig, frames, sizes)
         sighted, _ = upright_edges(seen, face, uprights)
         states[frames, :2] = _tied(states[frames, :2], uprights.x.ravel(), sighted, way)
-    ratios = states[frames[1:], 0] / states[frames[:-1], 0]
-    slides = ratios * states[frames[:-1], 1] - states[frames[1:], 1]
-    for k, (before, after) in enumerate(pairwise(frames)):
-        rise = rise_between(views[before], views[after], ratios[k], slides[k])
-        states[after, 2] = ratios[k] * states[before, 2] - rise
+    states[frames, 2] = _heights(views, states, frames) * states[frames, 0]
     return states[frames]
+
+
+def _heights(views: Sequence[Glance], states: Floats, frames: Ints) -> Floats:
+    """t_y (f,) of a pass's frames from the rises between frames up to four apart: robust, so that no single frame breaks it."""
+    links = [(k, k + gap) for gap in GAPS for k in range(len(frames) - gap)]
+    change, votes = np.zeros(len(links)), np.zeros(len(links))
+    for n, (k, m) in enumerate(links):
+        (s, u), (later_s, later_u) = states[frames[k], :2], states[frames[m], :2]
+        rise, votes[n] = rise_between(views[frames[k]], views[frames[m]], later_s / s, later_s / s * u - later_u)
+        change[n] = -rise / later_s
+    rows, columns = np.repeat(np.arange(len(links)), 2), np.array(links, dtype=np.int64).ravel()
+    slopes = coo_array((np.tile([-1.0, 1.0], len(links)), (rows, columns)), shape=(len(links), len(frames))).tocsr()
+    height, weight = np.zeros(len(frames)), votes + UNSEEN
+    for _ in range(10):
+        normal = slopes.T @ (slopes * weight[:, None]) + 1e-6 * eye_array(len(frames))
+        height = spsolve(normal.tocsc(), slopes.T @ (weight * change))
+        weight = (votes + UNSEEN) / (1 + ((change - slopes @ height) / RISE_DOUBT) ** 2)
+    return np.asarray(height)
 
 
 def _tied(start: Floats, x: Floats, sighted: Sighted, way: Odometry) -> Floats:
