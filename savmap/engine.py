@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import Constraints, References, Solution, SolveOptions, gauge, merge, published_start, solve
+from savmap.graph import Constraints, Frames, References, Solution, SolveOptions, gauge, merge, published_start, solve
 from savmap.monitor import Monitor
 from savmap.observe import Observations, observe
 from savmap.rooms import Room
@@ -30,30 +30,62 @@ class Row:
     path: Trajectory | None = None
 
 
+@dataclass(frozen=True)
+class Followed:
+    """Tracks and constraints by room, and a note for each room that found nothing."""
+
+    tracks: Mapping[str, Sequence[Track]]
+    constraints: Mapping[str, Constraints]
+    notes: tuple[str, ...]
+
+
 def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row))
     start = first_path(row, seen)
     references = row.references if row.path is None else References()
     frames = gauge(seen.facts, start, references, fixed=row.path)
-    path = row.path
-    tracks: dict[str, list[Track]] = {}
-    constraints: list[Constraints] = []
-    for room in face_first(rooms, seen):
+    followed = follow(row, face_first(rooms, seen), seen, start, frames)
+    for note in followed.notes:
+        monitor.note(note)
+    points = sum(map(len, followed.tracks.values()))
+    monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
+    solution = solve(merge(frames, *followed.constraints.values()))
+    return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
+
+
+def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
+    """Every room's tracks and constraints. What the first room sees locates the camera for those after it; one of these
+    that finds no structure is left out of the map with a note."""
+    tracks: dict[str, Sequence[Track]] = {}
+    constraints: dict[str, Constraints] = {}
+    notes: list[str] = []
+    path, attitudes = row.path, start.world_from_rig[:, :3, :3]
+    for room in rooms:
         if path is None and constraints:
-            path = solve(merge(frames, *constraints), SolveOptions(rounds=1)).trajectory
-        tracks[room.name] = room.track(
-            features=seen.features[room.name], facts=seen.facts, attitudes=start.world_from_rig[:, :3, :3], start=path
-        )
-        constraints.append(room.constrain(tracks=tracks[room.name], facts=seen.facts, start=path or start))
-    monitor.note(
-        f"row {row.name}: solving for {len(seen.facts.frames)} poses and {sum(map(len, tracks.values()))} points"
-    )
-    solution = solve(merge(frames, *constraints))
-    structures = {
-        room.name: tuple(room.describe(tracks=tracks[room.name], facts=seen.facts, solution=solution)) for room in rooms
+            path = solve(merge(frames, *constraints.values()), SolveOptions(rounds=1)).trajectory
+        try:
+            own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
+        except StructureError as error:
+            if not constraints:
+                raise
+            notes.append(f"row {row.name}: nothing of `{room.name}` is mapped: {error}")
+            continue
+        tracks[room.name] = own
+        constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
+    return Followed(tracks, constraints, tuple(notes))
+
+
+def described(
+    rooms: Sequence[Room], seen: Observations, followed: Followed, solution: Solution
+) -> dict[str, tuple[Structure, ...]]:
+    """Structures of every room; none of a room that found nothing."""
+    return {
+        room.name: tuple(room.describe(tracks=followed.tracks[room.name], facts=seen.facts, solution=solution))
+        if room.name in followed.tracks
+        else ()
+        for room in rooms
     }
-    return row_map(row, seen, solution, structures)
 
 
 def face_first(rooms: Sequence[Room], seen: Observations) -> list[Room]:
@@ -104,7 +136,11 @@ def first_attitudes(row: Row) -> Mapping[str, Floats]:
 
 
 def row_map(
-    row: Row, seen: Observations, solution: Solution, structures: Mapping[str, tuple[Structure, ...]]
+    row: Row,
+    seen: Observations,
+    solution: Solution,
+    notes: Sequence[str],
+    structures: Mapping[str, tuple[Structure, ...]],
 ) -> RowMap:
     """The record that is written to disk."""
     return RowMap(
@@ -116,6 +152,6 @@ def row_map(
         references=tuple(solution.references),
         report={
             **solution.report,
-            **{f"note {n}": note for n, note in enumerate((*seen.notes, *solution.warnings), 1)},
+            **{f"note {n}": note for n, note in enumerate((*seen.notes, *notes, *solution.warnings), 1)},
         },
     )

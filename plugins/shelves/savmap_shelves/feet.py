@@ -39,6 +39,7 @@ def _points(feet: Sequence[Feature], names: Sequence[str]) -> Pixels:
         np.array([names.index(f.view) for f in feet], dtype=np.int64),
         np.concatenate([f.pixels for f in feet]),
         np.concatenate([f.covariance for f in feet]),
+        np.array([f.score for f in feet], dtype=np.float64),
     )
 
 

@@ -93,7 +93,8 @@ def find_levels(
         )
         hits, shown = hits[:, frames], shown[:, frames]
         kept = _distinct(levels, hits, thickness)
-        support = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+        cover = _cover(seen, which, (len(levels), len(states)))[:, frames]
+        support = (cover * shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
@@ -127,6 +128,19 @@ def _hits(seen: Catalogue, which: Ints, shape: tuple[int, int]) -> NDArray[np.bo
     hits = np.zeros(shape, dtype=np.bool_)
     hits[which[which >= 0], seen.beam_frame[which >= 0]] = True
     return hits
+
+
+def _cover(seen: Catalogue, which: Ints, shape: tuple[int, int]) -> Floats:
+    """How much of a level (k, n) its mask covered in every frame, 0 where it was not seen.
+
+    A beam of a rack behind, seen through an open section, fills only part of the way between the uprights.
+    """
+    cover = np.zeros(shape)
+    own = np.flatnonzero(which >= 0)
+    cover[which[own], seen.beam_frame[own]] = np.where(
+        seen.spans[own, 0] >= 0, seen.points.score[seen.spans[own, 0]], 1.0
+    )
+    return cover
 
 
 def _shown(

@@ -22,12 +22,13 @@ MAX_TANGENT = 12.0
 
 @dataclass(frozen=True)
 class Pixels:
-    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2."""
+    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,)."""
 
     frame: Ints
     view: Ints
     pixels: Floats
     covariance: Floats
+    score: Floats
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ def catalogue(features: Sequence[Feature], facts: RowFacts) -> Catalogue:
         np.array([number[f.view] for f in own for _ in f.pixels], dtype=np.int64),
         np.concatenate([f.pixels for f in own]) if own else np.zeros((0, 2)),
         np.concatenate([f.covariance for f in own]) if own else np.zeros((0, 2, 2)),
+        np.array([f.score for f in own for _ in f.pixels], dtype=np.float64),
     )
     return Catalogue(
         points,

@@ -10,6 +10,8 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.odometry import at_horizon
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 
+LEAST_AT_END = 0.3
+
 
 @dataclass(frozen=True)
 class Uprights:
@@ -88,4 +90,15 @@ def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, 
         kept[index] = not (np.abs(x[kept] - x[index]) < apart).any()
     if not kept.all():
         return kept
-    return supported(support, shown, count, least)
+    kept = supported(support, shown, count, least)
+    return _trimmed(x, count) if kept.all() else kept
+
+
+def _trimmed(x: Floats, count: Ints) -> NDArray[np.bool_]:
+    """Leaves out an outermost upright that was in view for a moment only: its section is seen only in part, or it is of
+    another row that came into view behind this one's end."""
+    kept = np.ones(len(x), dtype=np.bool_)
+    if len(x) > 2:
+        ends = np.argsort(x)[[0, -1]]
+        kept[ends] = count[ends] >= LEAST_AT_END * np.median(count)
+    return kept
