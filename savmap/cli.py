@@ -76,11 +76,12 @@ def plugins_() -> None:
 def simulate(
     scene: Annotated[Path, typer.Argument(help="A scene file.")],
     output: Output = Path("simulated"),
+    mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
 ) -> None:
     """Make panoramic footage of a made-up place, with its truth."""
     from savmap import run
 
-    for line in run.simulate(scene, output):
+    for line in run.simulate(scene, output, mask or []):
         typer.echo(line)
 
 

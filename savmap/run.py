@@ -14,7 +14,7 @@ from savmap.io.files import sha256, write_text
 from savmap.io.sitefile import load_site
 from savmap.monitor import Monitor
 from savmap.rooms import Room, installed, load_class, open_room, open_rooms
-from savmap.types import RowMap, SiteMap, Trajectory
+from savmap.types import RowMap, SiteMap, Trajectory, ViewSpec
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation
@@ -237,17 +237,27 @@ def plugin_lines() -> Iterator[str]:
         yield f"  hooks    {', '.join(hooks)}"
 
 
-def simulate(scene: Path, output: Path) -> Iterator[str]:
-    """Footage of a made-up place."""
+def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
+    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
     from savmap.console import Console
     from savmap.sim.scene import load_scene
     from savmap.sim.simulate import simulate as make
 
     loaded = load_scene(scene)
+    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
     prepare(output)
     with Console(output / "savmap.log") as console:
-        for path in make(loaded, output, console):
+        for path in make(loaded, output, console, masks=specs):
             yield f"wrote {path}"
+
+
+def mask_view(number: int, text: str) -> ViewSpec:
+    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
+    try:
+        yaw, pitch, hfov = (float(part) for part in text.split(","))
+        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
+    except ValueError:
+        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None
 
 
 def train(
