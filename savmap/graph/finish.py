@@ -17,7 +17,7 @@ from savmap.graph.start import Estimate, rotations_at
 from savmap.types import Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA, GROSS_SIGMA = 3.0, 5.0
-GROSS_M, GROSS_PART = 0.15, 0.15
+GROSS_M, GROSS_PART = 0.5, 0.1
 LEAST_SPARE = 1e-6
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015

@@ -25,7 +25,7 @@ class Settings:
     many standard deviations from the fitted grid is dropped; least_frames: fewer are refused."""
 
     upright_support: float = 0.25
-    level_support: float = 0.12
+    level_support: float = 0.2
     gate: float = 4.0
     least_frames: int = 3
 

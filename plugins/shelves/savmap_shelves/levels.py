@@ -10,7 +10,7 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-THIN, THIN_AND_RARE = 0.65, 0.45
+THIN, RARE = 0.55, 0.4
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _thin(levels: Floats, y: Floats, support: Floats) -> NDArray[np.bool_]:
         own = sure & (levels[:, 0] == section)
         peers = thickness[own if own.sum() > 1 else sure]
         ratio = thickness[k] / np.median(peers) if len(peers) else 1.0
-        thin[k] = ratio < THIN and ratio * support[k] / usual < THIN_AND_RARE
+        thin[k] = ratio < THIN and support[k] < RARE * usual
     return thin
 
 

@@ -300,6 +300,7 @@ class _Observer:
                     ends,
                     self._covariance(ends),
                     "x",
+                    score=float(min(1.0, np.ptp(line[:, 0]) / max(np.ptp(ends[:, 0]), 1.0))),
                     neighbours=neighbours,
                 )
             )
