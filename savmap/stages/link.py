@@ -1,19 +1,9 @@
-"""Linking sightings over frames: one-dimensional clusters."""
+"""Linking sightings over frames: one-dimensional peaks."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-def clusters(values: Floats, gap: float) -> Ints:
-    """Cluster number (n,) of values (n,), numbered upwards: a gap wider than `gap` between neighbours parts them."""
-    order = np.argsort(values, kind="stable")
-    numbers = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)]).astype(np.int64)
-    out = np.empty(len(values), dtype=np.int64)
-    out[order] = numbers[: len(values)]
-    return out
 
 
 def peaks(values: Floats, width: float, support: int) -> Floats:
