@@ -13,7 +13,7 @@ from savmap.sim.build import Built
 from savmap.sim.primitives import Floats
 from savmap.sim.scene import Cart, SceneError
 
-Kind = Literal["shelf", "ceiling"]
+Kind = Literal["shelf", "face", "ceiling"]
 
 Front = tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
@@ -45,7 +45,7 @@ def view_rays(width: int, height: int, hfov_deg: float, offset: tuple[float, flo
 def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "shelf") -> CameraSample:
     """A random camera in the aisle between the mapped rows, as a panorama's shelf-facing or ceiling-facing views are.
 
-    Raises SceneError for a scene without a mapped row.
+    Views of the kind "face" look straight at it, and hold its height as mapping's views do. Raises SceneError for a scene without a mapped row.
     """
     name = mapped_rows(built)[int(rng.integers(len(mapped_rows(built))))]
     frame, (length, top) = built.frames[name], face_size(built, name)
@@ -53,8 +53,8 @@ def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "shelf") 
     away = float(rng.uniform(0.8, max(0.9, min(3.0, aisle - 0.4))))
     height = float(rng.uniform(1.0, max(1.1, min(4.5, top + 0.3, built.scene.hall.height - 0.8))))
     origin = frame.to_world(np.array([rng.uniform(-0.5, length + 0.5), height, away]))
-    turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_shelf_turn(rng), 155)
-    return CameraSample(origin, world_from_level(-frame.world_from_row[:, 2]) @ turn, float(rng.uniform(80, widest)))
+    turn, hfov_deg = _turn(rng, kind) if kind != "face" else _fitted(rng, np.array([-height, top - height]) / away)
+    return CameraSample(origin, world_from_level(-frame.world_from_row[:, 2]) @ turn, hfov_deg)
 
 
 def mapped_rows(built: Built) -> list[str]:
@@ -85,6 +85,20 @@ def row_fronts(built: Built, name: str) -> list[Front]:
 
 def _corner(point: Floats) -> tuple[float, float, float]:
     return float(point[0]), float(point[1]), float(point[2])
+
+
+def _turn(rng: np.random.Generator, kind: Kind) -> tuple[Floats, float]:
+    turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_shelf_turn(rng), 155)
+    return turn, float(rng.uniform(80, widest))
+
+
+def _fitted(rng: np.random.Generator, ends: Floats) -> tuple[Floats, float]:
+    """Rotation and field of view, degrees, of a 4:3 view that holds a face between two elevations (2,), as tangents."""
+    low, high = np.degrees(np.arctan(ends))
+    tangent = np.tan(np.radians((high - low) / 2)) * float(rng.uniform(0.9, 1.3)) * 4 / 3
+    hfov_deg = float(np.clip(np.degrees(2 * np.arctan(tangent)), 80, 155))
+    yaw, pitch, roll = rng.normal(0, [3, 2, 2])
+    return rig_from_view(float(yaw), float(low + high) / 2 + float(pitch), float(roll)), hfov_deg
 
 
 def _shelf_turn(rng: np.random.Generator) -> Floats:

@@ -72,7 +72,7 @@ def _vignette(width: int, height: int, rng: np.random.Generator) -> Floats:
     return shade
 
 
-def samples(seed: int, count: int, kind: Literal["shelf", "ceiling", "mixed"]) -> Iterator[tuple[str, Image, Mask]]:
+def samples(seed: int, count: int, kind: Kind | Literal["mixed"]) -> Iterator[tuple[str, Image, Mask]]:
     """`count` named pictures with masks; the same seed gives the same."""
     for index in range(0, count, _VIEWS_A_SCENE):
         rng = np.random.default_rng([seed, index])
@@ -97,7 +97,7 @@ def _worthwhile(scene: Renderer, kind: Kind, rng: np.random.Generator) -> Camera
     return camera
 
 
-def write(folder: Path, seed: int, count: int, kind: Literal["shelf", "ceiling", "mixed"]) -> None:
+def write(folder: Path, seed: int, count: int, kind: Kind | Literal["mixed"]) -> None:
     """Writes a labelled data set; pictures that are there already are kept."""
     (folder / "images").mkdir(parents=True, exist_ok=True)
     (folder / "masks").mkdir(exist_ok=True)
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--kind", choices=("shelf", "ceiling", "mixed"), default="mixed")
+    parser.add_argument("--kind", choices=("shelf", "face", "ceiling", "mixed"), default="mixed")
     options = parser.parse_args(arguments)
     write(options.output, options.seed, options.count, options.kind)
 

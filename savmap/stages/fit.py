@@ -106,7 +106,13 @@ def _change(a: ViewSpec, b: ViewSpec) -> float:
 
 
 def fit_count(
-    scout: Scout, spec: ViewSpec, count: Count, at_least: int = 2, share: float = 0.95, manual: Manual = AUTOMATIC
+    scout: Scout,
+    spec: ViewSpec,
+    count: Count,
+    at_least: int = 2,
+    share: float = 0.95,
+    manual: Manual = AUTOMATIC,
+    smallest_deg: float = SMALLEST_HFOV_DEG,
 ) -> Fitted:
     """The view along `spec` with the smallest field of view that shows `at_least` things in this share of the key frames.
 
@@ -114,7 +120,7 @@ def fit_count(
     """
     if manual.hfov_deg is not None:
         return Fitted(manual.over(spec))
-    for hfov in np.arange(SMALLEST_HFOV_DEG, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
+    for hfov in np.arange(smallest_deg, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
         if _enough(scout, candidate, count, at_least, share):
             wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)

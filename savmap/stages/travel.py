@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
 from savmap.stages.render import Renderer
-from savmap.types import Panorama, ViewSpec
+from savmap.types import Floats, Panorama, ViewSpec
 
 CORNERS = 300
 LEAST_TRACKS = 20
 LEAST_MOTION_PX = 0.5
 ALONG_OVER_ACROSS = 1.5
+# shifts of four views, turned by 90 degrees each: what turning adds, and moving along the first and the second
+SHIFTS = np.array([[1.0, -1, 0], [1, 0, -1], [1, 1, 0], [1, 0, 1]])
 
 
 def travel_direction(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> int:
@@ -26,16 +28,26 @@ def travel_directions(
 ) -> tuple[int, int, int, int]:
     """The same for `spec` and the views turned from it to the right by 90, 180 and 270 degrees.
 
-    What opposite views have in common is the rig's turning; half their difference is its motion. That must exceed the
-    motion found the same way in the two views across, as it does only when looking across the way.
+    What all views have in common is the rig's turning; half the difference of opposite views is its motion. That must
+    exceed the motion found the same way in the two views across, as it does only when looking across the way. One view
+    may be too bare to follow anything in.
     """
     views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
     shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
-    along, across = (float(np.nansum(shifts[:, i + 2] - shifts[:, i]) / 2) for i in (0, 1))
+    along, across = np.array([_motion(row) for row in shifts]).reshape(-1, 2).sum(axis=0).tolist()
     least = max(LEAST_MOTION_PX * len(pairs), 1e-9)
     first = int(np.sign(along)) if abs(along) > max(least, ALONG_OVER_ACROSS * abs(across)) else 0
     second = int(np.sign(across)) if abs(across) > max(least, ALONG_OVER_ACROSS * abs(along)) else 0
     return first, second, -first, -second
+
+
+def _motion(shifts: Floats) -> Floats:
+    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are nan."""
+    known = np.isfinite(shifts)
+    if known.sum() < 3:
+        return np.zeros(2)
+    motion: Floats = np.linalg.lstsq(SHIFTS[known], shifts[known], rcond=None)[0][1:]
+    return motion
 
 
 def _turned(spec: ViewSpec, degrees: float) -> ViewSpec:

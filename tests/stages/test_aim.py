@@ -1,5 +1,6 @@
 """Choosing views in a made-up hall, with the camera turned any way."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import cv2
@@ -12,6 +13,7 @@ from savmap.geometry import pinhole
 from savmap.stages.aim import Manual, Scout, ceiling_view, choose_face, face_candidates
 from savmap.stages.fit import LARGEST_HFOV_DEG, fit_count, fit_height
 from savmap.stages.overview import overview
+from savmap.stages.travel import travel_directions
 from savmap.types import Panorama, View, ViewSpec
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
@@ -69,6 +71,19 @@ def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side:
     other = choose_face(pass_, lambda spec, panorama: 1.0, "right" if side == "left" else "left")
     assert degrees_between(other.rig_from_world, turned(180, 0, 0)) < 0.5
     assert other.travel == -travel
+
+
+def test_direction_of_travel_past_a_face_with_nothing_behind() -> None:
+    """Half of the sphere is bare: no corner to follow across the aisle."""
+    whole = scout(*TURNS[0])
+    half = whole.keys[0].image.shape[1] // 2
+    columns = (np.arange(2 * half) + half // 2) % (2 * half) < half
+
+    def bare(panorama: Panorama) -> Panorama:
+        return replace(panorama, image=np.where(columns[None, :, None], 90, panorama.image).astype(np.uint8))
+
+    pairs = [(bare(first), bare(second)) for first, second in whole.pairs]
+    assert travel_directions(pairs, face_candidates(LEVEL)[0], whole.renderer) == (1, 0, -1, 0)
 
 
 def test_a_standing_camera_has_no_direction_of_travel() -> None:

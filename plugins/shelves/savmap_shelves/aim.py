@@ -1,7 +1,8 @@
 """Which way to look: the face-facing view of a pass. Paper, section III.B.
 
 A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
-uprights in its middle are seen from end to end.
+uprights in its middle are seen from end to end. A low rack seen from close by would show one upright at a time that way:
+such a view is widened until it mostly shows two, which tracking lives on.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -9,13 +10,15 @@ from typing import Literal
 
 import numpy as np
 
-from savmap.stages.aim import Face, Manual, Scout, choose_face
-from savmap.stages.fit import fit_height
+from savmap.stages.aim import Face, Manual, Scout, choose_face, tilted
+from savmap.stages.fit import Fitted, fit_count, fit_height
 from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
 
 See = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
+MOSTLY = 0.6
+HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
 def aim_at_face(
@@ -28,9 +31,34 @@ def aim_at_face(
         return face_likeness(extract(view, see(view)), view.spec)
 
     face: Face = choose_face(scout, score, side)
-    fitted = fit_height(scout, face, lambda view: extent(see(view)), manual=manual.get("face", Manual()), name="face")
-    notes = (fitted.warning,) if fitted.warning else ()
-    return Aim((fitted.spec,), face.world_from_rig, face.travel, notes)
+    by_hand = manual.get("face", Manual())
+    whole = fit_height(scout, face, lambda view: extent(see(view)), manual=by_hand, name="face")
+    if whole.warning and by_hand == Manual():
+        return Aim(halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",))
+    wide = widened(scout, whole.spec, lambda view: uprights(extract(view, see(view))), by_hand)
+    notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
+    return Aim((wide.spec,), face.world_from_rig, face.travel, notes)
+
+
+def halves(face: Face) -> tuple[ViewSpec, ...]:
+    """Two views from 80 degrees below the horizon to 80 above: of a face too high, or too near, for one view.
+
+    Neither may see the point that its verticals lead to, where edges that are apart could not be told from askew ones.
+    """
+    return tuple(tilted(face, pitch, HALF_HFOV_DEG, name) for name, pitch in HALVES.items())
+
+
+def widened(scout: Scout, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
+    """The view, or the narrowest wider one that shows two uprights in most key frames."""
+    shown = [count(view) for view in scout.views(spec)]
+    if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOSTLY:
+        return Fitted(spec)
+    return fit_count(scout, spec, count, share=MOSTLY, smallest_deg=spec.hfov_deg)
+
+
+def uprights(features: Sequence[Feature]) -> int:
+    """How many uprights a view shows."""
+    return len({feature.instance for feature in features if feature.label == "upright"})
 
 
 def face_likeness(features: Sequence[Feature], spec: ViewSpec) -> float:

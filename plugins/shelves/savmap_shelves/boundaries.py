@@ -19,6 +19,7 @@ from savmap_shelves.strips import Bools, Strips
 
 CUT_MARGIN_PX = 2.0
 LEAST_SEPARATOR = 0.25
+FITTED, LOWEST = 0.9, 0.4
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,18 @@ def _separators(frame: Frame, detections: Sequence[Detection]) -> Separators:
         return Separators(_no_strips(frame.settings), np.zeros(0, dtype=np.bool_))
     runs, part = separated(found[0], frame.settings.least_run_px, frame.settings.most_thick)
     strips = strips_of(runs, part, np.zeros_like(part), found[1], frame.settings)
-    strips = strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * frame.height)]
+    tall = _apparent_height(strips, frame)
+    strips = strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * tall)]
     strips = strips[np.argsort(strips.either_upper.at(frame.height / 2), kind="stable")]
-    kept = (strips.length >= frame.settings.least_upright * frame.height) & strips.two_edged
+    kept = (strips.length >= frame.settings.least_upright * tall) & strips.two_edged
     kept[kept] = ~askew(strips[kept], (frame.height, frame.width), frame.settings)
     return Separators(strips, kept)
+
+
+def _apparent_height(strips: Strips, frame: Frame) -> float:
+    """How high the rack is in the picture: all of it where the view was fitted to the height, less where it was widened."""
+    longest = float(strips.length.max(initial=0.0)) / FITTED
+    return float(np.clip(longest, LOWEST * frame.height, frame.height))
 
 
 def _no_strips(settings: BoundarySettings) -> Strips:

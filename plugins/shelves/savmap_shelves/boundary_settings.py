@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class BoundarySettings(BaseModel):
     """How masks become edges and corners. Pixels refer to views of the default size, 640x480.
 
-    - `least_upright`: uprights shorter than this share of the picture's height are dropped (paper: 5/8).
+    - `least_upright`: uprights shorter than this share of the rack's height in the picture are dropped (paper: 5/8 of the picture's).
     - `plane_margin`: structures whose edges meet within the picture enlarged by this share are dropped (paper: 20 %).
     - `askew_sigmas`: how many standard deviations beyond their own noise they must do so.
     - `overlap`: a mask that shares more than this part of its area with a longer one is a duplicate.

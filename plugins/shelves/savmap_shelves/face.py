@@ -8,6 +8,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts
 from savmap_shelves.adjust import Fit, Sighted, adjusted
+from savmap_shelves.floor import Feet, feet_of
 from savmap_shelves.levels import Levels, find_levels
 from savmap_shelves.odometry import glances, typical_spacing
 from savmap_shelves.passes import Shape, laid_on, moved
@@ -25,7 +26,7 @@ class Settings:
     many standard deviations from the fitted grid is dropped; least_frames: fewer are refused."""
 
     upright_support: float = 0.25
-    level_support: float = 0.2
+    level_support: float = 0.3
     gate: float = 4.0
     least_frames: int = 3
 
@@ -43,6 +44,7 @@ class Grid:
     fit: Fit
     observations: Sighted
     source: Ints
+    feet: Feet
 
 
 def observed_edges(seen: Catalogue, face: Tangents, uprights: Uprights, levels: Levels) -> tuple[Sighted, Ints]:
@@ -77,7 +79,8 @@ def fit_grid(features: Sequence[Feature], facts: RowFacts, settings: Settings, a
     for frames in passes:
         way = odometry(views, facts, frames, spacing)
         states[frames] = along_uprights(seen, face, world_from_rig, views, way, sizes)
-    fitter = Fitter(seen, face, world_from_rig, settings, spacing)
+    feet = feet_of(features, seen, world_from_rig)
+    fitter = Fitter(seen, face, world_from_rig, settings, spacing, feet)
     if len(passes) > 1:
         states = _joined([fitter.grid(states, frames, facts.name) for frames in passes], passes, facts.name)
     return fitter.grid(states, np.arange(len(facts.frames)), facts.name)
@@ -135,6 +138,7 @@ class Fitter:
     world_from_rig: Floats
     settings: Settings
     spacing: float
+    feet: Feet
 
     def grid(self, states: Floats, frames: Ints, row: str) -> Grid:
         """The grid that `frames` show, from a rough path `states` (n, 6)."""
@@ -145,9 +149,8 @@ class Fitter:
             fit = adjusted(states, start, sighted, STATE_PRIOR, rounds=4)
             states = filled(states, fit.states, sighted, frames, 6)
         fitted = fit.edges[: 2 * len(uprights.x)].reshape(-1, 2)
-        return Grid(
-            self.seen, self.face, self.world_from_rig, replace(uprights, x=fitted), levels, fit, sighted, source
-        )
+        placed = replace(uprights, x=fitted)
+        return Grid(self.seen, self.face, self.world_from_rig, placed, levels, fit, sighted, source, self.feet)
 
     def _found(self, states: Floats, frames: Ints, sizes: tuple[float, float], row: str) -> tuple[Uprights, Levels]:
         width, height = sizes
@@ -158,7 +161,8 @@ class Fitter:
                 f"row {row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
             )
         kernel = (height, self.settings.level_support)
-        levels = find_levels(self.seen, self.face, states, self.world_from_rig, uprights, frames, kernel)
+        floor = self.feet.floor(states, uprights.x)
+        levels = find_levels(self.seen, self.face, states, self.world_from_rig, uprights, frames, kernel, floor)
         if not len(levels.section):
             raise StructureError(f"row {row}: {len(uprights.x)} uprights but no beam between them were found")
         return uprights, levels

@@ -10,7 +10,7 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-THIN, RARE = 0.55, 0.4
+THIN, RARE = 0.55, 0.5
 
 
 @dataclass(frozen=True)
@@ -69,13 +69,14 @@ def find_levels(
     uprights: Uprights,
     frames: Ints,
     sizes: tuple[float, float],
+    floor: float = -np.inf,
 ) -> Levels:
     """Levels with enough support among the sightings of `frames`. sizes: the kernel's bandwidth as a share of a beam's
-    height; the least support, as a share of the usual one."""
+    height; the least support, as a share of the usual one. floor: where uprights end below; none is below it."""
     section, ends = sections_of(seen, face, states, uprights)
     edges = _edges(np.where(ends[:, :, None], heights(seen, face, states), np.nan))
     centre = edges.mean(axis=1)
-    section = np.where(np.isin(seen.beam_frame, frames) & np.isfinite(centre), section, -1)
+    section = np.where(np.isin(seen.beam_frame, frames) & (centre > floor), section, -1)
     if not (section >= 0).any():
         return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends, np.zeros(0))
     thickness = float(np.median(np.diff(edges[section >= 0], axis=1)))
@@ -94,7 +95,7 @@ def find_levels(
         hits, shown = hits[:, frames], shown[:, frames]
         kept = _distinct(levels, hits, thickness)
         cover = _cover(seen, which, (len(levels), len(states)))[:, frames]
-        support = (cover * shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+        support = _support(hits, cover, shown)
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
@@ -141,6 +142,18 @@ def _cover(seen: Catalogue, which: Ints, shape: tuple[int, int]) -> Floats:
         seen.spans[own, 0] >= 0, seen.points.score[seen.spans[own, 0]], 1.0
     )
     return cover
+
+
+def _support(hits: NDArray[np.bool_], cover: Floats, shown: NDArray[np.bool_]) -> Floats:
+    """How sure levels (k,) are: the share of the frames that should show one in which it was seen, twice, and its cover.
+
+    A beam whose middle is hidden by goods is seen in most frames, little of it in each; beams of a rack behind, floor
+    markings and edges of goods come and go.
+    """
+    count = np.maximum(shown.sum(axis=1), 1)
+    often, whole = (hits & shown).sum(axis=1) / count, (cover * shown).sum(axis=1) / count
+    support: Floats = np.cbrt(often**2 * whole)
+    return support
 
 
 def _shown(

@@ -34,7 +34,7 @@ def track_structures(
     _require_motion(grid, facts)
     _report_part(grid, facts)
     elements = [*_upright_tracks(grid, settings.gate), *_beam_tracks(grid, settings.gate)]
-    return [*elements, *foot_tracks(features, facts, grid)]
+    return [*elements, *foot_tracks(grid)]
 
 
 def summary(tracks: Sequence[Track]) -> dict[str, int | str]:

@@ -200,9 +200,22 @@ def test_uprights_incomplete_in_length_are_kept_down_to_five_eighths_and_extende
     kept = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - 5 * HEIGHT // 8 - 4), slice(None)))
     assert counts(kept) == counts(found(picture))
     assert worst(picture, kept) < 0.3
-    short = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - 5 * HEIGHT // 8 + 8), slice(None)))
-    assert counts(short)[0] == counts(short)[2] == 0
-    assert counts(short)[1] == counts(found(picture))[1], "short uprights still separate sections"
+    left = slice(0, WIDTH // 2)
+    half = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - 5 * HEIGHT // 8 + 8), left))
+    assert 0 < counts(half)[0] < counts(kept)[0]
+    assert {feature.pixels[0, 0] < WIDTH // 2 for feature in of(half, "upright", "left")} == {False}
+    assert counts(half)[1] == counts(found(picture))[1], "short uprights still separate sections"
+
+
+def test_five_eighths_are_of_the_rack_where_the_view_is_wider_than_its_height_needs() -> None:
+    """The whole rack is lower in the picture than 5/8 of it: its uprights count, half-high ones beside them do not."""
+    picture = Picture(camera=FACING)
+    rows = np.flatnonzero(picture.uprights.max(axis=1) > 0.5)
+    cut = slice(0, rows[-1] - HEIGHT // 2)
+    low = without(picture.uprights, cut, slice(None))
+    assert counts(found(picture, upright=low))[0] == counts(found(picture))[0]
+    lower = without(low, slice(0, rows[-1] - HEIGHT // 4), slice(0, WIDTH // 2))
+    assert 0 < counts(found(picture, upright=lower))[0] < counts(found(picture))[0]
 
 
 @pytest.mark.parametrize("level", ["lower", "upper"])
