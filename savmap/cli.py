@@ -34,8 +34,9 @@ def map_(
 ) -> None:
     """Map the rows of a site (default: site.yaml of this folder), or of one video."""
     from savmap import run
+    from savmap.job import job_for
 
-    job = run.job_for(source, _names(plugins), output, camera_height, side, trajectory)
+    job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
     for line in run.preview(job) if preview else run.run(job):
         typer.echo(line)
 
@@ -66,9 +67,9 @@ def evaluate(
 @app.command("plugins")
 def plugins_() -> None:
     """List the installed plugins with their classes, models and hooks."""
-    from savmap import run
+    from savmap import tools
 
-    for line in run.plugin_lines():
+    for line in tools.plugin_lines():
         typer.echo(line)
 
 
@@ -79,9 +80,9 @@ def simulate(
     mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
 ) -> None:
     """Make panoramic footage of a made-up place, with its truth."""
-    from savmap import run
+    from savmap import tools
 
-    for line in run.simulate(scene, output, mask or []):
+    for line in tools.simulate(scene, output, mask or []):
         typer.echo(line)
 
 
@@ -95,9 +96,9 @@ def train(
     init: Annotated[Path | None, typer.Option(help="A checkpoint to go on from.")] = None,
 ) -> None:
     """Train a plugin's network on labelled pictures (needs the `train` extra)."""
-    from savmap import run
+    from savmap import tools
 
-    for line in run.train(plugin, data, output, minutes, seed, init):
+    for line in tools.train(plugin, data, output, minutes, seed, init):
         typer.echo(line)
 
 

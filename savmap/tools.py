@@ -1,0 +1,58 @@
+"""What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from savmap.errors import SiteError
+from savmap.job import prepare
+from savmap.rooms import installed, load_class
+from savmap.types import ViewSpec
+
+
+def plugin_lines() -> Iterator[str]:
+    """What is installed: name, classes, model, hooks."""
+    for name, point in installed().items():
+        plugin = load_class(name)
+        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
+        yield f"{name}  ({point.value})"
+        yield f"  classes  {', '.join(plugin.classes)}"
+        yield f"  model    {plugin.model}"
+        yield f"  hooks    {', '.join(hooks)}"
+
+
+def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
+    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
+    from savmap.console import Console
+    from savmap.sim.scene import load_scene
+    from savmap.sim.simulate import simulate as make
+
+    loaded = load_scene(scene)
+    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
+    prepare(output)
+    with Console(output / "savmap.log") as console:
+        for path in make(loaded, output, console, masks=specs):
+            yield f"wrote {path}"
+
+
+def mask_view(number: int, text: str) -> ViewSpec:
+    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
+    try:
+        yaw, pitch, hfov = (float(part) for part in text.split(","))
+        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
+    except ValueError:
+        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None
+
+
+def train(
+    plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None
+) -> Iterator[str]:
+    """A new network for a plugin's classes."""
+    from savmap.console import Console
+    from savmap.train import train as train_network
+
+    prepare(output.parent)
+    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
+        recipe = train_network(load_class(plugin).classes, data, output, minutes, seed, init, progress)
+    yield f"wrote {output}"
+    yield json.dumps(recipe, indent=2)
