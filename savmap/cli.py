@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -16,15 +16,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+INTERRUPTED = 130
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 
 
 @app.command("map")
 def map_(
-    source: Annotated[Path, typer.Argument(help="A site file, or a panoramic video for a first map.")] = Path(
-        "site.yaml"
-    ),
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", help="A site file, or a panoramic video for a first map.")
+    ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
@@ -32,7 +33,7 @@ def map_(
     trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
 ) -> None:
-    """Map the rows of a site (default: site.yaml of this folder), or of one video."""
+    """Map a site (default: site.yaml of this folder) or one video."""
     from savmap import run
     from savmap.job import job_for
 
@@ -43,7 +44,7 @@ def map_(
 
 @app.command()
 def demo(output: Output = Path("out/demo")) -> None:
-    """Map the footage that ships with savmap, score it against its survey and write pictures."""
+    """Map the footage that ships with savmap and score it."""
     from savmap import run
 
     for line in run.demo(output):
@@ -53,7 +54,7 @@ def demo(output: Output = Path("out/demo")) -> None:
 @app.command()
 def evaluate(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    survey: Annotated[Path, typer.Argument(help="A survey file.")],
+    survey: Annotated[Path, typer.Argument(metavar="SURVEY", help="A survey file.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
 ) -> None:
@@ -66,7 +67,7 @@ def evaluate(
 
 @app.command("plugins")
 def plugins_() -> None:
-    """List the installed plugins with their classes, models and hooks."""
+    """List the installed plugins."""
     from savmap import tools
 
     for line in tools.plugin_lines():
@@ -75,11 +76,11 @@ def plugins_() -> None:
 
 @app.command()
 def simulate(
-    scene: Annotated[Path, typer.Argument(help="A scene file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file.")],
     output: Output = Path("simulated"),
     mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
 ) -> None:
-    """Make panoramic footage of a made-up place, with its truth."""
+    """Make footage of a made-up place, with its truth."""
     from savmap import tools
 
     for line in tools.simulate(scene, output, mask or []):
@@ -88,14 +89,14 @@ def simulate(
 
 @app.command()
 def train(
-    plugin: Annotated[str, typer.Argument(help="The plugin whose network is to be trained.")],
+    plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
     data: Annotated[list[Path], typer.Option(help="A folder of labelled pictures; may be given more than once.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
     minutes: Annotated[float, typer.Option(help="How long to train.")] = 60.0,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     init: Annotated[Path | None, typer.Option(help="A checkpoint to go on from.")] = None,
 ) -> None:
-    """Train a plugin's network on labelled pictures (needs the `train` extra)."""
+    """Train a plugin's network (needs the `train` extra)."""
     from savmap import tools
 
     for line in tools.train(plugin, data, output, minutes, seed, init):
@@ -127,5 +128,13 @@ def main() -> None:
         typer.echo(f"savmap: {error}", err=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        typer.echo("savmap: interrupted", err=True)
-        sys.exit(130)
+        _interrupted()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            _interrupted()
+        raise
+
+
+def _interrupted() -> NoReturn:
+    typer.echo("savmap: interrupted", err=True)
+    sys.exit(INTERRUPTED)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from savmap.errors import SiteError
 from savmap.io.files import sha256, write_text
-from savmap.job import Job, job_for, prepare, rooms_for
+from savmap.job import Job, job_for, prepare, require_ready, rooms_for
 from savmap.monitor import Monitor
 from savmap.rooms import Room, open_room
 from savmap.types import RowMap, SiteMap, Trajectory
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 def run(job: Job) -> Iterator[str]:
     """Map all rows of a job into its folder; yields lines for the user.
 
-    Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
+    Everything that is given is checked first. Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
     """
     from savmap.console import Console
 
+    require_ready(job)
     prepare(job.output)
     with Console(job.output / "savmap.log") as console:
         rows = {name: map_one(job, name, console) for name in job.site.rows}

@@ -49,10 +49,13 @@ def train(
 ) -> Iterator[str]:
     """A new network for a plugin's classes."""
     from savmap.console import Console
+    from savmap.train import check_extra
     from savmap.train import train as train_network
 
+    classes = load_class(plugin).classes
+    check_extra()
     prepare(output.parent)
     with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
-        recipe = train_network(load_class(plugin).classes, data, output, minutes, seed, init, progress)
+        recipe = train_network(classes, data, output, minutes, seed, init, progress)
     yield f"wrote {output}"
     yield json.dumps(recipe, indent=2)

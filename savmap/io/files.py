@@ -25,7 +25,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.replace(part, path)
     except OSError as error:
         advice = "choose another folder or free its space"
-        raise OutputError(f"{path}: cannot be written ({_reason(error)}); {advice}") from error
+        raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
     finally:
         _remove(part)
 
@@ -35,7 +35,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
     except UnicodeDecodeError as error:
         raise OutputError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
 
@@ -57,7 +57,12 @@ def sha256(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise OutputError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+
+
+def reason(error: OSError) -> str:
+    """What the operating system says, in lower case."""
+    return (error.strerror or str(error)).lower()
 
 
 def _write_through(path: Path, content: bytes) -> None:
@@ -72,10 +77,6 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
     except OSError:
         return
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
 
 
 def _refuse_constant(name: str) -> float:
