@@ -74,8 +74,9 @@ def require_ready(job: Job) -> None:
     Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, OutputError for a
     survey that cannot be read, SolveError where nothing that was given could fix the scale.
     """
+    from savmap.io.clip import time_range
     from savmap.io.survey import read_survey
-    from savmap.io.video import probe, time_range
+    from savmap.io.video import probe
     from savmap.observe import clip_of
 
     for name, row in job.site.rows.items():
