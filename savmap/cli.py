@@ -65,6 +65,20 @@ def evaluate(
     typer.echo(run.scores_json(evaluation) if as_json else run.scores_table(evaluation))
 
 
+@app.command()
+def export(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
+) -> None:
+    """Write a map in another format."""
+    from savmap import tools
+
+    for line in tools.export(map_file, name, output, row):
+        typer.echo(line)
+
+
 @app.command("plugins")
 def plugins_() -> None:
     """List the installed plugins."""

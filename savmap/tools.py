@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import SiteError
+from savmap.errors import PluginError, SavmapError, SiteError
 from savmap.job import prepare
-from savmap.rooms import installed, load_class
+from savmap.rooms import exporters, installed, load_class
 from savmap.types import ViewSpec
 
 
@@ -19,6 +20,31 @@ def plugin_lines() -> Iterator[str]:
         yield f"  classes  {', '.join(plugin.classes)}"
         yield f"  model    {plugin.model}"
         yield f"  hooks    {', '.join(hooks)}"
+
+
+def export(map_file: Path, name: str, output: Path, row: str | None = None) -> Iterator[str]:
+    """A map (or one `row` of it) in another format, written whole or not at all.
+
+    Raises SiteError for a format or row that is not there, PluginError for an exporter that fails.
+    """
+    from savmap.io.files import write_with
+    from savmap.io.mapfile import read_map
+
+    formats = exporters()
+    if name not in formats:
+        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}")
+    site_map = read_map(map_file)
+    if row is not None:
+        if row not in site_map.rows:
+            raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
+        site_map = replace(site_map, rows={row: site_map.rows[row]})
+    try:
+        write_with(lambda part: formats[name](site_map, part), output)
+    except SavmapError:
+        raise
+    except Exception as error:
+        raise PluginError(f"exporter `{name}` failed: {type(error).__name__}: {error}") from error
+    yield f"wrote {output}"
 
 
 def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:

@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from savmap.errors import OutputError
@@ -28,6 +30,21 @@ def write_bytes(path: Path, content: bytes) -> None:
         raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
     finally:
         _remove(part)
+
+
+def write_with(write: Callable[[Path], None], path: Path) -> None:
+    """Let a function write a file of the same name in a temporary folder beside `path`, then put it in place, whole.
+
+    Raises OutputError where nothing can be written there, or where the function wrote nothing.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
+            part = Path(folder) / path.name
+            write(part)
+            os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
 
 
 def read_text(path: Path) -> str:
