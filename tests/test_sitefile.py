@@ -66,5 +66,5 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 
 def test_a_key_within_a_list_is_named_by_its_place(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:7: `rows.A.passes\[0\].side`: input should be 'left' or 'right'"):
+    with pytest.raises(SiteError, match=r"site.yaml:8: `rows.A.passes\[0\].side`: input should be 'left' or 'right'"):
         load_site(write(tmp_path, GOOD.replace("side: left", "side: up")))
