@@ -23,6 +23,7 @@ import av
 import savmap.engine as engine
 import savmap.observe as observe
 from savmap import run
+from savmap.job import job_for
 from savmap.rooms import Room
 
 ROOT = Path(__file__).parent.parent
@@ -99,7 +100,7 @@ def main() -> None:
     timed(engine, "solve", "solve")
     timed(run, "write_results", "write")
     with tempfile.TemporaryDirectory() as folder:
-        job = run.job_for(arguments.site, None, Path(folder))
+        job = job_for(arguments.site, None, Path(folder))
         start = time.perf_counter()
         list(run.run(job))
         whole = time.perf_counter() - start

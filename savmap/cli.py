@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -16,15 +16,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+INTERRUPTED = 130
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 
 
 @app.command("map")
 def map_(
-    source: Annotated[Path, typer.Argument(help="A site file, or a panoramic video for a first map.")] = Path(
-        "site.yaml"
-    ),
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", help="A site file, or a panoramic video for a first map.")
+    ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
@@ -32,17 +33,18 @@ def map_(
     trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
 ) -> None:
-    """Map the rows of a site (default: site.yaml of this folder), or of one video."""
+    """Map a site (default: site.yaml of this folder) or one video."""
     from savmap import run
+    from savmap.job import job_for
 
-    job = run.job_for(source, _names(plugins), output, camera_height, side, trajectory)
+    job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
     for line in run.preview(job) if preview else run.run(job):
         typer.echo(line)
 
 
 @app.command()
 def demo(output: Output = Path("out/demo")) -> None:
-    """Map the footage that ships with savmap, score it against its survey and write pictures."""
+    """Map the footage that ships with savmap and score it."""
     from savmap import run
 
     for line in run.demo(output):
@@ -52,7 +54,7 @@ def demo(output: Output = Path("out/demo")) -> None:
 @app.command()
 def evaluate(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    survey: Annotated[Path, typer.Argument(help="A survey file.")],
+    survey: Annotated[Path, typer.Argument(metavar="SURVEY", help="A survey file.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
 ) -> None:
@@ -63,41 +65,55 @@ def evaluate(
     typer.echo(run.scores_json(evaluation) if as_json else run.scores_table(evaluation))
 
 
+@app.command()
+def export(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
+) -> None:
+    """Write a map in another format."""
+    from savmap import tools
+
+    for line in tools.export(map_file, name, output, row):
+        typer.echo(line)
+
+
 @app.command("plugins")
 def plugins_() -> None:
-    """List the installed plugins with their classes, models and hooks."""
-    from savmap import run
+    """List the installed plugins."""
+    from savmap import tools
 
-    for line in run.plugin_lines():
+    for line in tools.plugin_lines():
         typer.echo(line)
 
 
 @app.command()
 def simulate(
-    scene: Annotated[Path, typer.Argument(help="A scene file.")],
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file.")],
     output: Output = Path("simulated"),
     mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
 ) -> None:
-    """Make panoramic footage of a made-up place, with its truth."""
-    from savmap import run
+    """Make footage of a made-up place, with its truth."""
+    from savmap import tools
 
-    for line in run.simulate(scene, output, mask or []):
+    for line in tools.simulate(scene, output, mask or []):
         typer.echo(line)
 
 
 @app.command()
 def train(
-    plugin: Annotated[str, typer.Argument(help="The plugin whose network is to be trained.")],
+    plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
     data: Annotated[list[Path], typer.Option(help="A folder of labelled pictures; may be given more than once.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
     minutes: Annotated[float, typer.Option(help="How long to train.")] = 60.0,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     init: Annotated[Path | None, typer.Option(help="A checkpoint to go on from.")] = None,
 ) -> None:
-    """Train a plugin's network on labelled pictures (needs the `train` extra)."""
-    from savmap import run
+    """Train a plugin's network (needs the `train` extra)."""
+    from savmap import tools
 
-    for line in run.train(plugin, data, output, minutes, seed, init):
+    for line in tools.train(plugin, data, output, minutes, seed, init):
         typer.echo(line)
 
 
@@ -126,5 +142,13 @@ def main() -> None:
         typer.echo(f"savmap: {error}", err=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        typer.echo("savmap: interrupted", err=True)
-        sys.exit(130)
+        _interrupted()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            _interrupted()
+        raise
+
+
+def _interrupted() -> NoReturn:
+    typer.echo("savmap: interrupted", err=True)
+    sys.exit(INTERRUPTED)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from savmap.hookspecs import hookimpl
+from savmap.hookspecs import Exporter, hookimpl
 from savmap.types import Detection, Structure, View
 
 if TYPE_CHECKING:
@@ -36,3 +36,11 @@ def draw(
 ) -> "tuple[Drawing, ...]":
     """Nothing is drawn."""
     return ()
+
+
+@hookimpl(trylast=True)
+def exporters() -> Mapping[str, Exporter]:
+    """The formats that come with savmap."""
+    from savmap.io.exports import write_csv, write_ply
+
+    return {"csv": write_csv, "ply": write_ply}

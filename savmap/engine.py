@@ -51,6 +51,8 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     points = sum(map(len, followed.tracks.values()))
     monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
     solution = solve(merge(frames, *followed.constraints.values()))
+    for warning in solution.warnings:
+        monitor.note(f"row {row.name}: {warning}")
     return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
 
 

@@ -128,6 +128,11 @@ def mean_absolute_error(score: Score) -> float | None:
     return _rounded(np.abs(every).mean()) if len(every) else None
 
 
+def named_counts(counts: Mapping[str, int]) -> str:
+    """Such as "2 beam, 1 upright", or "none"."""
+    return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
+
+
 def _score_row(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> Score:
     try:
         return pool(score(plugin, structures, surveyed) for plugin, structures in row.structures.items())
@@ -196,7 +201,9 @@ def _block(title: str, score: Score) -> str:
     lines += [f"  {name:{widest}}{_columns(errors)}" for name, errors in {**score.errors, **score.coordinates}.items()]
     error = mean_absolute_error(score)
     lines += [f"  mean absolute error {100 * error:.2f} cm"] if error is not None else []
-    lines += [f"  missing: {_counts(score.missing)}; spurious: {_counts(score.spurious)}"] if score.missing else []
+    lines += (
+        [f"  missing: {named_counts(score.missing)}; spurious: {named_counts(score.spurious)}"] if score.missing else []
+    )
     lines += [f"  {heading}: {_distances(own)}" for heading, own in score.apart.items()]
     return "\n".join(lines) + "\n"
 
@@ -207,10 +214,6 @@ def _columns(errors: Floats) -> str:
     size = np.abs(errors)
     values = (errors.mean(), size.mean(), np.percentile(size, 95), size.max())
     return f"{len(errors):>10}" + "".join(f"{100 * value:>10.2f}" for value in values)
-
-
-def _counts(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
 
 
 def _distances(own: Distances) -> str:

@@ -6,12 +6,13 @@ hook but the last two is asked of one plugin at a time. docs/hooks.md shows each
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pluggy
 
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View
 
 if TYPE_CHECKING:
     import typer
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from savmap.stages.aim import Manual, Scout
     from savmap.stages.segment import Segmenter
 
+Exporter = Callable[[SiteMap, Path], None]
 hookspec = pluggy.HookspecMarker("savmap")
 hookimpl = pluggy.HookimplMarker("savmap")
 
@@ -93,8 +95,10 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: "Site") ->
 
 
 @hookspec
-def exporters() -> Mapping[str, Any]:
-    """Further map formats: name to a function (SiteMap, path) -> None. Every plugin is asked."""
+def exporters() -> Mapping[str, Exporter]:
+    """Further map formats for `savmap export`: name to a function that writes a map to a path. Every plugin is asked.
+
+    The path is a temporary one; what was written is put in its place when the function returns."""
 
 
 @hookspec

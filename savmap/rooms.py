@@ -155,6 +155,21 @@ def open_rooms(names: Iterable[str], configs: Callable[[str], Mapping[str, Any]]
     return [open_room(name, configs(name), where) for name in dict.fromkeys(names)]
 
 
+def exporters() -> dict[str, hookspecs.Exporter]:
+    """Map formats by name: savmap's own, and those of every installed plugin, whose word counts more.
+
+    Raises PluginError for a plugin that fails or gives something else.
+    """
+    found = dict(defaults.exporters())
+    for name in installed():
+        *own, _ = open_room(name, {}).ask("exporters", list)
+        for answer in own:
+            if not isinstance(answer, Mapping) or not all(callable(write) for write in answer.values()):
+                raise PluginError(f"plugin `{name}` returned no functions by name from `exporters`")
+            found.update(answer)
+    return found
+
+
 def register_commands(app: Any) -> None:
     """Let every installed plugin whose class answers `register_commands` add to the command line."""
     for name in installed():

@@ -1,87 +1,31 @@
-"""What the commands do: each function yields or returns the lines to print. docs/commands.md tells the user's side."""
+"""`savmap map`, `demo` and `evaluate`: functions that yield or return the lines to print."""
 
 import json
-import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from savmap import site as sites
-from savmap.errors import OutputError, SiteError
+from savmap.errors import SiteError
 from savmap.io.files import sha256, write_text
-from savmap.io.sitefile import load_site
+from savmap.job import Job, job_for, prepare, require_ready, rooms_for
 from savmap.monitor import Monitor
-from savmap.rooms import Room, installed, load_class, open_room, open_rooms
-from savmap.types import RowMap, SiteMap, Trajectory, ViewSpec
+from savmap.rooms import Room, open_room
+from savmap.types import RowMap, SiteMap, Trajectory
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation
     from savmap.report.drawing import Drawing
 
-log = logging.getLogger("savmap")
-VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
-
-
-@dataclass(frozen=True)
-class Job:
-    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known."""
-
-    site: sites.Site
-    source: Path
-    plugins: Sequence[str]
-    output: Path
-    earlier: Path | None = None
-
-
-def job_for(
-    source: Path,
-    plugins: Sequence[str] | None,
-    output: Path,
-    camera_height_m: float | None = None,
-    side: str | None = None,
-    earlier: Path | None = None,
-) -> Job:
-    """The job that the command line describes. `source` is a site file, or a video (or folder of pictures).
-
-    Raises SiteError for a bad site file or options that do not fit it.
-    """
-    if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
-        site = video_site(source, camera_height_m, side)
-        return Job(site, source, plugins or list(installed()), output, earlier)
-    if camera_height_m is not None or side is not None:
-        raise SiteError(
-            f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
-        )
-    site = load_site(source)
-    names = plugins or list(site.plugins) or list(installed())
-    return Job(site, source, names, output, earlier)
-
-
-def video_site(video: Path, camera_height_m: float | None, side: str | None) -> sites.Site:
-    """A site of one row and one pass."""
-    if side not in (None, "left", "right"):
-        raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
-    if camera_height_m is not None and not 0.1 < camera_height_m < 50:
-        raise SiteError(f"--camera-height {camera_height_m}: metres are expected, between 0.1 and 50")
-    height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
-    one = {"video": video, "side": side}
-    return sites.Site.model_validate({"references": height, "rows": {"row": {"passes": [one]}}})
-
-
-def rooms_for(job: Job, row: str) -> Sequence[Room]:
-    """The job's plugins, each with its settings for one row."""
-    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source))
-
 
 def run(job: Job) -> Iterator[str]:
     """Map all rows of a job into its folder; yields lines for the user.
 
-    Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
+    Everything that is given is checked first. Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
     """
     from savmap.console import Console
 
+    require_ready(job)
     prepare(job.output)
     with Console(job.output / "savmap.log") as console:
         rows = {name: map_one(job, name, console) for name in job.site.rows}
@@ -110,17 +54,6 @@ def earlier_path(job: Job, name: str) -> Trajectory | None:
     if name not in rows:
         raise SiteError(f"{job.earlier}: has no row `{name}` whose camera path could be used; it has {', '.join(rows)}")
     return rows[name].trajectory
-
-
-def prepare(folder: Path) -> None:
-    """Make the output folder. Raises OutputError when nothing can be written there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".savmap-probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"{folder}: nothing can be written there: {error.strerror or error}") from None
 
 
 def made_by(job: Job) -> dict[str, str]:
@@ -224,51 +157,3 @@ def demo(output: Path) -> Iterator[str]:
     if found is None:
         raise SiteError("examples/aisle-dev/site.yaml: not found; run `savmap demo` in a clone of savmap's repository")
     yield from run(job_for(found, None, output))
-
-
-def plugin_lines() -> Iterator[str]:
-    """What is installed: name, classes, model, hooks."""
-    for name, point in installed().items():
-        plugin = load_class(name)
-        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
-        yield f"{name}  ({point.value})"
-        yield f"  classes  {', '.join(plugin.classes)}"
-        yield f"  model    {plugin.model}"
-        yield f"  hooks    {', '.join(hooks)}"
-
-
-def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
-    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
-    from savmap.console import Console
-    from savmap.sim.scene import load_scene
-    from savmap.sim.simulate import simulate as make
-
-    loaded = load_scene(scene)
-    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
-    prepare(output)
-    with Console(output / "savmap.log") as console:
-        for path in make(loaded, output, console, masks=specs):
-            yield f"wrote {path}"
-
-
-def mask_view(number: int, text: str) -> ViewSpec:
-    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
-    try:
-        yaw, pitch, hfov = (float(part) for part in text.split(","))
-        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
-    except ValueError:
-        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None
-
-
-def train(
-    plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None
-) -> Iterator[str]:
-    """A new network for a plugin's classes."""
-    from savmap.console import Console
-    from savmap.train import train as train_network
-
-    prepare(output.parent)
-    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
-        recipe = train_network(load_class(plugin).classes, data, output, minutes, seed, init, progress)
-    yield f"wrote {output}"
-    yield json.dumps(recipe, indent=2)

@@ -1,10 +1,13 @@
 """Checking what a file says against a pydantic model, with one line for the first thing that is wrong."""
 
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import OutputError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -17,11 +20,20 @@ def checked(model: type[Model], content: object, where: str) -> Model:
         raise OutputError(f"{where}: {one_line(error)}") from error
 
 
+def path_of(problem: "ErrorDetails") -> str:
+    """Where in the content a problem is: "rows.A.passes[0].fps"."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"])
+    return "".join(parts).lstrip(".")
+
+
+def text_of(problem: "ErrorDetails") -> str:
+    """What is wrong, in pydantic's words."""
+    return problem["msg"].removeprefix("Value error, ")
+
+
 def one_line(error: ValidationError) -> str:
     """The first problem as "path: what", and how many more there are."""
     problems = error.errors(include_url=False, include_context=False)
-    first = problems[0]
-    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
-    text = first["msg"].removeprefix("Value error, ")
+    path, text = path_of(problems[0]), text_of(problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"{path}: {text}{more}" if path else f"{text}{more}"

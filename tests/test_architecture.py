@@ -9,10 +9,12 @@ import pytest
 ROOT = Path(__file__).parent.parent
 CORE = sorted((ROOT / "savmap").rglob("*.py"))
 PLUGINS = sorted((ROOT / "plugins").rglob("*.py"))
-FORBIDDEN_TO_PLUGINS = ("savmap.engine", "savmap.rooms", "savmap.cli", "savmap.io", "savmap.run", "savmap.observe")
+FORBIDDEN_TO_PLUGINS = tuple(
+    f"savmap.{name}" for name in ("engine", "rooms", "cli", "io", "job", "run", "tools", "observe")
+)
 LAYERS = {
     "geometry": {"geometry"},
-    "types": {"geometry"},
+    "types": {"geometry", "types"},
     "graph": {"geometry", "types", "errors", "graph"},
     "stages": {"geometry", "types", "errors", "stages"},
     "report": {"geometry", "types", "errors", "report", "io", "evaluation"},

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from savmap.cli import main
+
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
 
 
@@ -23,13 +25,18 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "none.mp4"], 4, "no such file"),
         (["map", "text.mp4", "--plugins", "shelfs"], 5, "did you mean `shelves`"),
         (["map", "text.mp4", "--camera-height", "3050"], 3, "metres are expected"),
+        (["map", "text.mp4", "--camera-height", "305"], 3, "305 cm are 3.05"),
         (["map", "text.mp4", "--side", "up"], 3, "`left` or `right`"),
+        (["map", EXAMPLE / "aisle-dev.mp4"], 8, "scale is not known; give the camera's height"),
+        (["map", "survey.yaml"], 9, "none.json: cannot be read"),
         (["map", EXAMPLE / "site.yaml", "-o", "file/out"], 9, "nothing can be written there"),
         (["map", "late.yaml"], 4, "late.yaml"),
         (["map", "model.yaml"], 6, "no such model file"),
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
-        (["simulate", "none.yaml"], 3, "none.yaml"),
+        (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
+        (["simulate", "broken.yaml"], 3, "broken.yaml: cannot be read as a scene file"),
+        (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),
         (["map", "--frobnicate"], 2, "No such option"),
     ],
 )
@@ -42,12 +49,37 @@ def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[ob
     (tmp_path / "late.yaml").write_text(late, encoding="utf-8")
     model = f"plugins: {{shelves: {{model: none.onnx}}}}\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
     (tmp_path / "model.yaml").write_text(model, encoding="utf-8")
+    survey = f"survey: none.json\nreferences: {{camera_height_m: {{value: 3.05}}}}\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
+    (tmp_path / "survey.yaml").write_text(survey, encoding="utf-8")
+    (tmp_path / "broken.yaml").write_text("rows: [\n}", encoding="utf-8")
+    before = set(tmp_path.iterdir())
     result = savmap(*arguments, folder=tmp_path)
     words = words if words != "late.yaml" else "aisle-dev.mp4"
     assert result.returncode == code, result.stderr
     assert words in result.stderr.replace("\n", " ")
     assert "Traceback" not in result.stderr
-    assert not (tmp_path / "out" / "map.json").exists()
+    assert len(result.stderr.splitlines()) == 1 or code == 2 or "savmap.log" in {p.name for p in tmp_path.rglob("*")}
+    assert {path.name for path in set(tmp_path.iterdir()) - before} <= {"out"}
+    assert {path.name for path in tmp_path.glob("out/*")} <= {"savmap.log"}
+
+
+@pytest.mark.parametrize("when", ["mapping", "looking for plugins"])
+def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("savmap.run.demo" if when == "mapping" else "savmap.cli._plugin_commands", interrupted)
+    monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "savmap: interrupted\n"
+
+
+def test_help_needs_nothing_heavy() -> None:
+    heavy = "{'numpy', 'scipy', 'cv2', 'gtsam', 'onnxruntime', 'matplotlib', 'pydantic', 'rich'}"
+    code = f"import sys, savmap.cli; assert not {heavy} & set(sys.modules), sorted(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 def test_help_and_plugins_answer(tmp_path: Path) -> None:

@@ -63,3 +63,8 @@ def test_mistakes_are_named_with_their_line(tmp_path: Path, old: str, new: str, 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="no such site file"):
         load_site(tmp_path / "none.yaml")
+
+
+def test_a_key_within_a_list_is_named_by_its_place(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=r"site.yaml:8: `rows.A.passes\[0\].side`: input should be 'left' or 'right'"):
+        load_site(write(tmp_path, GOOD.replace("side: left", "side: up")))

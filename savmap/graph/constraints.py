@@ -21,7 +21,8 @@ class Relation:
     """Coordinate `axis` of landmark b minus that of landmark a (a alone, if b is None) is `value` +- `sigma` m.
 
     A relation with a `name` is a figure the user gave: it may fix scale and place, and is reported. One without a name is
-    structure: a grid line, the face plane.
+    structure: a grid line, the face plane. `doubt` is what to tell the user where all other references refute a named one
+    because its landmark was mistaken; it is left out then.
     """
 
     axis: Axis
@@ -30,6 +31,7 @@ class Relation:
     value: float
     sigma: float
     name: str = ""
+    doubt: str = ""
 
     @property
     def column(self) -> int:
@@ -47,9 +49,9 @@ def pin(axis: Axis, a: int, value: float = 0.0, sigma: float = TIGHT_M) -> Relat
     return Relation(axis, a, None, value, sigma)
 
 
-def reference(axis: Axis, a: int, value: float, sigma: float, name: str) -> Relation:
+def reference(axis: Axis, a: int, value: float, sigma: float, name: str, doubt: str = "") -> Relation:
     """A landmark's coordinate was measured by the user, such as the height of a section's lowest edge (h_ref)."""
-    return Relation(axis, a, None, value, sigma, name)
+    return Relation(axis, a, None, value, sigma, name, doubt)
 
 
 def known_length(axis: Axis, a: int, b: int, value: float, sigma: float, name: str) -> Relation:

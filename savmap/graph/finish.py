@@ -9,6 +9,7 @@ from savmap.errors import SolveError
 from savmap.graph import scale
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
+from savmap.graph.doubt import gross
 from savmap.graph.keys import mast_key
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit
@@ -17,7 +18,6 @@ from savmap.graph.start import Estimate, rotations_at
 from savmap.types import Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA, GROSS_SIGMA = 3.0, 5.0
-GROSS_M, GROSS_PART = 0.5, 0.1
 LEAST_SPARE = 1e-6
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
@@ -35,13 +35,20 @@ class Verdict:
 
     @property
     def gross(self) -> bool:
-        """Off by so much that someone measured or typed something else: a beam's setback or a mask's bias cannot be it."""
-        limit = max(GROSS_M, GROSS_PART * abs(self.use.value))
-        return self.off > GROSS_SIGMA and abs(self.otherwise - self.use.value) > limit
+        """Off significantly, and grossly."""
+        return self.off > GROSS_SIGMA and gross(self.use.value, self.otherwise)
 
 
-def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, inflation: float) -> Solution:
-    """Put the results together. Raises SolveError if references contradict one another grossly."""
+def conclude(
+    problem: Problem,
+    estimate: Estimate,
+    fit: Fit,
+    covariance: Covariance,
+    inflation: float,
+    notes: tuple[str, ...] = (),
+) -> Solution:
+    """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
+    grossly."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
@@ -51,7 +58,7 @@ def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covaria
         landmarks=_landmarks(problem, estimate, fit, covariance),
         references=tuple(verdict.use for verdict in verdicts),
         rejected=tuple(_rejected(problem, fit)),
-        warnings=tuple(_warnings(verdicts, share, scale_sigma)),
+        warnings=(*notes, *_warnings(verdicts, share, scale_sigma)),
         report={
             "observations": len(fit.kept),
             "rejected": int((~fit.kept).sum()),

@@ -39,11 +39,14 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     contradict one another, or if the graph cannot be solved."""
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
-    estimate, fit = [*_rounds(problem, start(problem, chosen.start), chosen)][-1]
+    begin = start(problem, chosen.start)
+    problem = begin.problem
+    estimate, fit = [*_rounds(problem, begin.estimate, chosen)][-1]
     if not fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
     inflation = fit.scale**2 * correlation(problem, fit)
-    return conclude(problem, estimate, fit, _covariance(problem, estimate, fit.kept, inflation), inflation)
+    found = _covariance(problem, estimate, fit.kept, inflation)
+    return conclude(problem, estimate, fit, found, inflation, begin.notes)
 
 
 def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[tuple[Estimate, Fit]]:

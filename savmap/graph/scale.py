@@ -37,11 +37,16 @@ class Similarity:
         return np.sqrt(np.diag(slope @ self.covariance @ slope.T))
 
 
-def fit(problem: Problem, cameras: Floats, points: Floats) -> Similarity:
-    """The similarity that best fits all references to a scene: camera places (f, 3), points (m, 3)."""
+IDENTITY = Similarity(1.0, np.zeros(3), np.zeros((4, 4)))
+
+
+def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float = 0.0) -> Similarity:
+    """The similarity that best fits all references to a scene: camera places (f, 3), points (m, 3), which is itself off by
+    `scene_sigma_m` at each reference."""
     rows = list(_equations(problem, cameras, points))
-    matrix = np.array([row[:4] / row[5] for row in rows]).reshape(-1, 4)
-    values = np.array([row[4] / row[5] for row in rows])
+    sigmas = [float(np.hypot(row[5], scene_sigma_m)) for row in rows]
+    matrix = np.array([row[:4] / sigma for row, sigma in zip(rows, sigmas, strict=True)]).reshape(-1, 4)
+    values = np.array([row[4] / sigma for row, sigma in zip(rows, sigmas, strict=True)])
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
     covariance = np.linalg.inv(information)
     solved = covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0]))
@@ -69,12 +74,13 @@ def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Fl
         if seen:
             level = float(np.median(cameras[np.concatenate(seen), 1]))
             yield np.array([level, 0, 1, 0, height.value_m, height.sigma_m])
-    yield from (_equation(problem, relation, points) for relation in problem.relations if relation.name)
+    yield from (equation(problem, relation, points) for relation in problem.relations if relation.name)
     for axis in sorted({r.column for r in problem.relations if r.b is None and not r.name}):
         yield np.concatenate([np.zeros(1), np.eye(3)[axis], [0.0, TIGHT_M]])
 
 
-def _equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
+def equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
+    """A relation as a row (6,): factors of s, t_x, t_y, t_z, then value and sigma."""
     axis = relation.column
     row = np.zeros(6)
     row[0] = points[problem.index(relation.a), axis]

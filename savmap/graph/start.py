@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.errors import StructureError
 from savmap.graph import linear
+from savmap.graph.doubt import undoubted
 from savmap.graph.problem import Problem
 from savmap.graph.scale import fit, require_metric
 from savmap.types import Floats, Ints, RowFacts, Trajectory
@@ -61,10 +62,20 @@ def rotations_at(wanted: Ints, frames: Ints, rotations: Floats) -> Floats:
     return turned
 
 
-def start(problem: Problem, kind: str) -> Estimate:
+@dataclass(frozen=True)
+class Start:
+    """Where the solve starts: the problem without references that were refuted, a line about each of these, the estimate."""
+
+    problem: Problem
+    notes: tuple[str, ...]
+    estimate: Estimate
+
+
+def start(problem: Problem, kind: str) -> Start:
     """The start of the solve; `kind` is "linear" or "published". Raises SolveError if gauge or scale are not observable."""
     poses, points = first_poses(problem), first_points(problem)
     cameras, found = linear.places(problem, poses, points)
+    problem, notes = undoubted(problem, cameras, found)
     if problem.frames.fixed is None:
         similarity = fit(problem, cameras, found)
         require_metric(problem, similarity, found.mean(axis=0))
@@ -73,7 +84,7 @@ def start(problem: Problem, kind: str) -> Estimate:
         poses, points = poses.copy(), found
         poses[:, :3, 3] = cameras
     heights = problem.frames.references.camera_heights
-    return Estimate(poses, points, np.array([height.value_m for height in heights]))
+    return Start(problem, notes, Estimate(poses, points, np.array([height.value_m for height in heights])))
 
 
 def first_poses(problem: Problem) -> Floats:

@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from savmap.errors import OutputError
@@ -25,9 +27,24 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.replace(part, path)
     except OSError as error:
         advice = "choose another folder or free its space"
-        raise OutputError(f"{path}: cannot be written ({_reason(error)}); {advice}") from error
+        raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
     finally:
         _remove(part)
+
+
+def write_with(write: Callable[[Path], None], path: Path) -> None:
+    """Let a function write a file of the same name in a temporary folder beside `path`, then put it in place, whole.
+
+    Raises OutputError where nothing can be written there, or where the function wrote nothing.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
+            part = Path(folder) / path.name
+            write(part)
+            os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
 
 
 def read_text(path: Path) -> str:
@@ -35,7 +52,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
     except UnicodeDecodeError as error:
         raise OutputError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
 
@@ -57,7 +74,12 @@ def sha256(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise OutputError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+
+
+def reason(error: OSError) -> str:
+    """What the operating system says, in lower case."""
+    return (error.strerror or str(error)).lower()
 
 
 def _write_through(path: Path, content: bytes) -> None:
@@ -72,10 +94,6 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
     except OSError:
         return
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
 
 
 def _refuse_constant(name: str) -> float:

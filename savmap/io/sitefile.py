@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from savmap.errors import SiteError
 from savmap.site import Site
+from savmap.validation import path_of, text_of
 
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
 
@@ -42,13 +43,15 @@ def explain(error: ValidationError, model: type[BaseModel], where: Path | str, n
     problem = next((one for one in problems if one["type"] == "extra_forbidden"), problems[0])
     location = problem["loc"]
     line = _line(node, location)
-    key = ".".join(str(part) for part in location)
+    key = path_of(problem)
     place = f"{where}:{line}" if line else str(where)
     if problem["type"] == "extra_forbidden":
         return f"{place}: unknown key `{key}`{_hint(str(location[-1]), _keys(model, location[:-1]))}"
     if problem["type"] == "missing":
         return f"{place}: `{key}` is missing"
-    return f"{place}: `{key}`: {problem['msg'].lower()} (it is {problem['input']!r}; lengths are metres, times seconds)"
+    return (
+        f"{place}: `{key}`: {text_of(problem).lower()} (it is {problem['input']!r}; lengths are metres, times seconds)"
+    )
 
 
 def _read(path: Path) -> str:

@@ -76,6 +76,9 @@ def axes_for(bounds: tuple[float, float, float, float], heights_in: tuple[float,
     axes.set_xlim(left, right)
     axes.set_ylim(bottom, top)
     axes.set_aspect("equal" if equal >= heights_in[0] else "auto")
+    if equal < heights_in[0]:
+        stretch = f"vertical scale {heights_in[0] / equal:.1f} times that along x"
+        axes.set_title(stretch, loc="right", fontsize=9, color="#495057")
     axes.set_xlabel("x along the row, m")
     return figure, axes
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from savmap.evaluation import Evaluation, Score, mean_absolute_error, pool
+from savmap.evaluation import Evaluation, Score, mean_absolute_error, named_counts, pool
 from savmap.report.canvas import axes_for, legend, new_axes, paint, save, window
 from savmap.report.drawing import Drawing, Picture
 from savmap.types import Floats, RowMap
@@ -16,13 +16,14 @@ from savmap.types import Floats, RowMap
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+MARGIN_M = 0.6
 _PATHS = ("#1c7ed6", "#2b8a3e", "#9c36b5", "#0b7285", "#5f3dc4")
 
 
 def write_face_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> None:
     """The row as one faces it, x against y: map dashed over the survey. Raises OutputError."""
     shown = _shown(drawings, "face")
-    left, right, bottom, top = window(_seen(shown, 1), 0.6)
+    left, right, bottom, top = window(_seen(shown, 1), MARGIN_M)
     figure, axes = axes_for((left, right, min(bottom, -0.45), top), (4.0, 8.5))
     axes.axhline(0, color="#868e96", linewidth=1.0, zorder=0)
     for drawing in shown:
@@ -38,7 +39,7 @@ def write_plan_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> Non
     """The row from above, x against z, with the camera's path by pass. Raises OutputError."""
     shown = _shown(drawings, "plan")
     camera = row.trajectory.world_from_rig[:, :3, 3]
-    bounds = window(np.concatenate([_seen(shown, 2), camera[:, [0, 2]]]), 0.6)
+    bounds = window(_with_fixtures(np.concatenate([_seen(shown, 2), camera[:, [0, 2]]]), shown, 2), MARGIN_M)
     figure, axes = axes_for(bounds, (3.0, 8.5))
     axes.axhline(0, color="#868e96", linewidth=0.8, zorder=0)
     for drawing in shown:
@@ -65,6 +66,9 @@ def write_box_plot(evaluation: Evaluation, path: Path) -> None:
         legend(figure, axes)
     axes.set_xticks(range(1, len(found) + 1), [f"{name}\n({len(errors)})" for name, errors in found.items()])
     axes.set_ylabel("truth - estimate, cm")
+    axes.set_xlabel(
+        "class (measures); boxes: quartiles, whiskers: up to 1.5 boxes further", fontsize=9, color="#495057"
+    )
     error = mean_absolute_error(score)
     figures = f"mean absolute error {100 * error:.2f} cm" if error is not None else "nothing matched"
     axes.set_title(f"{_rows(evaluation)}: {figures}\n{_counts(score)}", fontsize=11, loc="left")
@@ -135,14 +139,17 @@ def _seen(drawings: Sequence[Drawing], across: int) -> Floats:
     return np.concatenate([*structure, *over])
 
 
+def _with_fixtures(points: Floats, drawings: Sequence[Drawing], across: int) -> Floats:
+    """Points (n, 2) and those of fixtures that their window shows in part, so that none is cut through."""
+    left, right, _, _ = window(points, MARGIN_M)
+    fixtures = [own.points[:, [0, across]] for own in drawings if own.tone == "fixture"]
+    return np.concatenate([points, *(own for own in fixtures if own[:, 0].max() > left and own[:, 0].min() < right)])
+
+
 def _rows(evaluation: Evaluation) -> str:
     names = ", ".join(evaluation.rows)
     return f"Row {names}" if len(evaluation.rows) == 1 else f"{len(evaluation.rows)} rows"
 
 
 def _counts(score: Score) -> str:
-    parts = []
-    for what, counts in (("missing", score.missing), ("spurious", score.spurious)):
-        named = ", ".join(f"{count} {label}" for label, count in counts.items() if count)
-        parts.append(f"{what}: {named or 'none'}")
-    return "; ".join(parts)
+    return f"missing: {named_counts(score.missing)}; spurious: {named_counts(score.spurious)}"

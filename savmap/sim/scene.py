@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from savmap.errors import SiteError
+from savmap.io.files import reason
 from savmap.sim.primitives import Box, Floats
 
 Rgb = tuple[float, float, float]
@@ -194,8 +195,10 @@ def load_scene(path: Path) -> Scene:
     """A scene from a YAML file. Raises SceneError with the file, the key and what is wrong with it."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SceneError(f"{path}: cannot be read as a scene file: {error}") from error
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read as a scene file: {reason(error)}") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SceneError(f"{path}: cannot be read as a scene file: {' '.join(str(error).split())}") from error
     return parse_scene(content, str(path))
 
 

@@ -48,7 +48,7 @@ def test_linear_start_is_the_better_one(small: made.World) -> None:
     problem = made.problem(small, made.begin(small, 1.3, 0.3, 1.3))
     truth = small.poses[problem.used, :3, 3]
     linear, published = (
-        np.abs(start(problem, kind).poses[:, :3, 3] - truth).mean() for kind in ("linear", "published")
+        np.abs(start(problem, kind).estimate.poses[:, :3, 3] - truth).mean() for kind in ("linear", "published")
     )
     assert linear < 0.1 < published
 
@@ -79,7 +79,7 @@ def test_sigmas_are_honest() -> None:
 
 def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
-    estimate = start(problem, "linear")
+    estimate = start(problem, "linear").estimate
     graph = other_factors(problem, estimate)
     for factor in observation_factors(problem.observations, 1.5):
         graph.push_back(factor)

@@ -1,52 +1,16 @@
 """Passes of video: formats, sampling by time, damage, and the one-line errors."""
 
 from collections.abc import Sequence
-from fractions import Fraction
 from pathlib import Path
 
 import av
 import cv2
 import numpy as np
 import pytest
+from made_up_video import evenly, picture, write_video
 
 from savmap.errors import VideoError
 from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
-
-H264 = {"g": "10"}
-H265 = {"x265-params": "log-level=none:keyint=10"}
-
-
-def picture(index: int, width: int = 128, height: int = 64) -> np.ndarray:
-    """A smooth coloured picture that differs from frame to frame."""
-    x, y = np.meshgrid(np.linspace(0, 2 * np.pi, width), np.linspace(0, 1, height))
-    channels = [128 + 90 * np.sin(x + index / 5), 40 + 170 * y, 128 + 90 * np.cos(2 * x - index / 7)]
-    return np.stack(channels, axis=-1).astype(np.uint8)
-
-
-def write_video(
-    path: Path,
-    stamps: Sequence[float],
-    codec: str = "libx264",
-    pixel_format: str = "yuv420p",
-    size: tuple[int, int] = (128, 64),
-    options: dict[str, str] | None = None,
-) -> Path:
-    options = options or (H265 if codec == "libx265" else H264)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=30, options=options)
-        stream.width, stream.height = size
-        stream.pix_fmt = pixel_format
-        stream.codec_context.time_base = Fraction(1, 9000)
-        for index, stamp in enumerate(stamps):
-            frame = av.VideoFrame.from_ndarray(picture(index, *size), format="rgb24")
-            frame.pts, frame.time_base = round(stamp * 9000), Fraction(1, 9000)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    return path
-
-
-def evenly(count: int, fps: float) -> list[float]:
-    return [i / fps for i in range(count)]
 
 
 @pytest.fixture

@@ -53,6 +53,25 @@ def test_svg_shows_captions_and_one_legend_entry_a_look(writer: Any, tmp_path: P
     assert (">camera, there<" in text) == (">camera, back<" in text) == (writer is write_plan_view)
 
 
+@pytest.mark.parametrize(("x", "whole"), [(8.5, True), (-1.4, True), (12.0, False)])
+def test_no_fixture_is_cut_through(x: float, whole: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    shown: list[tuple[float, float]] = []
+    monkeypatch.setattr("savmap.report.plots.save", lambda figure, path: shown.append(figure.axes[0].get_xlim()))
+    write_plan_view([*DRAWINGS[:2], drawing("line", "mapped", "fixture", x)], row(20), tmp_path / "plan.png")
+    left, right = shown[0]
+    assert (left < x and x + 1 < right) == whole
+
+
+def test_unequal_scales_are_told(tmp_path: Path) -> None:
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        write_plan_view(
+            [drawing("polygon", "mapped", "structure", x) for x in (0.0, 60.0)], row(20), tmp_path / "a.svg"
+        )
+        write_face_view([drawing("polygon", "mapped", "structure", x) for x in (0.0, 2.0)], row(20), tmp_path / "b.svg")
+    assert "times that along x" in (tmp_path / "a.svg").read_text()
+    assert "times that along x" not in (tmp_path / "b.svg").read_text()
+
+
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_pictures_are_the_same_bytes_each_time(tmp_path: Path, ending: str) -> None:
     for name in ("one", "two"):

@@ -144,7 +144,8 @@ def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: s
     for section, value in zip(grid.sections, values, strict=True):
         lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
         name = f"height of the lowest edge of section {section}"
-        yield reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name)
+        doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+        yield reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:

@@ -1,0 +1,87 @@
+"""What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from savmap.errors import PluginError, SavmapError, SiteError
+from savmap.job import prepare
+from savmap.rooms import exporters, installed, load_class
+from savmap.types import ViewSpec
+
+
+def plugin_lines() -> Iterator[str]:
+    """What is installed: name, classes, model, hooks."""
+    for name, point in installed().items():
+        plugin = load_class(name)
+        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
+        yield f"{name}  ({point.value})"
+        yield f"  classes  {', '.join(plugin.classes)}"
+        yield f"  model    {plugin.model}"
+        yield f"  hooks    {', '.join(hooks)}"
+
+
+def export(map_file: Path, name: str, output: Path, row: str | None = None) -> Iterator[str]:
+    """A map (or one `row` of it) in another format, written whole or not at all.
+
+    Raises SiteError for a format or row that is not there, PluginError for an exporter that fails.
+    """
+    from savmap.io.files import write_with
+    from savmap.io.mapfile import read_map
+
+    formats = exporters()
+    if name not in formats:
+        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}")
+    site_map = read_map(map_file)
+    if row is not None:
+        if row not in site_map.rows:
+            raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
+        site_map = replace(site_map, rows={row: site_map.rows[row]})
+    try:
+        write_with(lambda part: formats[name](site_map, part), output)
+    except SavmapError:
+        raise
+    except Exception as error:
+        raise PluginError(f"exporter `{name}` failed: {type(error).__name__}: {error}") from error
+    yield f"wrote {output}"
+
+
+def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
+    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
+    from savmap.console import Console
+    from savmap.sim.scene import load_scene
+    from savmap.sim.simulate import simulate as make
+
+    loaded = load_scene(scene)
+    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
+    prepare(output)
+    with Console(output / "savmap.log") as console:
+        for path in make(loaded, output, console, masks=specs):
+            yield f"wrote {path}"
+
+
+def mask_view(number: int, text: str) -> ViewSpec:
+    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
+    try:
+        yaw, pitch, hfov = (float(part) for part in text.split(","))
+        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
+    except ValueError:
+        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None
+
+
+def train(
+    plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None
+) -> Iterator[str]:
+    """A new network for a plugin's classes."""
+    from savmap.console import Console
+    from savmap.train import check_extra
+    from savmap.train import train as train_network
+
+    classes = load_class(plugin).classes
+    check_extra()
+    prepare(output.parent)
+    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
+        recipe = train_network(classes, data, output, minutes, seed, init, progress)
+    yield f"wrote {output}"
+    yield json.dumps(recipe, indent=2)

@@ -1,0 +1,31 @@
+"""The records that flow through savmap. Frames and conventions: docs/conventions.md.
+
+World frame of a row: metres; x along the aisle to the right as one faces the row, y up from the floor, z out of the face
+towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x right, y down, z forward. Pixel centres are
+at integer coordinates.
+"""
+
+from savmap.types.common import Axis, Floats, Ints, Place
+from savmap.types.pictures import Aim, Detection, Feature, Panorama, View, ViewSpec
+from savmap.types.rows import FrameTable, ReferenceUse, RowFacts, RowMap, SiteMap, Structure, Track, Trajectory
+
+__all__ = [
+    "Aim",
+    "Axis",
+    "Detection",
+    "Feature",
+    "Floats",
+    "FrameTable",
+    "Ints",
+    "Panorama",
+    "Place",
+    "ReferenceUse",
+    "RowFacts",
+    "RowMap",
+    "SiteMap",
+    "Structure",
+    "Track",
+    "Trajectory",
+    "View",
+    "ViewSpec",
+]

@@ -1,0 +1,130 @@
+"""Records of a row: frames, path, tracks, and the structures of its map."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from savmap.types.common import Floats, Ints, Place, require
+from savmap.types.pictures import ViewSpec
+
+
+@dataclass(frozen=True)
+class Track:
+    """One physical point seen in many frames.
+
+    `name` is its label in the map ("section 3 / beam 2 / upper left"), `label` its class, `place` where in the structure
+    it is, as the plugin numbers it. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
+    """
+
+    name: str
+    label: str
+    place: Place
+    frames: Ints
+    views: tuple[str, ...]
+    pixels: Floats
+    covariances: Floats
+
+    def __post_init__(self) -> None:
+        count = len(self.frames)
+        require(
+            len(self.views) == count and self.pixels.shape == (count, 2),
+            self,
+            "frames, views and pixels differ in number",
+        )
+        require(self.covariances.shape == (count, 2, 2), self, "covariances must be (n, 2, 2)")
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """The frames of a row in order: number (n,) = 0..n-1, time in their video (n,), name of their pass."""
+
+    stamps_s: Floats
+    passes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        require(len(self.stamps_s) == len(self.passes), self, "stamps and passes differ in number")
+
+    def __len__(self) -> int:
+        return len(self.passes)
+
+    def of_pass(self, name: str) -> Ints:
+        """Numbers of the frames of one pass, in order."""
+        return np.array([i for i, own in enumerate(self.passes) if own == name], dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """world_from_rig (n, 4, 4) for the frames (n,) that are known, and the position's standard deviation (n, 3) m, or None."""
+
+    frames: Ints
+    world_from_rig: Floats
+    sigma_m: Floats | None = None
+
+    def __post_init__(self) -> None:
+        require(self.world_from_rig.shape == (len(self.frames), 4, 4), self, "world_from_rig must be (n, 4, 4)")
+
+
+@dataclass(frozen=True)
+class RowFacts:
+    """What a plugin may know of its row: the frames, the views by name, and, per pass, which way the camera went along
+    the face (+1: towards +x, -1: towards -x, 0: not known)."""
+
+    name: str
+    frames: FrameTable
+    views: Mapping[str, ViewSpec]
+    travel: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One mapped thing: vertices (n, 3) m in the row's frame with covariances (n, 3, 3), their labels, and edges (m, 2)."""
+
+    id: str
+    label: str
+    vertices: Floats
+    covariances: Floats
+    vertex_labels: tuple[str, ...]
+    edges: Ints
+    attributes: Mapping[str, float | int | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices)
+        require(
+            self.vertices.shape == (count, 3) and self.covariances.shape == (count, 3, 3),
+            self,
+            "vertices (n, 3), covariances (n, 3, 3)",
+        )
+        require(len(self.vertex_labels) == count, self, "a label a vertex")
+
+
+@dataclass(frozen=True)
+class ReferenceUse:
+    """A reference as it went into the solve: name, given value, sigma, the solution's value, all in `unit`."""
+
+    name: str
+    value: float
+    sigma: float
+    solved: float
+    unit: str = "m"
+
+
+@dataclass(frozen=True)
+class RowMap:
+    """The map of one row: trajectory, structures by plugin, references, views, and figures worth reporting."""
+
+    name: str
+    frames: FrameTable
+    views: Mapping[str, ViewSpec]
+    trajectory: Trajectory
+    structures: Mapping[str, tuple[Structure, ...]]
+    references: tuple[ReferenceUse, ...]
+    report: Mapping[str, float | int | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SiteMap:
+    """The rows that were mapped, by name, and what made them (software, models)."""
+
+    rows: Mapping[str, RowMap]
+    made_by: Mapping[str, str]

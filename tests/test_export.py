@@ -1,0 +1,102 @@
+"""`savmap export`: PLY, CSV and plugins' formats, whole or not at all."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from savmap import rooms, tools
+from savmap.errors import OutputError, PluginError, SiteError
+from savmap.hookspecs import Exporter, hookimpl
+from savmap.io.mapfile import write_map
+from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+
+
+def thing(name: str, label: str, x: float) -> Structure:
+    vertices = x + np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]])
+    labels = tuple(f"{name} / {corner}" for corner in "abc")
+    return Structure(name, label, vertices, np.tile(1e-4 * np.eye(3), (3, 1, 1)), labels, np.array([[0, 1], [1, 2]]))
+
+
+def row(name: str) -> RowMap:
+    path = Trajectory(np.arange(2), np.tile(np.eye(4), (2, 1, 1)), np.full((2, 3), 0.01))
+    table = FrameTable(np.arange(2.0), ("pass 1",) * 2)
+    found = {"racks": (thing("post 1", "post", 0.0), thing("bar 1", "bar", 5.0)), "lamps": ()}
+    return RowMap(name, table, {}, path, found, (), {})
+
+
+@pytest.fixture
+def one(tmp_path: Path) -> Path:
+    write_map(SiteMap({"A": row("A")}, {"savmap": "0"}), tmp_path / "one.json")
+    return tmp_path / "one.json"
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Path:
+    write_map(SiteMap({"A": row("A"), "B": row("B")}, {"savmap": "0"}), tmp_path / "two.json")
+    return tmp_path / "two.json"
+
+
+def test_ply_has_vertices_edges_and_a_colour_for_each_label(one: Path, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "map.ply"
+    assert list(tools.export(one, "ply", path)) == [f"wrote {path}"]
+    head, body = path.read_text(encoding="ascii").split("end_header\n")
+    assert head.startswith("ply\nformat ascii 1.0\n")
+    assert "element vertex 6\n" in head
+    assert "element edge 4\n" in head
+    lines = [line.split() for line in body.splitlines()]
+    assert [float(value) for value in lines[5][:3]] == [6.0, 7.0, 5.0]
+    assert len({tuple(line[3:]) for line in lines[:6]}) == 2
+    assert lines[6:] == [["0", "1"], ["1", "2"], ["3", "4"], ["4", "5"]]
+
+
+def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
+    list(tools.export(two, "csv", tmp_path / "map.csv"))
+    with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 12
+    last = lines[-1]
+    assert (last["row"], last["plugin"], last["label"], last["vertex"]) == ("B", "racks", "bar", "bar 1 / c")
+    assert [float(last[f"{axis}_m"]) for axis in "xyz"] == [6.0, 7.0, 5.0]
+    assert float(last["sigma_x_m"]) == pytest.approx(0.01)
+
+
+def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="rows A, B; choose with --row"):
+        list(tools.export(two, "ply", tmp_path / "map.ply"))
+    list(tools.export(two, "ply", tmp_path / "map.ply", row="B"))
+    assert "row B" in (tmp_path / "map.ply").read_text(encoding="ascii")
+    with pytest.raises(SiteError, match="--row C"):
+        list(tools.export(two, "ply", tmp_path / "map.ply", row="C"))
+
+
+def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match="--format obj: known formats are csv, ply"):
+        list(tools.export(one, "obj", tmp_path / "map.obj"))
+
+
+def test_a_plugins_format_is_written_whole_or_not_at_all(
+    one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half(site: SiteMap, path: Path) -> None:
+        path.write_text("half", encoding="utf-8")
+        if "A" in site.rows:
+            raise ValueError("no more")
+
+    def fine(site: SiteMap, path: Path) -> None:
+        path.write_text("fine", encoding="utf-8")
+
+    def formats(self: object) -> Mapping[str, Exporter]:
+        return {"half": half, "csv": fine}
+
+    monkeypatch.setattr(rooms.load_class("lights"), "exporters", hookimpl(formats), raising=False)
+    before = set(tmp_path.iterdir())
+    with pytest.raises(PluginError, match="exporter `half` failed: ValueError: no more"):
+        list(tools.export(one, "half", tmp_path / "map.half"))
+    assert set(tmp_path.iterdir()) == before
+    list(tools.export(one, "csv", tmp_path / "map.csv"))
+    assert (tmp_path / "map.csv").read_text(encoding="utf-8") == "fine"
+    with pytest.raises(OutputError, match="cannot be written"):
+        list(tools.export(one, "csv", one / "map.csv"))
