@@ -176,7 +176,8 @@ def _medians(edges: Floats, which: Ints, count: int) -> Floats:
 
 
 def _thin(levels: Floats, y: Floats, support: Floats) -> NDArray[np.bool_]:
-    """Levels much thinner than the sure ones of their section (or of the row, where it has less than two), and seen less.
+    """Levels much thinner than the sure ones of their section (or of the row, where it has less than two), and seen less:
+    the thinner, the more often it must be seen.
 
     These are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden now
     and then. Edges of goods are thin as well.
@@ -188,7 +189,7 @@ def _thin(levels: Floats, y: Floats, support: Floats) -> NDArray[np.bool_]:
         own = sure & (levels[:, 0] == section)
         peers = thickness[own if own.sum() > 1 else sure]
         ratio = thickness[k] / np.median(peers) if len(peers) else 1.0
-        thin[k] = ratio < THIN and support[k] < RARE * usual
+        thin[k] = ratio < THIN and support[k] < (RARE + THIN - ratio) * usual
     return thin
 
 
