@@ -19,6 +19,7 @@ from savmap.types import Floats
 START_SIGMA_M = 0.05
 REFUTED_SIGMA, REFUTED_M = 5.0, 0.25
 GROSS_M, GROSS_PART = 0.5, 0.1
+CLEARLY = 2.0
 LEAST_SPARE = 1e-3
 
 Doubt = tuple[Relation, float]
@@ -45,6 +46,31 @@ def undoubted(problem: Problem, cameras: Floats, points: Floats) -> tuple[Proble
         )
         raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
     return problem, ()
+
+
+def decided(problem: Problem, cameras: Floats, points: Floats) -> Problem:
+    """The problem with that set of every room's alternatives which fits best to the linear start, cameras (f, 3) and
+    points (m, 3) up to scale and shift. Raises SolveError where the next best fits nearly as well."""
+    for room in (one for one in problem.rooms if one.alternatives):
+        ways = [replace(problem, relations=(*problem.relations, *way)) for way in room.alternatives]
+        misfits = [_misfit(way, cameras, points) for way in ways]
+        best, second = np.argsort(misfits)[:2].tolist()
+        if misfits[second] < CLEARLY * misfits[best]:
+            raise SolveError(
+                f"row {problem.frames.facts.name}: only part of the row was found, and it is not clear which of the "
+                f"references belong to it: give only those of the part that the footage shows, such as "
+                f"'{room.alternatives[0][0].name}'"
+            )
+        problem = ways[best]
+    return problem
+
+
+def _misfit(problem: Problem, cameras: Floats, points: Floats) -> float:
+    """Root mean square of what the references leave unexplained of one another, m."""
+    fixed = problem.frames.fixed is not None
+    similarity = scale.IDENTITY if fixed else scale.fit(problem, cameras, points, START_SIGMA_M)
+    rows = [scale.equation(problem, relation, points) for relation in problem.relations if relation.name]
+    return float(np.sqrt(np.mean([(r[4] - r[0] * similarity.scale - r[1:4] @ similarity.shift) ** 2 for r in rows])))
 
 
 def gross(value: float, otherwise: float) -> bool:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.errors import StructureError
 from savmap.graph import linear
-from savmap.graph.doubt import undoubted
+from savmap.graph.doubt import decided, undoubted
 from savmap.graph.problem import Problem
 from savmap.graph.scale import fit, require_metric
 from savmap.types import Floats, Ints, RowFacts, Trajectory
@@ -75,7 +75,7 @@ def start(problem: Problem, kind: str) -> Start:
     """The start of the solve; `kind` is "linear" or "published". Raises SolveError if gauge or scale are not observable."""
     poses, points = first_poses(problem), first_points(problem)
     cameras, found = linear.places(problem, poses, points)
-    problem, notes = undoubted(problem, cameras, found)
+    problem, notes = undoubted(decided(problem, cameras, found), cameras, found)
     if problem.frames.fixed is None:
         similarity = fit(problem, cameras, found)
         require_metric(problem, similarity, found.mean(axis=0))

@@ -6,7 +6,7 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.errors import SolveError
+from savmap.errors import SiteError, SolveError
 from savmap.graph import Problem, gauge, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -59,3 +59,31 @@ def test_on_a_known_path_too(four: made.World) -> None:
     problem = blind(four, {2})
     solution = solve(replace(problem, frames=replace(problem.frames, fixed=known)))
     assert any(line.startswith("section 2: the lowest beam at ") for line in solution.warnings)
+
+
+def part(world: made.World, heights: list[float]) -> Problem:
+    """The problem where heights are given for more sections than were found, and no length."""
+    begin = made.begin(world)
+    own = constrain(world.tracks, world.facts, begin, settings=GridSettings(heights))
+    return merge(gauge(world.facts, begin, made.references(world, length=False)), own)
+
+
+@pytest.mark.parametrize("before", [0, 1, 2])
+def test_of_more_heights_than_sections_those_that_fit_are_used(four: made.World, before: int) -> None:
+    spare = [0.55, 0.9]
+    heights = [*spare[:before], *four.rack.lowest, *spare[before:]]
+    solution = solve(part(four, heights))
+    used = [use.value for use in solution.references if use.name.startswith("height of")]
+    assert used == list(four.rack.lowest)
+    _, y, _, _ = made.errors(four, solution)
+    assert np.abs(y).max() < 0.02
+
+
+def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:
+    with pytest.raises(SolveError, match="not clear which"):
+        solve(part(four, [0.3] * 5))
+
+
+def test_fewer_heights_than_sections(four: made.World) -> None:
+    with pytest.raises(SiteError, match="3 heights, but 4 sections"):
+        part(four, list(four.rack.lowest)[:3])

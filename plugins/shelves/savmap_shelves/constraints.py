@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.errors import SiteError, StructureError
+from savmap.errors import StructureError
 from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, observe, pin, reference, tie
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
+from savmap_shelves.heights import assignments
 from savmap_shelves.sharing import share_edges
 
 TOP_M = 6.0
@@ -67,6 +68,7 @@ def constrain(
     )
     keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
     initial = published_grid(tracks, grid, start, chosen)
+    ways = _heights(grid, keys, chosen, facts.name)
     return Constraints(
         room,
         keys,
@@ -74,11 +76,12 @@ def constrain(
         (
             *_grid_lines(grid, keys),
             *_plane(tracks, keys, chosen),
-            *_heights(grid, keys, chosen, facts.name),
+            *(ways[0] if len(ways) == 1 else ()),
             *_floor(feet, keys),
         ),
         initial | {track.name: _below(track, grid, initial) for track in feet},
         dict(_places(grid, keys)),
+        alternatives=ways if len(ways) > 1 else (),
     )
 
 
@@ -129,23 +132,23 @@ def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSetti
     yield pin("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
 
 
-def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> Iterator[Relation]:
-    """h_ref: the lower edge of the lowest beam of each section."""
+def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> tuple[tuple[Relation, ...], ...]:
+    """h_ref: the lower edge of the lowest beam of each section; several ways, where the row has more sections than found."""
     given = settings.lowest_beam_bottom_height_m
     if given is None:
-        return
-    values = (
-        [float(given)] * len(grid.sections) if isinstance(given, int | float) else [float(value) for value in given]
+        return ()
+    values = [float(given)] * len(grid.sections) if isinstance(given, int | float) else [float(each) for each in given]
+    ways = assignments(values, grid.sections, row)
+    return tuple(
+        tuple(_height(grid, keys, section, way[section], settings) for section in grid.sections) for way in ways
     )
-    if len(values) != len(grid.sections):
-        raise SiteError(
-            f"row {row}: lowest_beam_bottom_height_m gives {len(values)} heights, but {len(grid.sections)} sections were found"
-        )
-    for section, value in zip(grid.sections, values, strict=True):
-        lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
-        name = f"height of the lowest edge of section {section}"
-        doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
-        yield reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
+
+
+def _height(grid: Grid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings) -> Relation:
+    lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
+    name = f"height of the lowest edge of section {section}"
+    doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+    return reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
