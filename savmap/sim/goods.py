@@ -14,12 +14,19 @@ _PAPER = Material((0.8, 0.8, 0.78), "noise", (0.04, 0.04, 0.04), 0.04, 0.5)
 
 
 def fill(supports: Sequence[Support], goods: Goods, rng: np.random.Generator) -> Iterator[Box]:
-    """Boxes of goods on all supports, in the world."""
+    """Boxes of goods on all supports, in the world. Identical goods: the same on every support of a height and width."""
+    seed = int(rng.integers(1 << 30)) if goods.identical else 0
     for support in supports:
-        density = goods.density * rng.uniform(0.4, 1.4)
-        for box in _shelf_goods(support, goods, density, rng):
+        own = np.random.default_rng([seed, *_place(support)]) if goods.identical else rng
+        density = goods.density * own.uniform(0.4, 1.4)
+        for box in _shelf_goods(support, goods, density, own):
             frame = support.frame
             yield replace(box, center=frame.to_world(box.center), rotation=frame.world_from_row @ box.rotation)
+
+
+def _place(support: Support) -> tuple[int, int]:
+    """Height and width, mm."""
+    return round(1000 * support.y), round(1000 * (support.x[1] - support.x[0]))
 
 
 def _shelf_goods(support: Support, goods: Goods, density: float, rng: np.random.Generator) -> Iterator[Box]:

@@ -61,6 +61,7 @@ class Goods(Strict):
     labels: float = Field(default=0.5, ge=0, le=1)
     colors: tuple[Rgb, ...] = ((0.48, 0.33, 0.2), (0.42, 0.28, 0.16), (0.6, 0.6, 0.6))
     debris: float = Field(default=0.0, ge=0, le=1)
+    identical: bool = False
 
 
 class Look(Strict):

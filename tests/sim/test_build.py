@@ -9,6 +9,7 @@ import pytest
 from savmap.sim.build import Built, build
 from savmap.sim.camera import face_size, mapped_rows, row_fronts, sample_camera
 from savmap.sim.random_scene import random_scene
+from savmap.sim.primitives import Floats
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene, SceneError, load_scene, parse_scene
 
@@ -55,6 +56,21 @@ def test_the_same_seed_gives_the_same_boxes() -> None:
     for one, other in zip(first.boxes, second.boxes, strict=True):
         np.testing.assert_array_equal(one.center, other.center)
         assert one.material == other.material
+
+
+def test_identical_goods_are_the_same_in_every_bay() -> None:
+    scene = load_scene(EXAMPLES / "identical-row.yaml")
+    pitch = 2.8
+
+    def goods(bay: int, identical: bool) -> Floats:
+        chosen = scene.model_copy(update={"goods": scene.goods.model_copy(update={"identical": identical})})
+        cartons = [box for box in build(chosen).boxes if box.material.texture == "carton"]
+        places = [box.center - [bay * pitch, 0, 0] for box in cartons]
+        return np.array(sorted(place.tolist() for place in places if 0.1 < place[0] < 2.8))
+
+    assert len(goods(0, True)) >= 5
+    np.testing.assert_allclose(goods(3, True), goods(0, True), atol=1e-9)
+    assert goods(3, False).shape != goods(0, False).shape or not np.allclose(goods(3, False), goods(0, False))
 
 
 @pytest.mark.parametrize("seed", range(12))
