@@ -8,8 +8,8 @@ import pytest
 
 from savmap.sim.build import Built, build
 from savmap.sim.camera import face_size, mapped_rows, row_fronts, sample_camera
-from savmap.sim.random_scene import random_scene
 from savmap.sim.primitives import Floats
+from savmap.sim.random_scene import random_scene
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene, SceneError, load_scene, parse_scene
 
