@@ -4,6 +4,7 @@ An edge is cut into short pieces; each is averaged along its length and sampled 
 is rendered for this.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -81,32 +82,56 @@ def pieces_of(lines: Lines, first: Floats, last: Floats, stands: bool, length_px
     return Pieces(edge, u, lines[edge].at(u), lines.slope[edge], half[edge], stands)
 
 
-def profiles_of(panorama: Panorama, spec: ViewSpec, pieces: Pieces, reach_px: float, least: float) -> Profiles:
-    """Profiles across pieces (n,), `reach_px` view pixels to either side but `least` panorama pixels anyhow."""
+def profiles_of(
+    panorama: Panorama, spec: ViewSpec, groups: Sequence[Pieces], reach_px: float, least: float
+) -> list[Profiles]:
+    """Profiles across each group's pieces (n >= 1), `reach_px` view pixels to either side but `least` panorama pixels anyhow.
+
+    The part of the panorama that they all lie in is decoded once.
+    """
     height = len(panorama.image)
-    scale, along = _scales(spec, pieces, height)
-    reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
-    rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
-    pixels = _samples(_nodes(spec, pieces, reach * ACROSS_STEP / scale, height), rows, 2 * reach + 1)
-    values = _radiance_at(panorama.image, pixels).reshape(len(scale), rows, -1)
-    return Profiles(values.sum(axis=1, dtype=np.float32) / np.float32(rows * RADIANCE_UNIT), scale)
+    scales, samples = [], []
+    for pieces in groups:
+        scale, along = _scales(spec, pieces, height)
+        reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
+        rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
+        nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height)
+        scales.append((scale, rows))
+        samples.append(_samples(nodes, rows, 2 * reach + 1))
+    values = _radiance_at(panorama.image, samples) if groups else []
+    return [
+        Profiles(
+            own.reshape(len(own), rows, -1).sum(axis=1, dtype=np.float32) / np.float32(rows * RADIANCE_UNIT), scale
+        )
+        for own, (scale, rows) in zip(values, scales, strict=True)
+    ]
 
 
-def _radiance_at(image: NDArray[np.uint8], pixels: Singles) -> NDArray[np.uint16]:
-    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m), by linear interpolation; only the part they lie in is decoded."""
+def _radiance_at(image: NDArray[np.uint8], groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
+    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation."""
     height, width = image.shape[:2]
-    turn = np.exp(2j * np.pi / width * pixels[0, :, 0]).mean()
-    about = np.float32(np.angle(turn) * width / (2 * np.pi))
-    x = np.mod(pixels[0] - about + width / 2, np.float32(width)) + (about - width / 2)
-    y = np.clip(pixels[1], 0, height - 1)
-    left, top = int(x.min()) - 1, int(y.min())
-    columns = np.arange(left, min(int(x.max()) + 3, left + width))
-    part = image[top : int(y.max()) + 2]
-    inside = columns[0] >= 0 and columns[-1] < width
-    part = part[:, columns[0] : columns[-1] + 1] if inside else part.take(columns, axis=1, mode="wrap")
+    directions = np.concatenate([pixels[0, :, 0] for pixels in groups]) * np.float32(2 * np.pi / width)
+    about = np.float32(
+        np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+    )
+    xs = [np.mod(pixels[0] - about, np.float32(width)) + about for pixels in groups]
+    ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
+    left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
+    top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
+    part = _columns(image[top:bottom], left, min(right, left + width))
     radiance = cv2.LUT(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), np.round(RADIANCE * RADIANCE_UNIT).astype(np.uint16))
-    x = np.mod(x - left, width) if len(columns) == width else x - left
-    return np.asarray(cv2.remap(radiance, x, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+    return [
+        np.asarray(cv2.remap(radiance, x - left, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+        for x, y in zip(xs, ys, strict=True)
+    ]
+
+
+def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint8]:
+    """Columns [left, right) of a panorama, over the seam where need be."""
+    width = image.shape[1]
+    turned = left // width * width
+    left, right = left - turned, right - turned
+    return image[:, left:right] if right <= width else np.hstack([image[:, left:], image[:, : right - width]])
 
 
 def _panorama_pixels(spec: ViewSpec, u: Floats, v: Floats, stands: bool, height: int) -> Floats:

@@ -9,6 +9,7 @@ and side face against what is behind. The inner one is the edge of the front. A 
 may be faint, but it has one sign all along.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,17 +74,31 @@ class Changes:
     scale: Floats
 
 
-def measured(panorama: Panorama, spec: ViewSpec, edges: Edges, settings: Subpixel | None = None) -> tuple[Lines, Bools]:
-    """The edges as the panorama shows them, and which (g,) it shows; the others stay, with the sigma of masks.
+def measured(
+    panorama: Panorama, spec: ViewSpec, groups: Sequence[Edges], settings: Subpixel | None = None
+) -> list[tuple[Lines, Bools]]:
+    """For each group of edges: the edges as the panorama shows them, and which (g,) it shows.
 
-    Variances are px^2 of the view.
+    The others stay as they are, with the sigma of masks. Variances are px^2 of the view.
     """
     settings = settings or Subpixel()
+    pieces = [_pieces(edges, settings) for edges in groups]
+    cut = [own for own in pieces if len(own.edge)]
+    profiles = iter(profiles_of(panorama, spec, cut, settings.reach_px, LEAST_REACH))
+    return [
+        _measured(edges, own, next(profiles), settings)
+        if len(own.edge)
+        else (_as_masked(edges, settings), np.zeros(len(edges.first), dtype=np.bool_))
+        for edges, own in zip(groups, pieces, strict=True)
+    ]
+
+
+def _pieces(edges: Edges, settings: Subpixel) -> Pieces:
     trim = np.minimum(settings.end_trim_px, edges.half / 4)
-    pieces = pieces_of(edges.lines, edges.first + trim, edges.last - trim, edges.stands, settings.piece_px)
-    if not len(pieces.edge):
-        return _as_masked(edges, settings), np.zeros(len(edges.first), dtype=np.bool_)
-    profiles = profiles_of(panorama, spec, pieces, settings.reach_px, LEAST_REACH)
+    return pieces_of(edges.lines, edges.first + trim, edges.last - trim, edges.stands, settings.piece_px)
+
+
+def _measured(edges: Edges, pieces: Pieces, profiles: Profiles, settings: Subpixel) -> tuple[Lines, Bools]:
     scale = np.maximum(_mean(pieces.edge, profiles.scale, len(edges.first)), 1e-9)
     numbers = np.bincount(pieces.edge, minlength=len(edges.first))
     changes = _changes(profiles, pieces, edges, settings)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from savmap.geometry import pinhole, sphere
 from savmap.geometry.lines import Lines
+from savmap.stages import subpixel
 from savmap.stages.profiles import RADIANCE
-from savmap.stages.subpixel import Edges, Subpixel, measured
+from savmap.stages.subpixel import Bools, Edges, Subpixel
 from savmap.types import Floats, Panorama, ViewSpec
 
 HEIGHT = 512
@@ -107,6 +108,10 @@ def edges_of(strips: Sequence[Strip], off: Floats | float = 0.8, flank: Floats |
     )
     thickness = np.tile([strip.thickness for strip in strips], 2)
     return Edges(lines, zeros + 20, zeros + 300, inside, thickness, zeros + flank, stands=False)
+
+
+def measured(panorama: Panorama, spec: ViewSpec, edges: Edges, settings: Subpixel | None = None) -> tuple[Lines, Bools]:
+    return subpixel.measured(panorama, spec, [edges], settings)[0]
 
 
 def truth_of(strips: Sequence[Strip]) -> Floats:
@@ -252,6 +257,17 @@ def test_no_edges_give_none() -> None:
     panorama = Panorama(0, 0.0, np.zeros((HEIGHT, 2 * HEIGHT, 3), np.uint8))
     measured_lines, found = measured(panorama, SPEC, Edges(lines, none, none, none, none, none, True))
     assert len(measured_lines) == len(found) == 0
+    assert subpixel.measured(panorama, SPEC, []) == []
+
+
+def test_groups_of_edges_do_not_disturb_each_other() -> None:
+    panorama = photographed(filled(STRIPS))
+    alone = [measured(panorama, SPEC, edges_of(strips))[0] for strips in (STRIPS[:2], STRIPS[2:])]
+    none = replace(edges_of([]), stands=True)
+    together = subpixel.measured(panorama, SPEC, [edges_of(STRIPS[:2]), none, edges_of(STRIPS[2:])])
+    for one, (other, found) in zip(alone, together[::2], strict=True):
+        assert found.all()
+        assert np.allclose(one.at(160.0), other.at(160.0), atol=0.05)
 
 
 def test_any_picture_gives_finite_lines() -> None:

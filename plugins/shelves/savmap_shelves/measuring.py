@@ -15,24 +15,24 @@ TOLERANCE = 0.01
 
 def measured_strips(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips) -> tuple[Strips, Strips]:
     """Uprights and beams of a view with their edges as the panorama shows them."""
-    view_from_face = _face_axes(spec, uprights, beams)
-    return (
-        _measured(panorama, spec, uprights, view_from_face, True),
-        _measured(panorama, spec, beams, view_from_face, False),
-    )
+    axes = _face_axes(spec, uprights, beams)
+    edges = [_edges(spec, uprights, axes, True), _edges(spec, beams, axes, False)]
+    (standing, _), (lying, _) = measured(panorama, spec, edges)
+    return _with_edges(uprights, standing), _with_edges(beams, lying)
 
 
-def _measured(panorama: Panorama, spec: ViewSpec, strips: Strips, view_from_face: Floats, stands: bool) -> Strips:
-    if not len(strips):
-        return strips
+def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:
+    """The upper, then the lower edges of strips."""
     both = strips.upper.joined(strips.lower)
     first, last, thickness = (np.tile(own, 2) for own in (strips.first, strips.last, strips.thickness))
     middle = (first + last) / 2
     inside = np.repeat([1.0, -1.0], len(strips))
-    seen_at = _rays(spec, middle, both.at(middle), stands) @ view_from_face
+    seen_at = _rays(spec, middle, both.at(middle), stands) @ axes
     across = seen_at[:, 0 if stands else 1] / np.maximum(seen_at[:, 2], 1e-6)
-    flank = np.maximum(inside * across, 0.0)
-    lines, _ = measured(panorama, spec, Edges(both, first, last, inside, thickness, flank, stands, patterned=stands))
+    return Edges(both, first, last, inside, thickness, np.maximum(inside * across, 0.0), stands, patterned=stands)
+
+
+def _with_edges(strips: Strips, lines: Lines) -> Strips:
     return replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
 
 
