@@ -37,7 +37,7 @@ class Subpixel:
     within: float = 0.4
     depth: float = 1.0
     resolved: float = 0.6
-    unresolved: float = 0.4
+    unresolved: float = 0.8
     common_sigma: float = 0.1
     patterned_sigma_px: float = 0.6
     mask_sigma_px: float = 0.4
