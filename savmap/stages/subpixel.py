@@ -160,7 +160,8 @@ def _chosen(
     support = votes.max(axis=1)
     usual = np.where(flanked, settings.flanked_bias_px, 0.0)[:, None]
     likely = support * np.exp(-0.5 * np.square((inwards - usual) / settings.prior_px))
-    best = _front(likely, flanked, inwards < settings.within * edges.thickness[:, None], settings.inner)
+    inner, within = settings.patterned_inner if edges.patterned else settings.inner
+    best = _front(likely, flanked, inwards < within * edges.thickness[:, None], inner)
     rows = np.arange(len(scale))
     further = inwards - inwards[best][:, None]
     apart = np.where(flanked[:, None], further, np.abs(further)) * scale[:, None] > RIVAL
