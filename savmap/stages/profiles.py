@@ -114,7 +114,7 @@ def _radiance_at(image: NDArray[np.uint8], groups: Sequence[Singles]) -> list[ND
     about = np.float32(
         np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
     )
-    xs = [np.mod(pixels[0] - about, np.float32(width)) + about for pixels in groups]
+    xs = [pixels[0] - np.float32(width) * np.floor((pixels[0, :, :1] - about) / width) for pixels in groups]
     ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
     left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
     top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
