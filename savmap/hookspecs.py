@@ -12,7 +12,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pluggy
 
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    SiteMap,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+)
 
 if TYPE_CHECKING:
     import typer
@@ -52,8 +64,11 @@ def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detecti
 
 
 @hookspec(firstresult=True)
-def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """Feature extraction: points and edges with their covariance, in pixels of the view."""
+def extract_features(view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
+    """Feature extraction: points and edges with their covariance, in pixels of the view.
+
+    `panorama` is the one that the view was cut from, to be measured in at full resolution; None while views are aimed.
+    """
 
 
 @hookspec(firstresult=True)

@@ -191,7 +191,7 @@ class Walk:
             view = self.renderer.render(panorama, spec)
             for room in self.rooms:
                 if spec in [own for (name, _), own in specs.items() if name == room.name]:
-                    self.features[room.name] += room.extract(view=view, detections=self.eyes.see(room, view))
+                    self.features[room.name] += room.extract(view, self.eyes.see(room, view), panorama)
 
 
 def preview(passes: Sequence[Pass], rooms: Sequence[Room], folder: Path) -> Iterator[Path]:

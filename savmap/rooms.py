@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from savmap import defaults, hookspecs
 from savmap.errors import PluginError, SavmapError
 from savmap.io.sitefile import validated
-from savmap.types import Aim, Detection, Feature, Structure, Track
+from savmap.types import Aim, Detection, Feature, Panorama, Structure, Track, View
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -98,8 +98,8 @@ class Room:
     def detect(self, **arguments: Any) -> list[Detection]:
         return self.ask_list("detect", Detection, threshold=self.threshold, **arguments)
 
-    def extract(self, **arguments: Any) -> list[Feature]:
-        return self.ask_list("extract_features", Feature, **arguments)
+    def extract(self, view: View, detections: Sequence[Detection], panorama: Panorama | None = None) -> list[Feature]:
+        return self.ask_list("extract_features", Feature, view=view, detections=detections, panorama=panorama)
 
     def track(self, **arguments: Any) -> list[Track]:
         return self.ask_list("track", Track, **arguments)

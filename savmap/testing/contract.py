@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from savmap.errors import SavmapError
 from savmap.rooms import Room, room_of
-from savmap.types import Detection, Feature, FrameTable, RowFacts, View, ViewSpec
+from savmap.types import Detection, Feature, FrameTable, Panorama, RowFacts, View, ViewSpec
 
 SPEC = ViewSpec("contract", yaw_deg=0.0, hfov_deg=90.0, width=160, height=120)
 
@@ -57,7 +57,7 @@ def _features_fit(room: Room) -> Iterator[str]:
     for seed in range(4):
         detections = [_detection(label, seed) for label in room.classes]
         try:
-            features += room.extract(view=_view(), detections=detections)
+            features += room.extract(_view(), detections, _panorama() if seed % 2 else None)
         except SavmapError as error:
             yield f"extract_features raised on a mask: {error}"
             return
@@ -107,6 +107,11 @@ def _problem(holds: Callable[[], bool], otherwise: str) -> Iterator[str]:
 def _view() -> View:
     image = np.random.default_rng(0).integers(0, 255, (SPEC.height, SPEC.width, 3)).astype(np.uint8)
     return View(SPEC, 7, 0.5, image)
+
+
+def _panorama() -> Panorama:
+    image = np.random.default_rng(1).integers(0, 255, (128, 256, 3)).astype(np.uint8)
+    return Panorama(7, 0.5, image)
 
 
 def _detection(label: str, seed: int) -> Detection:

@@ -4,15 +4,16 @@ Uprights come first: the beams' masks are cut at them, so that each beam is fitt
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.stages.edges import Ints, Probability, Runs, separated, union_of_longest
-from savmap.types import Axis, Detection, Feature, Floats, View
+from savmap.types import Axis, Detection, Feature, Floats, Panorama, View
 from savmap_shelves.boundary_settings import BoundarySettings
+from savmap_shelves.measuring import measured_strips
 from savmap_shelves.merging import strips_of
 from savmap_shelves.perspective import askew, crossed, paralleled
 from savmap_shelves.strips import Bools, Strips
@@ -24,12 +25,13 @@ FITTED, LOWEST = 0.9, 0.4
 
 @dataclass(frozen=True)
 class Frame:
-    """Whose features: the view, its size in pixels, and the settings."""
+    """Whose features: the view, its size in pixels, the settings, and the least sigma that its edges may have."""
 
     view: View
     width: int
     height: int
     settings: BoundarySettings
+    least_sigma_px: float
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,10 @@ class Separators:
 
 
 def extract_features(
-    view: View, detections: Sequence[Detection], settings: BoundarySettings | None = None
+    view: View,
+    detections: Sequence[Detection],
+    settings: BoundarySettings | None = None,
+    panorama: Panorama | None = None,
 ) -> list[Feature]:
     """The edges of uprights and beams of one view, and the beams' corners at the uprights.
 
@@ -57,10 +62,18 @@ def extract_features(
     ends inside the frame. Per beam of one section: edges "upper" and "lower", extended to the next uprights, left end
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
+
+    With the panorama that the view was cut from, the edges are measured there (savmap.stages.subpixel).
     """
-    frame = Frame(view, view.spec.width, view.spec.height, settings or BoundarySettings())
+    settings = settings or BoundarySettings()
+    least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
+    frame = Frame(view, view.spec.width, view.spec.height, settings, least_px)
     separators = _separators(frame, detections)
     beams = _beams(frame, detections, separators)
+    if panorama is not None:
+        kept = np.flatnonzero(separators.kept)
+        uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
+        separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
     return [*_upright_edges(frame, separators), *_beam_features(frame, beams, separators)]
 
 
@@ -143,7 +156,7 @@ def _upright_edges(frame: Frame, separators: Separators) -> Iterator[Feature]:
     strips = separators.strips[separators.kept]
     borders = np.broadcast_to([-0.5, frame.height - 0.5], (len(strips), 2))
     for part, lines in (("left", strips.upper), ("right", strips.lower)):
-        across, covariances = _line_ends(lines, borders, frame.settings)
+        across, covariances = _line_ends(lines, borders, frame)
         pixels = np.stack([across, borders], axis=-1)
         for index in range(len(strips)):
             name, score = ("upright", part, index), float(strips.score[index])
@@ -162,14 +175,14 @@ def _feet(frame: Frame, strips: Strips) -> Iterator[Feature]:
         yield _feature(frame, name, pixel, covariance, None, float(strips.score[index]), {})
 
 
-def _line_ends(lines: Lines, u: Floats, settings: BoundarySettings) -> tuple[Floats, Floats]:
+def _line_ends(lines: Lines, u: Floats, frame: Frame) -> tuple[Floats, Floats]:
     """v (n, 2) of lines at `u` (n, 2), and the covariance (n, 2, 2, 2) px^2 of (u, v) there: long along the line."""
     column = lines.column
     along = np.concatenate([np.ones_like(column.slope), column.slope], axis=1)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    variance = np.maximum(column.variance_at(u) * along[:, :1] ** 2, settings.least_sigma_px**2)
-    stretch = settings.along_sigma_px**2 * along[:, :, None] * along[:, None, :]
+    variance = np.maximum(column.variance_at(u) * along[:, :1] ** 2, frame.least_sigma_px**2)
+    stretch = frame.settings.along_sigma_px**2 * along[:, :, None] * along[:, None, :]
     squeeze = across[:, :, None] * across[:, None, :]
     return column.at(u), stretch[:, None] + variance[..., None, None] * squeeze[:, None]
 
@@ -183,12 +196,12 @@ def _beam_features(frame: Frame, beams: Strips, separators: Separators) -> Itera
         ends = np.stack([beams.first, beams.last], axis=-1)
         for end, role, edges, number in ((0, "left", uprights.lower, left), (1, "right", uprights.upper, right)):
             at = np.flatnonzero(number >= 0)
-            points, covariances = _corners(lines[at], edges[number[at]], frame.settings)
+            points, covariances = _corners(lines[at], edges[number[at]], frame.least_sigma_px)
             ends[at, end] = points[:, 0]
             for index, point, covariance in zip(at.tolist(), points, covariances, strict=True):
                 name, score = ("beam", f"{part} {role}", index), float(beams.score[index])
                 yield _feature(frame, name, point[None], covariance[None], None, score, touching[index])
-        across, spread = _line_ends(lines, ends, frame.settings)
+        across, spread = _line_ends(lines, ends, frame)
         pixels = np.stack([ends, across], axis=-1)
         cover = np.clip(beams.columns / np.maximum(ends[:, 1] - ends[:, 0], 1.0), 0.0, 1.0)
         for index in range(len(beams)):
@@ -200,10 +213,10 @@ def _neighbours(left: int, right: int) -> dict[str, int]:
     return {role: number for role, number in (("left", left), ("right", right)) if number >= 0}
 
 
-def _corners(lines: Lines, edges: Lines, settings: BoundarySettings) -> tuple[Floats, Floats]:
+def _corners(lines: Lines, edges: Lines, least_sigma_px: float) -> tuple[Floats, Floats]:
     """Points (n, 2) where beams' lines meet the uprights' inner edges, and their covariances (n, 2, 2) px^2."""
     points = crossing(lines, edges)
-    return points, crossing_covariance(lines, edges, points, settings.least_sigma_px)
+    return points, crossing_covariance(lines, edges, points, least_sigma_px)
 
 
 def _feature(

@@ -17,7 +17,8 @@ class BoundarySettings(BaseModel):
     - `perspective_tolerance`: by how much edges may fail to lead to the picture's vanishing point (difference in slope).
     - `end_trim_px`: the rounded ends of masks that no edge is fitted to.
     - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times thicker than the rest.
-    - `least_sigma_px`: no edge is claimed to be better known than this.
+    - `least_sigma_px`: no mask's edge is claimed to be better known than this, and `least_measured_sigma_px`: none that was
+      measured in the panorama.
     - `along_sigma_px`: the standard deviation of an edge's ends along the edge.
     - `foot_margin_px`: an upright whose mask ends nearer to the frame's lower border has no foot; `foot_along_px`,
       `foot_across_px`: a foot's standard deviations.
@@ -39,6 +40,7 @@ class BoundarySettings(BaseModel):
     least_run_px: int = Field(default=7, ge=1)
     most_thick: float = Field(default=3.0, gt=1)
     least_sigma_px: float = Field(default=0.3, gt=0)
+    least_measured_sigma_px: float = Field(default=0.02, gt=0)
     along_sigma_px: float = Field(default=200.0, gt=0)
     foot_margin_px: float = Field(default=6.0, ge=0)
     foot_along_px: float = Field(default=3.0, gt=0)

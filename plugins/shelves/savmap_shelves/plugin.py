@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
 
 
 class LowestBeam(BaseModel):
@@ -27,6 +27,7 @@ class Settings(BaseModel):
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     lowest_beam_bottom_height_m: LowestBeam | None = None
     beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
+    subpixel: bool = True
 
 
 class Shelves:
@@ -50,13 +51,13 @@ class Shelves:
     ) -> Aim:
         from savmap_shelves.aim import aim_at_face
 
-        return aim_at_face(scout, see, self.extract_features, side, manual)
+        return aim_at_face(scout, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
 
     @hookimpl
-    def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
+    def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
         from savmap_shelves.boundaries import extract_features
 
-        return extract_features(view, detections)
+        return extract_features(view, detections, panorama=panorama if self.config.subpixel else None)
 
     @hookimpl
     def track(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> list[Track]:

@@ -1,0 +1,183 @@
+"""Grey profiles across straight edges, cut from a panorama at its own resolution.
+
+An edge is cut into short pieces; each is averaged along its length and sampled across, along short normals only. No view
+is rendered for this.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry import sphere
+from savmap.geometry.lines import Lines
+from savmap.types import Floats, Ints, Panorama, ViewSpec
+
+Singles = NDArray[np.float32]
+
+ACROSS_STEP = 0.5
+ALONG_STEP = 1.5
+FEWEST_ALONG, MOST_ALONG = 3, 12
+BEYOND_PX = 1.0
+SHOULDER = 1.0
+RADIANCE_UNIT = 65535
+
+
+def _radiance() -> Floats:
+    """Radiance (256,), 0..1, that a camera shows as each grey value: the sRGB curve and a film-like shoulder undone."""
+    shown = np.arange(256) / 255
+    decoded = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    radiance: Floats = decoded * SHOULDER / (1 + SHOULDER - decoded)
+    return radiance
+
+
+RADIANCE = _radiance()
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Short pieces of edges, in view pixels: edge (n,) that each belongs to, from 0; middle u and v (n,), slope (n,), half
+    length (n,). `stands`: u is the row and v the column (for things that stand), else u is the column."""
+
+    edge: Ints
+    u: Floats
+    v: Floats
+    slope: Floats
+    half: Floats
+    stands: bool
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart, the
+    edge in the middle; and how many panorama pixels one view pixel across is (n,).
+
+    Lenses and pixels mix radiance, not grey values: across a blurred edge, grey values are not symmetric, radiance is.
+    """
+
+    radiance: Singles
+    scale: Floats
+
+    @property
+    def grey(self) -> Singles:
+        """The grey values (n, 2 reach + 1), 0..255, that show this radiance."""
+        return np.interp(self.radiance, RADIANCE, np.arange(256)).astype(np.float32)
+
+    @property
+    def reach(self) -> int:
+        """Samples on either side of the middle."""
+        return int(self.radiance.shape[1] // 2)
+
+
+def pieces_of(lines: Lines, first: Floats, last: Floats, stands: bool, length_px: tuple[float, float]) -> Pieces:
+    """Pieces of lines (g,) between `first` and `last` (g,): twelve or more each, `length_px` at least and at most."""
+    span = np.maximum(last - first, 0.0)
+    count = np.maximum(span // np.clip(span / 12, *length_px), 0).astype(np.int64)
+    edge = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    half = span / np.maximum(count, 1) / 2
+    u = first[edge] + (2 * number + 1) * half[edge]
+    return Pieces(edge, u, lines[edge].at(u), lines.slope[edge], half[edge], stands)
+
+
+def profiles_of(
+    panorama: Panorama, spec: ViewSpec, groups: Sequence[Pieces], reach_px: float, least: float
+) -> list[Profiles]:
+    """Profiles across each group's pieces (n >= 1), `reach_px` view pixels to either side but `least` panorama pixels anyhow.
+
+    The part of the panorama that they all lie in is decoded once.
+    """
+    height = len(panorama.image)
+    scales, samples = [], []
+    for pieces in groups:
+        scale, along = _scales(spec, pieces, height)
+        reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
+        rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
+        nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height)
+        scales.append((scale, rows))
+        samples.append(_samples(nodes, rows, 2 * reach + 1))
+    values = _radiance_at(panorama.image, samples) if groups else []
+    return [
+        Profiles(
+            own.reshape(len(own), rows, -1).sum(axis=1, dtype=np.float32) / np.float32(rows * RADIANCE_UNIT), scale
+        )
+        for own, (scale, rows) in zip(values, scales, strict=True)
+    ]
+
+
+def _radiance_at(image: NDArray[np.uint8], groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
+    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation."""
+    height, width = image.shape[:2]
+    directions = np.concatenate([pixels[0, :, 0] for pixels in groups]) * np.float32(2 * np.pi / width)
+    about = np.float32(
+        np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+    )
+    xs = [pixels[0] - np.float32(width) * np.floor((pixels[0, :, :1] - about) / width) for pixels in groups]
+    ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
+    left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
+    top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
+    part = _columns(image[top:bottom], left, min(right, left + width))
+    radiance = cv2.LUT(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), np.round(RADIANCE * RADIANCE_UNIT).astype(np.uint16))
+    return [
+        np.asarray(cv2.remap(radiance, x - left, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+        for x, y in zip(xs, ys, strict=True)
+    ]
+
+
+def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint8]:
+    """Columns [left, right) of a panorama, over the seam where need be."""
+    width = image.shape[1]
+    turned = left // width * width
+    left, right = left - turned, right - turned
+    return image[:, left:right] if right <= width else np.hstack([image[:, left:], image[:, : right - width]])
+
+
+def _panorama_pixels(spec: ViewSpec, u: Floats, v: Floats, stands: bool, height: int) -> Floats:
+    pixels = np.stack([v, u] if stands else [u, v], axis=-1)
+    return sphere.panorama_pixels_from_rays(spec.rig_rays(pixels), height)
+
+
+def _scales(spec: ViewSpec, pieces: Pieces, height: int) -> tuple[Floats, Floats]:
+    """Panorama pixels a view pixel (n,), across and along the edge."""
+    here = _panorama_pixels(spec, pieces.u, pieces.v, pieces.stands, height)
+    across = _panorama_pixels(spec, pieces.u, pieces.v + 1, pieces.stands, height)
+    along = _panorama_pixels(spec, pieces.u + 1, pieces.v + pieces.slope, pieces.stands, height)
+    return _length(_unwrapped(across, here, height) - here), _length(_unwrapped(along, here, height) - here)
+
+
+def _length(vectors: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(vectors, axis=-1))
+
+
+def _unwrapped(pixels: Floats, near: Floats, height: int) -> Floats:
+    """Panorama pixels (..., 2) whose columns are moved by whole turns to lie next to those of `near`."""
+    turns = np.round((pixels[..., :1] - near[..., :1]) / (2 * height))
+    near_by: Floats = pixels - np.concatenate([2 * height * turns, np.zeros_like(turns)], axis=-1)
+    return near_by
+
+
+def _nodes(spec: ViewSpec, pieces: Pieces, reach_px: Floats, height: int) -> Floats:
+    """Exact panorama pixels (n, 3, 3, 2) of the corners, middles of the sides, and middle of each piece's patch."""
+    steps = np.array([-1.0, 0.0, 1.0])
+    along = (pieces.half[:, None] * steps)[:, :, None] + np.zeros(3)
+    across = (reach_px[:, None] * steps)[:, None, :]
+    u = pieces.u[:, None, None] + along
+    v = pieces.v[:, None, None] + pieces.slope[:, None, None] * along + across
+    exact = _panorama_pixels(spec, u, v, pieces.stands, height)
+    return _unwrapped(exact, exact[:, 1:2, 1:2], height)
+
+
+def _samples(nodes: Floats, rows: int, columns: int) -> Singles:
+    """Panorama pixels (2, n, rows columns) all over the patches, interpolated between the nodes to second order."""
+    along = _second_order((np.arange(rows) + 0.5) / rows * 2 - 1)
+    across = _second_order(np.linspace(-1, 1, columns))
+    basis = np.einsum("ra,cb->abrc", along, across).reshape(9, -1).astype(np.float32)
+    flat = nodes.reshape(-1, 9, 2).astype(np.float32)
+    return np.asarray(np.stack([flat[..., 0] @ basis, flat[..., 1] @ basis]))
+
+
+def _second_order(x: Floats) -> Floats:
+    """Lagrange's polynomials (m, 3) for nodes at -1, 0, 1."""
+    return np.stack([x * (x - 1) / 2, 1 - x * x, x * (x + 1) / 2], axis=-1)
