@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix
 from scipy.sparse.linalg import splu
 
 from savmap.errors import SolveError
@@ -19,12 +19,27 @@ CHUNK = 256
 
 
 @dataclass(frozen=True)
+class Shared:
+    """Unknowns beside the graph's own that its last rows (r,) have in common: whitened derivatives (r, k), their value
+    (k,) now, and the standard deviations (k,) of their prior, which is about 0."""
+
+    columns: Floats
+    value: Floats
+    prior: Floats
+
+
+@dataclass(frozen=True)
 class Covariance:
-    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places."""
+    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places.
+
+    `shared` (k, k): covariance of the shared unknowns; `step` (k,): what would bring these to their optimum.
+    """
 
     keys: tuple[int, ...]
     points: Floats
     places: Floats
+    shared: Floats
+    step: Floats
 
     def of(self, keys: list[int]) -> Floats:
         """Joint covariance (3n, 3n) of some variables."""
@@ -34,16 +49,22 @@ class Covariance:
 
 
 def covariance(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: list[int], centres: list[int]
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    frames: list[int],
+    centres: list[int],
+    shared: Shared | None = None,
 ) -> Covariance:
-    """From a graph without robust losses, at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
+    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
 
     Raises SolveError if the graph leaves a variable undetermined.
     """
-    information, slots = _information(graph, values, set(frames))
+    information, gradient, slots = _information(graph, values, set(frames), shared)
     inner = np.concatenate([slots[key] for key in sorted((*frames, *centres))])
     outer_keys = sorted(set(slots) - set(frames) - set(centres))
-    outer = np.concatenate([slots[key] for key in outer_keys])
+    count = 3 * len(outer_keys)
+    own = [slots[key] for key in outer_keys]
+    outer = np.concatenate([*own, np.arange(len(inner) + count, information.shape[0])])
     near = splu(information[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     cross = information[inner][:, outer].tocsc()
     position = np.empty(information.shape[0], np.int64)
@@ -55,18 +76,20 @@ def covariance(
         columns = near.solve(cross[:, part].toarray())
         schur[:, part] -= cross.T @ columns
         solved[:, part] = columns[wanted]
-    points = _inverse((schur + schur.T) / 2)
-    own = np.concatenate(
+    joint = _inverse((schur + schur.T) / 2)
+    step = joint @ (gradient[outer] - cross.T @ near.solve(gradient[inner]))
+    alone = np.concatenate(
         [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
     )
-    places = own + np.einsum("ij,ij->i", solved @ points, solved)
-    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3))
+    places = alone + np.einsum("ij,ij->i", solved @ joint, solved)
+    points, biases = joint[:count, :count], joint[count:, count:]
+    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3), biases, step[count:])
 
 
 def _information(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int]
-) -> tuple[csc_matrix, dict[int, Ints]]:
-    """Information matrix, and the rows of each key in it: keys are laid out in order."""
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: Shared | None
+) -> tuple[csc_matrix, Floats, dict[int, Ints]]:
+    """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones last."""
     entries = graph.linearize(values).sparseJacobian_()
     rows, cols = entries[:2].astype(np.int64) - 1
     slots: dict[int, Ints] = {}
@@ -76,8 +99,16 @@ def _information(
         slots[key] = np.arange(size, size + width)
         size += width
     kept = cols < size
-    jacobian = coo_matrix((entries[2][kept], (rows[kept], cols[kept])), shape=(int(rows.max()) + 1, size)).tocsc()
-    return (jacobian.T @ jacobian).tocsc(), slots
+    height = int(rows.max()) + 1
+    jacobian = coo_matrix((entries[2][kept], (rows[kept], cols[kept])), shape=(height, size)).tocsc()
+    right = np.bincount(rows[~kept], entries[2][~kept], minlength=height)
+    if shared is None or not len(shared.prior):
+        return (jacobian.T @ jacobian).tocsc(), jacobian.T @ right, slots
+    columns = np.concatenate([np.zeros((height - len(shared.columns), len(shared.prior))), shared.columns])
+    prior = np.diag(1 / shared.prior)
+    whole = block_array([[jacobian, csc_array(columns)], [None, csc_array(prior)]], format="csc")
+    right = np.concatenate([right, -prior @ shared.value])
+    return csc_matrix(whole.T @ whole), whole.T @ right, slots
 
 
 def _inverse(matrix: Floats) -> Floats:

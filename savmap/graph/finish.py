@@ -40,7 +40,9 @@ class Verdict:
         return self.off > GROSS_SIGMA and abs(self.otherwise - self.use.value) > limit
 
 
-def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, inflation: float) -> Solution:
+def conclude(
+    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, inflation: float, bias: Floats
+) -> Solution:
     """Put the results together. Raises SolveError if references contradict one another grossly."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
@@ -61,10 +63,19 @@ def conclude(problem: Problem, estimate: Estimate, fit: Fit, covariance: Covaria
             "variance_inflation": inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
+            **dict(_biases(bias, covariance)),
         },
         keys={room.room: room.keys for room in problem.rooms},
         covariance=covariance,
     )
+
+
+def _biases(bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
+    """Biases that observations have in common, with their standard deviations."""
+    if len(covariance.shared):
+        for number, (value, sigma) in enumerate(zip(bias, np.sqrt(np.diag(covariance.shared)), strict=True), 1):
+            yield f"bias {number}, px", float(value)
+            yield f"bias {number}, sigma px", float(sigma)
 
 
 def _landmarks(

@@ -1,7 +1,7 @@
 """Observed pixels as arrays: what the projection factors are made of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ class Observations:
     """Landmark `keys` (n,) seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
 
     `dof` (n,) is how many equations an observation is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
+    `bias` (n, 2, k) is how pixels move with k unknown biases, px, that observations have in common; `bias_prior` (k,):
+    their standard deviations.
     """
 
     frames: Ints
@@ -23,6 +25,8 @@ class Observations:
     covariances: Floats
     dof: Floats
     views: tuple[ViewSpec, ...]
+    bias: Floats
+    bias_prior: Floats
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -37,7 +41,13 @@ class Observations:
             self.covariances[chosen],
             self.dof[chosen],
             self.views,
+            self.bias[chosen],
+            self.bias_prior,
         )
+
+    def without(self, bias: Floats) -> "Observations":
+        """The observations freed of biases (k,) px."""
+        return replace(self, pixels=self.pixels - self.bias @ bias)
 
 
 @dataclass(frozen=True)
@@ -68,11 +78,14 @@ def observe(
     views: Mapping[str, ViewSpec],
     weights: Mapping[str, float] | None = None,
     dof: Mapping[str, Floats] | None = None,
+    bias: Mapping[str, Floats] | None = None,
+    bias_prior: Sequence[float] = (),
 ) -> Observations:
     """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
-    `dof` (by track, one each observation) need only be given where it is not plain from the covariance."""
+    `dof` (by track, one each observation) need only be given where it is not plain from the covariance, `bias` (by track,
+    (n, 2, k)) where pixels share biases with sigmas `bias_prior` px."""
     number = {name: index for index, name in enumerate(views)}
-    worth = dof or {}
+    worth, moved, count = dof or {}, bias or {}, len(bias_prior)
     return Observations(
         np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
         np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
@@ -83,6 +96,10 @@ def observe(
         ),
         np.concatenate([np.zeros(0), *(worth.get(track.name, plain_dof(track.covariances)) for track in tracks)]),
         tuple(views.values()),
+        np.concatenate(
+            [np.zeros((0, 2, count)), *(moved.get(t.name, np.zeros((len(t.frames), 2, count))) for t in tracks)]
+        ),
+        np.array(bias_prior, np.float64),
     )
 
 
@@ -103,7 +120,19 @@ def join(parts: Sequence[Observations]) -> Observations:
         np.concatenate([part.covariances for part in parts]),
         np.concatenate([part.dof for part in parts]),
         tuple(spec for part in parts for spec in part.views),
+        _side_by_side([part.bias for part in parts]),
+        np.concatenate([part.bias_prior for part in parts]),
     )
+
+
+def _side_by_side(parts: Sequence[Floats]) -> Floats:
+    """Biases (n_i, 2, k_i) of several rooms in one (n, 2, k): each room has its own."""
+    joined = np.zeros((sum(len(part) for part in parts), 2, sum(part.shape[2] for part in parts)))
+    row = column = 0
+    for part in parts:
+        joined[row : row + len(part), :, column : column + part.shape[2]] = part
+        row, column = row + len(part), column + part.shape[2]
+    return joined
 
 
 def sight(observations: Observations) -> Sight:

@@ -9,29 +9,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import SolveError
-from savmap.graph.covariance import Covariance, covariance
-from savmap.graph.factors import estimate_of, observation_factors, other_factors, values_of
+from savmap.graph.covariance import Covariance, Shared, covariance
+from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
 from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit, correlation, fit_of
 from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, start
+from savmap.types import Floats
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
+SETTLED_BIAS = 0.1
 ROUGH, FINE = 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """`start`: linear equations, or as published. An observation more than `reject_sigma` off is left out, in at most
-    `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+    """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. An observation more than
+    `reject_sigma` off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round. `bias`:
+    whether biases that observations have in common are estimated; it takes two rounds or more."""
 
     start: Literal["linear", "published"] = "linear"
+    loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
+    bias: bool = True
+
+
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, bias=False)
+"""Plain least squares from the published start, every observation believed (paper, section III.E)."""
+
+
+@dataclass(frozen=True)
+class State:
+    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate and what fits it."""
+
+    problem: Problem
+    bias: Floats
+    estimate: Estimate
+    fit: Fit
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -39,25 +59,34 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     contradict one another, or if the graph cannot be solved."""
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
-    estimate, fit = [*_rounds(problem, start(problem, chosen.start), chosen)][-1]
-    if not fit.kept.any():
+    last = [*_rounds(problem, start(problem, chosen.start), chosen)][-1]
+    if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
-    inflation = fit.scale**2 * correlation(problem, fit)
-    return conclude(problem, estimate, fit, _covariance(problem, estimate, fit.kept, inflation), inflation)
+    inflation = last.fit.scale**2 * correlation(last.problem, last.fit)
+    joint = _covariance(last, inflation, None, chosen.bias)
+    return conclude(last.problem, last.estimate, last.fit, joint, inflation, last.bias)
 
 
-def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[tuple[Estimate, Fit]]:
-    """Estimates and what fits them, the last one being the answer: all observations at first, then those that fitted."""
-    factors = observation_factors(problem.observations)
-    kept: Mask = np.ones(len(factors), dtype=bool)
+def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[State]:
+    """States, the last one being the answer: all observations at first, then those that fitted, freed of their biases."""
+    huber = HUBER if options.loss == "huber" else None
+    kept: Mask = np.ones(len(problem.observations), dtype=bool)
+    bias = np.zeros(len(problem.observations.bias_prior))
     for number in range(options.rounds):
-        chosen = [factors[index] for index in np.flatnonzero(kept)]
-        estimate = _optimise(problem, estimate, chosen, options.max_iterations, FINE if number else ROUGH)
-        fit = fit_of(problem, estimate, kept, options.reject_sigma)
-        yield estimate, fit
-        if number and (fit.kept != kept).sum() <= SETTLED * len(kept):
+        freed = problem.without(bias)
+        factors = observation_factors(freed.observations.take(kept), huber=huber)
+        estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
+        fit = fit_of(freed, estimate, kept, options.reject_sigma)
+        state = State(freed, bias, estimate, fit)
+        yield state
+        step = np.zeros(len(bias))
+        if options.bias and len(bias) and number + 1 < options.rounds:
+            joint = _covariance(state, fit.scale**2, huber, True)
+            moving = (np.abs(joint.step) > SETTLED_BIAS * np.sqrt(np.diag(joint.shared))).any()
+            step = joint.step if moving else step
+        if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
-        kept = fit.kept
+        kept, bias = fit.kept, bias + step
 
 
 def _optimise(
@@ -77,10 +106,23 @@ def _optimise(
     return estimate_of(problem, values, estimate)
 
 
-def _covariance(problem: Problem, estimate: Estimate, kept: Mask, inflation: float) -> Covariance:
+def _covariance(state: State, inflation: float, huber: float | None, bias: bool) -> Covariance:
+    problem, estimate = state.problem, state.estimate
+    observations = problem.observations.take(state.fit.kept)
     graph = other_factors(problem, estimate)
-    for factor in observation_factors(problem.observations.take(kept), inflation):
+    for factor in observation_factors(observations, inflation, huber):
         graph.push_back(factor)
     used = problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
-    return covariance(graph, values_of(problem, estimate), frames, centres)
+    errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
+    shared = Shared(_bias_columns(observations, errors, inflation, huber), state.bias, observations.bias_prior)
+    return covariance(graph, values_of(problem, estimate), frames, centres, shared if bias else None)
+
+
+def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> Floats:
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
+    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * observations.covariances)), 1, 2)
+    size = np.linalg.norm(errors, axis=1)
+    weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
+    columns = np.sqrt(weight)[:, None, None] * (whiten @ observations.bias)
+    return columns.reshape(2 * len(columns), columns.shape[2])

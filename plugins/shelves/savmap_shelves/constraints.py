@@ -4,13 +4,15 @@ World frame of the row; x = 0 at the left edge of the first upright.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
 from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, observe, pin, reference, tie
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
+from savmap_shelves.bias import bias_sigmas, mask_bias
 from savmap_shelves.sharing import share_edges
 
 TOP_M = 6.0
@@ -26,12 +28,23 @@ class GridSettings:
 
     The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
     face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
+
+    `mask_bias_sigma_px`: by how much masks may be too wide or too narrow everywhere (bias.py). `corners`: each with the
+    covariance of its two lines, or, as published, as points of 1 px, the uprights' own edges then serving only where
+    no beam ends.
     """
 
     lowest_beam_bottom_height_m: float | Sequence[float] | None = None
     sigma_m: float = 0.002
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
+    mask_bias_sigma_px: float = 0.0
+    corners: Literal["lines", "points"] = "lines"
+
+
+def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) -> GridSettings:
+    """The paper's: corners as points of 1 px, beams on the uprights' plane, masks believed."""
+    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, corners="points")
 
 
 @dataclass(frozen=True)
@@ -62,15 +75,20 @@ def constrain(
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
-    shared, dof = share_edges(
-        tracks, facts.views, start, apart=chosen.beam_setback_m != 0 or chosen.beam_setback_sigma_m > 0
-    )
+    shared, dof = _weighed(tracks, grid, facts, start, chosen)
     keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
     initial = published_grid(tracks, grid, start, chosen)
     return Constraints(
         room,
         keys,
-        observe((*shared, *feet), keys, facts.views, dof=dof),
+        observe(
+            (*shared, *feet),
+            keys,
+            facts.views,
+            dof=dof,
+            bias=mask_bias(tracks, facts.views, start) if chosen.mask_bias_sigma_px else None,
+            bias_prior=bias_sigmas(chosen.mask_bias_sigma_px),
+        ),
         (
             *_grid_lines(grid, keys),
             *_plane(tracks, keys, chosen),
@@ -80,6 +98,18 @@ def constrain(
         initial | {track.name: _below(track, grid, initial) for track in feet},
         dict(_places(grid, keys)),
     )
+
+
+def _weighed(
+    tracks: Sequence[Track], grid: Grid, facts: RowFacts, start: Trajectory, settings: GridSettings
+) -> tuple[list[Track], dict[str, Floats]]:
+    """Tracks with the covariances that the solve is to believe, and what each observation is worth where that is not plain."""
+    if settings.corners == "lines":
+        apart = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
+        return share_edges(tracks, facts.views, start, apart=apart)
+    points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
+    bare = {column for column, names in grid.columns.items() if not any(n.startswith("section") for n in names)}
+    return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
 
 
 def is_foot(track: Track) -> bool:
