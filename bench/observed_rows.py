@@ -28,7 +28,11 @@ from savmap_shelves.tracking import track_structures
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=157.3)
 """640x480, 150 degrees from top to bottom: 2.3 cm a pixel at 1.5 m (paper, section IV.A)."""
 FACING = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
-HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M = 0.02, 0.002, 0.003
+HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M, WIDTH_SIGMA_M = 0.02, 0.002, 0.003, 0.001
+PROFILES = (
+    ("upright 2 / left", "upright 2 / right"),
+    ("section 2 / beam 2 / lower", "section 2 / beam 2 / upper"),
+)
 
 
 @dataclass(frozen=True)
@@ -119,14 +123,21 @@ def made(
     return Made(built, path, seen)
 
 
-def given(one: Made, rng: np.random.Generator, length: bool = True, exact: bool = False) -> Given:
-    """References off by their own sigmas: camera height, the lowest edges, and, if asked for, the row's length."""
+def given(
+    one: Made, rng: np.random.Generator, length: bool = True, profiles: bool = True, exact: bool = False
+) -> Given:
+    """References off by their own sigmas: camera height, the lowest edges, and, if asked for, the row's length and the
+    widths of one upright and of one beam."""
     off = 0.0 if exact else 1.0
     height = float(one.path.origins[:, 1].mean()) + off * rng.normal(0, HEIGHT_SIGMA_M)
     uprights = one.survey["uprights"]
     span = uprights[-1][1] - uprights[0][0] + off * rng.normal(0, LENGTH_SIGMA_M)
     ends = ("upright 1 / left", f"upright {len(uprights)} / right")
-    lengths = (KnownLength(*ends, span, LENGTH_SIGMA_M),) if length else ()
+    lengths: tuple[KnownLength, ...] = (KnownLength(*ends, span, LENGTH_SIGMA_M),) if length else ()
+    if profiles:
+        lengths += tuple(
+            KnownLength(*ends, 0.1 + off * rng.normal(0, WIDTH_SIGMA_M), WIDTH_SIGMA_M) for ends in PROFILES
+        )
     lowest = [float(s["beams"][0][0] + off * rng.normal(0, LOWEST_SIGMA_M)) for s in one.survey["sections"]]
     return Given(References((CameraHeight(height, HEIGHT_SIGMA_M, 0.02),), lengths), tuple(lowest))
 

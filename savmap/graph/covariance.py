@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix
 from scipy.sparse.linalg import splu
@@ -16,16 +17,19 @@ from savmap.errors import SolveError
 from savmap.types import Floats, Ints
 
 CHUNK = 256
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Shared:
     """Unknowns beside the graph's own that its last rows (r,) have in common: whitened derivatives (r, k), their value
-    (k,) now, and the standard deviations (k,) of their prior, which is about 0."""
+    (k,) now, and the standard deviations (k,) of their prior, which is about 0. Those that are not `free` (k,) are not
+    estimated: what they may be spreads to the others (Schmidt's consider parameters)."""
 
     columns: Floats
     value: Floats
     prior: Floats
+    free: Bools
 
 
 @dataclass(frozen=True)
@@ -76,8 +80,8 @@ def covariance(
         columns = near.solve(cross[:, part].toarray())
         schur[:, part] -= cross.T @ columns
         solved[:, part] = columns[wanted]
-    joint = _inverse((schur + schur.T) / 2)
-    step = joint @ (gradient[outer] - cross.T @ near.solve(gradient[inner]))
+    right = gradient[outer] - cross.T @ near.solve(gradient[inner])
+    joint, step = _joint((schur + schur.T) / 2, right, shared)
     alone = np.concatenate(
         [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
     )
@@ -109,6 +113,29 @@ def _information(
     whole = block_array([[jacobian, csc_array(columns)], [None, csc_array(prior)]], format="csc")
     right = np.concatenate([right, -prior @ shared.value])
     return csc_matrix(whole.T @ whole), whole.T @ right, slots
+
+
+def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats]:
+    """Covariance (n, n) of all unknowns, shared ones last, and the step (n,) to their optimum.
+
+    Shared ones that are not free keep their prior, and the others' estimates follow them.
+    """
+    fixed = np.zeros(len(information), np.bool_)
+    if shared is not None and len(shared.free):
+        fixed[-len(shared.free) :] = ~shared.free
+    free = ~fixed
+    joint, step = np.zeros_like(information), np.zeros(len(information))
+    own = _inverse(information[np.ix_(free, free)])
+    joint[np.ix_(free, free)] = own
+    step[free] = own @ right[free]
+    if shared is not None and fixed.any():
+        prior = np.diag(shared.prior[~shared.free] ** 2)
+        follow = -own @ information[np.ix_(free, fixed)]
+        joint[np.ix_(free, free)] += follow @ prior @ follow.T
+        joint[np.ix_(free, fixed)] = follow @ prior
+        joint[np.ix_(fixed, free)] = prior @ follow.T
+        joint[np.ix_(fixed, fixed)] = prior
+    return joint, step
 
 
 def _inverse(matrix: Floats) -> Floats:

@@ -27,6 +27,7 @@ class Observations:
     views: tuple[ViewSpec, ...]
     bias: Floats
     bias_prior: Floats
+    bias_free: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -43,6 +44,7 @@ class Observations:
             self.views,
             self.bias[chosen],
             self.bias_prior,
+            self.bias_free,
         )
 
     def without(self, bias: Floats) -> "Observations":
@@ -80,10 +82,11 @@ def observe(
     dof: Mapping[str, Floats] | None = None,
     bias: Mapping[str, Floats] | None = None,
     bias_prior: Sequence[float] = (),
+    bias_free: bool = False,
 ) -> Observations:
     """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
     `dof` (by track, one each observation) need only be given where it is not plain from the covariance, `bias` (by track,
-    (n, 2, k)) where pixels share biases with sigmas `bias_prior` px."""
+    (n, 2, k)) where pixels share biases with sigmas `bias_prior` px, which are estimated if `bias_free`."""
     number = {name: index for index, name in enumerate(views)}
     worth, moved, count = dof or {}, bias or {}, len(bias_prior)
     return Observations(
@@ -100,6 +103,7 @@ def observe(
             [np.zeros((0, 2, count)), *(moved.get(t.name, np.zeros((len(t.frames), 2, count))) for t in tracks)]
         ),
         np.array(bias_prior, np.float64),
+        np.full(count, bias_free),
     )
 
 
@@ -122,6 +126,7 @@ def join(parts: Sequence[Observations]) -> Observations:
         tuple(spec for part in parts for spec in part.views),
         _side_by_side([part.bias for part in parts]),
         np.concatenate([part.bias_prior for part in parts]),
+        np.concatenate([part.bias_free for part in parts]),
     )
 
 

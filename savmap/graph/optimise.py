@@ -29,18 +29,16 @@ ROUGH, FINE = 1e-4, 1e-6
 @dataclass(frozen=True)
 class SolveOptions:
     """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. An observation more than
-    `reject_sigma` off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round. `bias`:
-    whether biases that observations have in common are estimated; it takes two rounds or more."""
+    `reject_sigma` off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
 
     start: Literal["linear", "published"] = "linear"
     loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
-    bias: bool = True
 
 
-PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, bias=False)
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100)
 """Plain least squares from the published start, every observation believed (paper, section III.E)."""
 
 
@@ -63,7 +61,7 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
     inflation = last.fit.scale**2 * correlation(last.problem, last.fit)
-    joint = _covariance(last, inflation, None, chosen.bias)
+    joint = _covariance(last, inflation, None)
     return conclude(last.problem, last.estimate, last.fit, joint, inflation, last.bias)
 
 
@@ -80,8 +78,8 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
         state = State(freed, bias, estimate, fit)
         yield state
         step = np.zeros(len(bias))
-        if options.bias and len(bias) and number + 1 < options.rounds:
-            joint = _covariance(state, fit.scale**2, huber, True)
+        if problem.observations.bias_free.any() and number + 1 < options.rounds:
+            joint = _covariance(state, fit.scale**2, huber)
             moving = (np.abs(joint.step) > SETTLED_BIAS * np.sqrt(np.diag(joint.shared))).any()
             step = joint.step if moving else step
         if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
@@ -106,7 +104,7 @@ def _optimise(
     return estimate_of(problem, values, estimate)
 
 
-def _covariance(state: State, inflation: float, huber: float | None, bias: bool) -> Covariance:
+def _covariance(state: State, inflation: float, huber: float | None) -> Covariance:
     problem, estimate = state.problem, state.estimate
     observations = problem.observations.take(state.fit.kept)
     graph = other_factors(problem, estimate)
@@ -115,8 +113,9 @@ def _covariance(state: State, inflation: float, huber: float | None, bias: bool)
     used = problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
-    shared = Shared(_bias_columns(observations, errors, inflation, huber), state.bias, observations.bias_prior)
-    return covariance(graph, values_of(problem, estimate), frames, centres, shared if bias else None)
+    columns = _bias_columns(observations, errors, inflation, huber)
+    shared = Shared(columns, state.bias, observations.bias_prior, observations.bias_free)
+    return covariance(graph, values_of(problem, estimate), frames, centres, shared)
 
 
 def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> Floats:

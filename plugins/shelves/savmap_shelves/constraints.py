@@ -29,7 +29,8 @@ class GridSettings:
     The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
     face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
 
-    `mask_bias_sigma_px`: by how much masks may be too wide or too narrow everywhere (bias.py). `corners`: each with the
+    `mask_bias_sigma_px`: by how much masks may be too wide or too narrow everywhere (bias.py); `mask_bias`: whether sigmas
+    allow for it, or it is estimated, which takes a known width or much motion towards the face. `corners`: each with the
     covariance of its two lines, or, as published, as points of 1 px, the uprights' own edges then serving only where
     no beam ends.
     """
@@ -39,6 +40,7 @@ class GridSettings:
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
     mask_bias_sigma_px: float = 0.0
+    mask_bias: Literal["considered", "estimated"] = "considered"
     corners: Literal["lines", "points"] = "lines"
 
 
@@ -88,6 +90,7 @@ def constrain(
             dof=dof,
             bias=mask_bias(tracks, facts.views, start) if chosen.mask_bias_sigma_px else None,
             bias_prior=bias_sigmas(chosen.mask_bias_sigma_px),
+            bias_free=chosen.mask_bias == "estimated",
         ),
         (
             *_grid_lines(grid, keys),
