@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from observed_rows import LOWEST_SIGMA_M, Mapped, given, made, mapped, tracked
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped, tracked
 
 from savmap.errors import SavmapError
 from savmap.evaluation import Evaluation, Score, as_table, pool, score_json
@@ -39,29 +39,43 @@ def one_row(task: tuple[int, int, int]) -> tuple[dict[str, Score], Result]:
     begin = time.perf_counter()
     tracks = tracked(one)
     tracking = time.perf_counter() - begin
-    ours = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, 0.0, 0.01, 1.0, "estimated"), tracks=tracks)
-    result: Result = {
-        "seconds": tracking + ours.seconds,
-        "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
-        "bias_px": [ours.solution.report[f"bias {n}, px"] for n in (1, 2, 3)],
-    }
-    scores = {"ours": ours.score}
-    try:
-        theirs: Mapped = mapped(one, known, published(known.lowest_m, LOWEST_SIGMA_M), PUBLISHED, tracks=tracks)
-        scores["published"] = theirs.score
-    except SavmapError as error:
-        result["published failed"] = str(error)
-    return scores, {**result, **{name: score_json(score) for name, score in scores.items()}}
+    settings = GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED)
+    scores: dict[str, Score] = {}
+    result: Result = {}
+    ways = (("ours", settings, None), ("published", published(known.lowest_m, LOWEST_SIGMA_M), PUBLISHED))
+    for name, chosen, options in ways:
+        try:
+            row = mapped(one, known, chosen, options, tracks=tracks)
+        except SavmapError as error:
+            scores[name], result[name] = nothing(one.survey), {**score_json(nothing(one.survey)), "error": str(error)}
+            continue
+        scores[name] = row.score
+        result[name] = {
+            **score_json(row.score),
+            "seconds": tracking + row.seconds,
+            "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+            "report": dict(row.solution.report),
+        }
+    return scores, result
+
+
+def nothing(survey: Mapping[str, Any]) -> Score:
+    """The score of a row that was not mapped."""
+    beams = sum(len(section["beams"]) for section in survey["sections"])
+    return Score(missing={"upright": len(survey["uprights"]), "beam": beams})
 
 
 def line(seed: int, result: Result) -> str:
     """One row of the table."""
-    ours = result["ours"]
-    wrong = f"{sum(ours['missing'].values()):8d} {sum(ours['spurious'].values()):9d}"
-    theirs = f"{100 * result['published']['mae_m']:13.2f}" if "published" in result else "       failed"
-    return (
-        f"{seed:5d} {wrong} {100 * ours['mae_m']:8.2f} {theirs} {result['seconds']:8.1f} {1e3 * result['peak_gb']:6.0f}"
-    )
+    cells = []
+    for name in METHODS:
+        own = result[name]
+        if "error" in own:
+            cells.append(f" {own['error'][:60]:>42}")
+            continue
+        wrong = f"{sum(own['missing'].values()):8d} {sum(own['spurious'].values()):9d}"
+        cells.append(f"{wrong} {100 * own['mae_m']:8.2f} {own['seconds']:8.1f} {1e3 * own['peak_gb']:6.0f}")
+    return f"{seed:5d}" + "".join(cells)
 
 
 def main() -> None:
@@ -74,7 +88,8 @@ def main() -> None:
     arguments = parser.parse_args()
     results: dict[int, Result] = {}
     scores: dict[str, list[Score]] = {name: [] for name in METHODS}
-    print("  row  missing  spurious  ours cm  published cm  seconds     MB", flush=True)
+    head = " missing  spurious   MAE cm  seconds     MB"
+    print(f"{'':5}{'ours':>43}{'published':>43}\n  row{head}{head}", flush=True)
     seeds = range(arguments.first, arguments.first + arguments.rows)
     tasks = [(seed, arguments.sections, arguments.frames_a_section) for seed in seeds]
     with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as workers:

@@ -19,14 +19,16 @@ from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.scene import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
+from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.describe import describe
 from savmap_shelves.evaluate import evaluate
 from savmap_shelves.observed import observed_features
 from savmap_shelves.tracking import track_structures
 
-VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=157.3)
-"""640x480, 150 degrees from top to bottom: 2.3 cm a pixel at 1.5 m (paper, section IV.A)."""
+VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)
+"""640x480 and 150 degrees (paper, section IV.A): 1.75 cm a pixel at 1.5 m."""
+ESTIMATED = BiasSettings(1.0, 0.25, 0.05, "estimated")
 FACING = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
 HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M, WIDTH_SIGMA_M = 0.02, 0.002, 0.003, 0.001
 PROFILES = (

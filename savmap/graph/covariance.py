@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix
+from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from savmap.errors import SolveError
@@ -26,7 +26,7 @@ class Shared:
     (k,) now, and the standard deviations (k,) of their prior, which is about 0. Those that are not `free` (k,) are not
     estimated: what they may be spreads to the others (Schmidt's consider parameters)."""
 
-    columns: Floats
+    columns: csc_array
     value: Floats
     prior: Floats
     free: Bools
@@ -108,9 +108,9 @@ def _information(
     right = np.bincount(rows[~kept], entries[2][~kept], minlength=height)
     if shared is None or not len(shared.prior):
         return (jacobian.T @ jacobian).tocsc(), jacobian.T @ right, slots
-    columns = np.concatenate([np.zeros((height - len(shared.columns), len(shared.prior))), shared.columns])
+    above = csc_array((height - shared.columns.shape[0], len(shared.prior)))
     prior = np.diag(1 / shared.prior)
-    whole = block_array([[jacobian, csc_array(columns)], [None, csc_array(prior)]], format="csc")
+    whole = block_array([[jacobian, vstack([above, shared.columns])], [None, csc_array(prior)]], format="csc")
     right = np.concatenate([right, -prior @ shared.value])
     return csc_matrix(whole.T @ whole), whole.T @ right, slots
 

@@ -63,19 +63,18 @@ def conclude(
             "variance_inflation": inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
-            **dict(_biases(bias, covariance)),
+            **dict(_biases(problem, bias, covariance)),
         },
         keys={room.room: room.keys for room in problem.rooms},
         covariance=covariance,
     )
 
 
-def _biases(bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
-    """Biases that observations have in common, with their standard deviations."""
-    if len(covariance.shared):
-        for number, (value, sigma) in enumerate(zip(bias, np.sqrt(np.diag(covariance.shared)), strict=True), 1):
-            yield f"bias {number}, px", float(value)
-            yield f"bias {number}, sigma px", float(sigma)
+def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
+    """Biases that were estimated, with their standard deviations."""
+    for number in np.flatnonzero(problem.observations.shared.free).tolist():
+        yield f"bias {number + 1}, px", float(bias[number])
+        yield f"bias {number + 1}, sigma px", float(np.sqrt(covariance.shared[number, number]))
 
 
 def _landmarks(

@@ -7,6 +7,7 @@ from typing import Literal
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
 from savmap.graph.covariance import Covariance, Shared, covariance
@@ -69,7 +70,7 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     """States, the last one being the answer: all observations at first, then those that fitted, freed of their biases."""
     huber = HUBER if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.observations), dtype=bool)
-    bias = np.zeros(len(problem.observations.bias_prior))
+    bias = np.zeros(len(problem.observations.shared.prior))
     for number in range(options.rounds):
         freed = problem.without(bias)
         factors = observation_factors(freed.observations.take(kept), huber=huber)
@@ -78,9 +79,9 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
         state = State(freed, bias, estimate, fit)
         yield state
         step = np.zeros(len(bias))
-        if problem.observations.bias_free.any() and number + 1 < options.rounds:
+        if problem.observations.shared.free.any() and number + 1 < options.rounds:
             joint = _covariance(state, fit.scale**2, huber)
-            moving = (np.abs(joint.step) > SETTLED_BIAS * np.sqrt(np.diag(joint.shared))).any()
+            moving = bool((np.abs(joint.step) > SETTLED_BIAS * np.sqrt(np.diag(joint.shared))).any())
             step = joint.step if moving else step
         if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
@@ -114,14 +115,18 @@ def _covariance(state: State, inflation: float, huber: float | None) -> Covarian
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
     columns = _bias_columns(observations, errors, inflation, huber)
-    shared = Shared(columns, state.bias, observations.bias_prior, observations.bias_free)
+    shared = Shared(columns, state.bias, observations.shared.prior, observations.shared.free)
     return covariance(graph, values_of(problem, estimate), frames, centres, shared)
 
 
-def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> Floats:
+def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> csc_array:
     """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
     whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * observations.covariances)), 1, 2)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
-    columns = np.sqrt(weight)[:, None, None] * (whiten @ observations.bias)
-    return columns.reshape(2 * len(columns), columns.shape[2])
+    shared = observations.shared
+    values = np.sqrt(weight)[:, None, None] * (whiten @ shared.moves)
+    rows = np.broadcast_to(np.arange(2 * len(values)).reshape(-1, 2, 1), values.shape)
+    columns = np.broadcast_to(shared.which[:, None, :], values.shape)
+    shape = (2 * len(values), len(shared.prior))
+    return csc_array(coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))

@@ -12,13 +12,12 @@ import numpy as np
 from savmap.errors import SiteError, StructureError
 from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, observe, pin, reference, tie
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
-from savmap_shelves.bias import bias_sigmas, mask_bias
+from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
+from savmap_shelves.places import Column, Row, column_of, is_foot, row_of
 from savmap_shelves.sharing import share_edges
 
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.05
-Column = tuple[int, str]
-Row = tuple[int, int, str]
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,7 @@ class GridSettings:
     The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
     face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
 
-    `mask_bias_sigma_px`: by how much masks may be too wide or too narrow everywhere (bias.py); `mask_bias`: whether sigmas
-    allow for it, or it is estimated, which takes a known width or much motion towards the face. `corners`: each with the
+    `bias`: how far masks may be too wide or too narrow. `corners`: each with the
     covariance of its two lines, or, as published, as points of 1 px, the uprights' own edges then serving only where
     no beam ends.
     """
@@ -39,14 +37,13 @@ class GridSettings:
     sigma_m: float = 0.002
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
-    mask_bias_sigma_px: float = 0.0
-    mask_bias: Literal["considered", "estimated"] = "considered"
+    bias: BiasSettings = BiasSettings()
     corners: Literal["lines", "points"] = "lines"
 
 
 def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) -> GridSettings:
     """The paper's: corners as points of 1 px, beams on the uprights' plane, masks believed."""
-    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, corners="points")
+    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, bias=NO_BIAS, corners="points")
 
 
 @dataclass(frozen=True)
@@ -88,9 +85,7 @@ def constrain(
             keys,
             facts.views,
             dof=dof,
-            bias=mask_bias(tracks, facts.views, start) if chosen.mask_bias_sigma_px else None,
-            bias_prior=bias_sigmas(chosen.mask_bias_sigma_px),
-            bias_free=chosen.mask_bias == "estimated",
+            shared=mask_biases((*shared, *feet), facts.views, start, chosen.bias),
         ),
         (
             *_grid_lines(grid, keys),
@@ -115,11 +110,6 @@ def _weighed(
     return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
 
 
-def is_foot(track: Track) -> bool:
-    """Whether a track is where an upright stands on the floor."""
-    return track.place.get("end") == "foot"
-
-
 def grid_of(tracks: Sequence[Track]) -> Grid:
     """Sort tracks into columns and rows by their place."""
     columns: dict[Column, list[str]] = {}
@@ -129,19 +119,6 @@ def grid_of(tracks: Sequence[Track]) -> Grid:
         if track.label == "beam":
             rows.setdefault(row_of(track), []).append(track.name)
     return Grid({key: tuple(columns[key]) for key in sorted(columns)}, {key: tuple(rows[key]) for key in sorted(rows)})
-
-
-def column_of(track: Track) -> Column:
-    """The upright's edge a track lies on: a beam ends at the right edge of its section's left upright and so on."""
-    if track.label == "upright":
-        return int(track.place["upright"]), str(track.place["side"])
-    section = int(track.place["section"])
-    return (section, "right") if track.place["side"] == "left" else (section + 1, "left")
-
-
-def row_of(track: Track) -> Row:
-    """The beam's edge a corner lies on."""
-    return int(track.place["section"]), int(track.place["beam"]), str(track.place["edge"])
 
 
 def _grid_lines(grid: Grid, keys: Mapping[str, int]) -> Iterator[Relation]:
