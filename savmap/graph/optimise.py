@@ -45,12 +45,14 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 
 @dataclass(frozen=True)
 class State:
-    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate and what fits it."""
+    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and by
+    what factor observations' variances are larger than they were thought to be."""
 
     problem: Problem
     bias: Floats
     estimate: Estimate
     fit: Fit
+    inflation: float
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -61,31 +63,38 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     last = [*_rounds(problem, start(problem, chosen.start), chosen)][-1]
     if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
-    inflation = last.fit.scale**2 * correlation(last.problem, last.fit)
-    joint = _covariance(last, inflation, None)
-    return conclude(last.problem, last.estimate, last.fit, joint, inflation, last.bias)
+    joint = _covariance(last, last.inflation, None)
+    return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias)
 
 
 def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[State]:
     """States, the last one being the answer: all observations at first, then those that fitted, freed of their biases."""
     huber = HUBER if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.observations), dtype=bool)
-    bias = np.zeros(len(problem.observations.shared.prior))
+    bias, weight = np.zeros(len(problem.observations.shared.prior)), 1.0
     for number in range(options.rounds):
         freed = problem.without(bias)
-        factors = observation_factors(freed.observations.take(kept), huber=huber)
+        factors = observation_factors(freed.observations.take(kept), weight, huber)
         estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
-        state = State(freed, bias, estimate, fit)
+        persistence = correlation(freed, fit)
+        weight = fit.scale**2 * persistence
+        state = State(freed, bias, estimate, fit, weight)
         yield state
-        step = np.zeros(len(bias))
-        if problem.observations.shared.free.any() and number + 1 < options.rounds:
-            joint = _covariance(state, fit.scale**2, huber)
-            moving = bool((np.abs(joint.step) > SETTLED_BIAS * np.sqrt(np.diag(joint.shared))).any())
-            step = joint.step if moving else step
+        huber = None if huber is None else HUBER / float(np.sqrt(persistence))
+        step = _bias_step(state, huber) if number + 1 < options.rounds else np.zeros(len(bias))
         if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
+
+
+def _bias_step(state: State, huber: float | None) -> Floats:
+    """What would bring the free biases (k,) to their optimum; zeros where that is near."""
+    if not state.problem.observations.shared.free.any():
+        return np.zeros(len(state.bias))
+    joint = _covariance(state, state.inflation, huber)
+    near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
+    return np.zeros(len(state.bias)) if near.all() else joint.step
 
 
 def _optimise(
