@@ -2,15 +2,17 @@
 
 from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
-from savmap.graph.observations import Observations, observe
-from savmap.graph.optimise import SolveOptions, solve
+from savmap.graph.observations import Biases, Observations, observe
+from savmap.graph.optimise import PUBLISHED, SolveOptions, solve
 from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, References, SurveyedPoint, gauge
 from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import published_start
 
 __all__ = [
+    "PUBLISHED",
     "TIGHT_M",
+    "Biases",
     "CameraHeight",
     "Constraints",
     "Frames",

@@ -8,23 +8,42 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from savmap.errors import SolveError
 from savmap.types import Floats, Ints
 
 CHUNK = 256
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Unknowns beside the graph's own that its last rows (r,) have in common: whitened derivatives (r, k), their value
+    (k,) now, and the standard deviations (k,) of their prior, which is about 0. Those that are not `free` (k,) are not
+    estimated: what they may be spreads to the others (Schmidt's consider parameters)."""
+
+    columns: csc_array
+    value: Floats
+    prior: Floats
+    free: Bools
 
 
 @dataclass(frozen=True)
 class Covariance:
-    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places."""
+    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places.
+
+    `shared` (k, k): covariance of the shared unknowns; `step` (k,): what would bring these to their optimum.
+    """
 
     keys: tuple[int, ...]
     points: Floats
     places: Floats
+    shared: Floats
+    step: Floats
 
     def of(self, keys: list[int]) -> Floats:
         """Joint covariance (3n, 3n) of some variables."""
@@ -34,16 +53,22 @@ class Covariance:
 
 
 def covariance(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, frames: list[int], centres: list[int]
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    frames: list[int],
+    centres: list[int],
+    shared: Shared | None = None,
 ) -> Covariance:
-    """From a graph without robust losses, at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
+    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
 
     Raises SolveError if the graph leaves a variable undetermined.
     """
-    information, slots = _information(graph, values, set(frames))
+    information, gradient, slots = _information(graph, values, set(frames), shared)
     inner = np.concatenate([slots[key] for key in sorted((*frames, *centres))])
     outer_keys = sorted(set(slots) - set(frames) - set(centres))
-    outer = np.concatenate([slots[key] for key in outer_keys])
+    count = 3 * len(outer_keys)
+    own = [slots[key] for key in outer_keys]
+    outer = np.concatenate([*own, np.arange(len(inner) + count, information.shape[0])])
     near = splu(information[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     cross = information[inner][:, outer].tocsc()
     position = np.empty(information.shape[0], np.int64)
@@ -55,18 +80,20 @@ def covariance(
         columns = near.solve(cross[:, part].toarray())
         schur[:, part] -= cross.T @ columns
         solved[:, part] = columns[wanted]
-    points = _inverse((schur + schur.T) / 2)
-    own = np.concatenate(
+    right = gradient[outer] - cross.T @ near.solve(gradient[inner])
+    joint, step = _joint((schur + schur.T) / 2, right, shared)
+    alone = np.concatenate(
         [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
     )
-    places = own + np.einsum("ij,ij->i", solved @ points, solved)
-    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3))
+    places = alone + np.einsum("ij,ij->i", solved @ joint, solved)
+    points, biases = joint[:count, :count], joint[count:, count:]
+    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3), biases, step[count:])
 
 
 def _information(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int]
-) -> tuple[csc_matrix, dict[int, Ints]]:
-    """Information matrix, and the rows of each key in it: keys are laid out in order."""
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: Shared | None
+) -> tuple[csc_matrix, Floats, dict[int, Ints]]:
+    """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones last."""
     entries = graph.linearize(values).sparseJacobian_()
     rows, cols = entries[:2].astype(np.int64) - 1
     slots: dict[int, Ints] = {}
@@ -76,8 +103,39 @@ def _information(
         slots[key] = np.arange(size, size + width)
         size += width
     kept = cols < size
-    jacobian = coo_matrix((entries[2][kept], (rows[kept], cols[kept])), shape=(int(rows.max()) + 1, size)).tocsc()
-    return (jacobian.T @ jacobian).tocsc(), slots
+    height = int(rows.max()) + 1
+    jacobian = coo_matrix((entries[2][kept], (rows[kept], cols[kept])), shape=(height, size)).tocsc()
+    right = np.bincount(rows[~kept], entries[2][~kept], minlength=height)
+    if shared is None or not len(shared.prior):
+        return (jacobian.T @ jacobian).tocsc(), jacobian.T @ right, slots
+    above = csc_array((height - shared.columns.shape[0], len(shared.prior)))
+    prior = np.diag(1 / shared.prior)
+    whole = block_array([[jacobian, vstack([above, shared.columns])], [None, csc_array(prior)]], format="csc")
+    right = np.concatenate([right, -prior @ shared.value])
+    return csc_matrix(whole.T @ whole), whole.T @ right, slots
+
+
+def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats]:
+    """Covariance (n, n) of all unknowns, shared ones last, and the step (n,) to their optimum.
+
+    Shared ones that are not free keep their prior, and the others' estimates follow them.
+    """
+    fixed = np.zeros(len(information), np.bool_)
+    if shared is not None and len(shared.free):
+        fixed[-len(shared.free) :] = ~shared.free
+    free = ~fixed
+    joint, step = np.zeros_like(information), np.zeros(len(information))
+    own = _inverse(information[np.ix_(free, free)])
+    joint[np.ix_(free, free)] = own
+    step[free] = own @ right[free]
+    if shared is not None and fixed.any():
+        prior = np.diag(shared.prior[~shared.free] ** 2)
+        follow = -own @ information[np.ix_(free, fixed)]
+        joint[np.ix_(free, free)] += follow @ prior @ follow.T
+        joint[np.ix_(free, fixed)] = follow @ prior
+        joint[np.ix_(fixed, free)] = prior @ follow.T
+        joint[np.ix_(fixed, fixed)] = prior
+    return joint, step
 
 
 def _inverse(matrix: Floats) -> Floats:

@@ -24,13 +24,15 @@ MOTION_M = 0.5
 HELD_M, HELD_RAD = 1e-4, 1e-5
 
 
-def observation_factors(observations: Observations, inflation: float | None = None) -> list[gtsam.NonlinearFactor]:
-    """One projection factor an observation, with its full covariance, in Huber's loss; if `inflation` is given, without the
-    loss and with that times the covariance."""
+def observation_factors(
+    observations: Observations, inflation: float = 1.0, huber: float | None = HUBER
+) -> list[gtsam.NonlinearFactor]:
+    """One projection factor an observation, with `inflation` times its full covariance, in Huber's loss unless `huber` is
+    None."""
     lenses = [_calibration(spec.camera) for spec in observations.views]
     mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in observations.views]
     poses = {frame: frame_key(frame) for frame in np.unique(observations.frames).tolist()}
-    loss = gtsam.noiseModel.mEstimator.Huber.Create(HUBER)
+    loss = gtsam.noiseModel.mEstimator.Huber.Create(huber) if huber is not None else None
     rows = zip(
         observations.pixels,
         observations.covariances,
@@ -41,8 +43,8 @@ def observation_factors(observations: Observations, inflation: float | None = No
     )
     made: list[gtsam.NonlinearFactor] = []
     for pixel, covariance, frame, key, view in rows:
-        plain = gtsam.noiseModel.Gaussian.Covariance(covariance * (inflation or 1.0))
-        noise = gtsam.noiseModel.Robust.Create(loss, plain) if inflation is None else plain
+        plain = gtsam.noiseModel.Gaussian.Covariance(covariance * inflation)
+        noise = gtsam.noiseModel.Robust.Create(loss, plain) if loss is not None else plain
         made.append(
             gtsam.GenericProjectionFactorCal3_S2(
                 pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]

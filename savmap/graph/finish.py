@@ -45,6 +45,7 @@ def conclude(
     fit: Fit,
     covariance: Covariance,
     inflation: float,
+    bias: Floats,
     notes: tuple[str, ...] = (),
 ) -> Solution:
     """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
@@ -68,10 +69,18 @@ def conclude(
             "variance_inflation": inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
+            **dict(_biases(problem, bias, covariance)),
         },
         keys={room.room: room.keys for room in problem.rooms},
         covariance=covariance,
     )
+
+
+def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
+    """Biases that were estimated, with their standard deviations."""
+    for number in np.flatnonzero(problem.observations.shared.free).tolist():
+        yield f"bias {number + 1}, px", float(bias[number])
+        yield f"bias {number + 1}, sigma px", float(np.sqrt(covariance.shared[number, number]))
 
 
 def _landmarks(

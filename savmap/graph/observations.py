@@ -1,7 +1,7 @@
 """Observed pixels as arrays: what the projection factors are made of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,42 @@ from savmap.types import Floats, Ints, Track, ViewSpec
 
 
 @dataclass(frozen=True)
+class Biases:
+    """k unknown biases, px, of which each of n observations has up to s: `which` (n, s), and how it moves with them
+    (n, 2, s), 0 where there is none.
+
+    `prior` (k,): their standard deviations; `free` (k,): which are estimated. The others are taken for 0, and sigmas allow
+    for them.
+    """
+
+    which: Ints
+    moves: Floats
+    prior: Floats
+    free: NDArray[np.bool_]
+
+    def take(self, chosen: NDArray[np.bool_]) -> "Biases":
+        """Of the observations where a mask (n,) is true."""
+        return replace(self, which=self.which[chosen], moves=self.moves[chosen])
+
+    def moved(self, values: Floats) -> Floats:
+        """How far (n, 2) px biases (k,) move the observations."""
+        if not len(values):
+            return np.zeros((len(self.which), 2))
+        return np.asarray(np.einsum("nis,ns->ni", self.moves, values[self.which]))
+
+
+def no_biases(count: int) -> Biases:
+    """Observations (count,) without biases."""
+    none = np.zeros(0)
+    return Biases(np.zeros((count, 0), np.int64), np.zeros((count, 2, 0)), none, none.astype(np.bool_))
+
+
+@dataclass(frozen=True)
 class Observations:
     """Landmark `keys` (n,) seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
 
     `dof` (n,) is how many equations an observation is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
+    `shared`: biases that observations have in common.
     """
 
     frames: Ints
@@ -23,6 +55,7 @@ class Observations:
     covariances: Floats
     dof: Floats
     views: tuple[ViewSpec, ...]
+    shared: "Biases"
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -37,7 +70,12 @@ class Observations:
             self.covariances[chosen],
             self.dof[chosen],
             self.views,
+            self.shared.take(chosen),
         )
+
+    def without(self, bias: Floats) -> "Observations":
+        """The observations freed of biases (k,) px."""
+        return replace(self, pixels=self.pixels - self.shared.moved(bias))
 
 
 @dataclass(frozen=True)
@@ -68,9 +106,11 @@ def observe(
     views: Mapping[str, ViewSpec],
     weights: Mapping[str, float] | None = None,
     dof: Mapping[str, Floats] | None = None,
+    shared: Biases | None = None,
 ) -> Observations:
     """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
-    `dof` (by track, one each observation) need only be given where it is not plain from the covariance."""
+    `dof` (by track, one each observation) need only be given where it is not plain from the covariance; `shared`: their biases, in
+    the tracks' order."""
     number = {name: index for index, name in enumerate(views)}
     worth = dof or {}
     return Observations(
@@ -83,6 +123,7 @@ def observe(
         ),
         np.concatenate([np.zeros(0), *(worth.get(track.name, plain_dof(track.covariances)) for track in tracks)]),
         tuple(views.values()),
+        shared or no_biases(sum(len(track.frames) for track in tracks)),
     )
 
 
@@ -103,6 +144,22 @@ def join(parts: Sequence[Observations]) -> Observations:
         np.concatenate([part.covariances for part in parts]),
         np.concatenate([part.dof for part in parts]),
         tuple(spec for part in parts for spec in part.views),
+        _joined_biases([part.shared for part in parts]),
+    )
+
+
+def _joined_biases(parts: Sequence[Biases]) -> Biases:
+    """Those of several rooms in one: each room has its own."""
+    slots = max((part.which.shape[1] for part in parts), default=0)
+    first = np.cumsum([0, *(len(part.prior) for part in parts)]).tolist()
+    wider = [slots - part.which.shape[1] for part in parts]
+    return Biases(
+        np.concatenate(
+            [np.pad(p.which + at, ((0, 0), (0, more))) for p, at, more in zip(parts, first, wider, strict=False)]
+        ),
+        np.concatenate([np.pad(p.moves, ((0, 0), (0, 0), (0, more))) for p, more in zip(parts, wider, strict=True)]),
+        np.concatenate([part.prior for part in parts]),
+        np.concatenate([part.free for part in parts]),
     )
 
 

@@ -7,31 +7,52 @@ from typing import Literal
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
-from savmap.graph.covariance import Covariance, covariance
-from savmap.graph.factors import estimate_of, observation_factors, other_factors, values_of
+from savmap.graph.covariance import Covariance, Shared, covariance
+from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
 from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit, correlation, fit_of
 from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, start
+from savmap.types import Floats
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
+SETTLED_BIAS = 0.1
 ROUGH, FINE = 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """`start`: linear equations, or as published. An observation more than `reject_sigma` off is left out, in at most
-    `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+    """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. An observation more than
+    `reject_sigma` off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
 
     start: Literal["linear", "published"] = "linear"
+    loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
+
+
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100)
+"""Plain least squares from the published start, every observation believed (paper, section III.E)."""
+
+
+@dataclass(frozen=True)
+class State:
+    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and by
+    what factor observations' variances are larger than they were thought to be."""
+
+    problem: Problem
+    bias: Floats
+    estimate: Estimate
+    fit: Fit
+    inflation: float
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -40,27 +61,41 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
     begin = start(problem, chosen.start)
-    problem = begin.problem
-    estimate, fit = [*_rounds(problem, begin.estimate, chosen)][-1]
-    if not fit.kept.any():
+    last = [*_rounds(begin.problem, begin.estimate, chosen)][-1]
+    if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
-    inflation = fit.scale**2 * correlation(problem, fit)
-    found = _covariance(problem, estimate, fit.kept, inflation)
-    return conclude(problem, estimate, fit, found, inflation, begin.notes)
+    joint = _covariance(last, last.inflation, None)
+    return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias, begin.notes)
 
 
-def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[tuple[Estimate, Fit]]:
-    """Estimates and what fits them, the last one being the answer: all observations at first, then those that fitted."""
-    factors = observation_factors(problem.observations)
-    kept: Mask = np.ones(len(factors), dtype=bool)
+def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[State]:
+    """States, the last one being the answer: all observations at first, then those that fitted, freed of their biases."""
+    huber = HUBER if options.loss == "huber" else None
+    kept: Mask = np.ones(len(problem.observations), dtype=bool)
+    bias, weight = np.zeros(len(problem.observations.shared.prior)), 1.0
     for number in range(options.rounds):
-        chosen = [factors[index] for index in np.flatnonzero(kept)]
-        estimate = _optimise(problem, estimate, chosen, options.max_iterations, FINE if number else ROUGH)
-        fit = fit_of(problem, estimate, kept, options.reject_sigma)
-        yield estimate, fit
-        if number and (fit.kept != kept).sum() <= SETTLED * len(kept):
+        freed = problem.without(bias)
+        factors = observation_factors(freed.observations.take(kept), weight, huber)
+        estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
+        fit = fit_of(freed, estimate, kept, options.reject_sigma)
+        persistence = correlation(freed, fit)
+        weight = fit.scale**2 * persistence
+        state = State(freed, bias, estimate, fit, weight)
+        yield state
+        huber = None if huber is None else HUBER / float(np.sqrt(persistence))
+        step = _bias_step(state, huber) if number + 1 < options.rounds else np.zeros(len(bias))
+        if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
-        kept = fit.kept
+        kept, bias = fit.kept, bias + step
+
+
+def _bias_step(state: State, huber: float | None) -> Floats:
+    """What would bring the free biases (k,) to their optimum; zeros where that is near."""
+    if not state.problem.observations.shared.free.any():
+        return np.zeros(len(state.bias))
+    joint = _covariance(state, state.inflation, huber)
+    near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
+    return np.zeros(len(state.bias)) if near.all() else joint.step
 
 
 def _optimise(
@@ -80,10 +115,28 @@ def _optimise(
     return estimate_of(problem, values, estimate)
 
 
-def _covariance(problem: Problem, estimate: Estimate, kept: Mask, inflation: float) -> Covariance:
+def _covariance(state: State, inflation: float, huber: float | None) -> Covariance:
+    problem, estimate = state.problem, state.estimate
+    observations = problem.observations.take(state.fit.kept)
     graph = other_factors(problem, estimate)
-    for factor in observation_factors(problem.observations.take(kept), inflation):
+    for factor in observation_factors(observations, inflation, huber):
         graph.push_back(factor)
     used = problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
-    return covariance(graph, values_of(problem, estimate), frames, centres)
+    errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
+    columns = _bias_columns(observations, errors, inflation, huber)
+    shared = Shared(columns, state.bias, observations.shared.prior, observations.shared.free)
+    return covariance(graph, values_of(problem, estimate), frames, centres, shared)
+
+
+def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> csc_array:
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
+    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * observations.covariances)), 1, 2)
+    size = np.linalg.norm(errors, axis=1)
+    weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
+    shared = observations.shared
+    values = np.sqrt(weight)[:, None, None] * (whiten @ shared.moves)
+    rows = np.broadcast_to(np.arange(2 * len(values)).reshape(-1, 2, 1), values.shape)
+    columns = np.broadcast_to(shared.which[:, None, :], values.shape)
+    shape = (2 * len(values), len(shared.prior))
+    return csc_array(coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))

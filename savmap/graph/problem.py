@@ -1,7 +1,7 @@
 """All rooms in one problem: names resolved, arrays laid out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
 
@@ -47,6 +47,10 @@ class Problem:
     def sight(self) -> Sight:
         """The observations' linear forms in the rig frame."""
         return sight(self.observations)
+
+    def without(self, bias: Floats) -> "Problem":
+        """The problem with observations freed of biases (k,) px."""
+        return replace(self, observations=self.observations.without(bias)) if len(bias) else self
 
     def index(self, key: int) -> int:
         """Place of a landmark's key in `keys`."""

@@ -11,7 +11,10 @@ from savmap.types import Floats
 
 MEDIAN_CHI2 = 0.55
 LEAST_SCALE = 0.5
-MOST_CORRELATION = 0.9
+LAGS = 30
+LEAST_RATE = 0.05
+LEAST_LEFT = 0.4
+MOST_INFLATION = 30.0
 
 
 @dataclass(frozen=True)
@@ -43,18 +46,32 @@ def _unknowns(problem: Problem) -> int:
 
 
 def correlation(problem: Problem, fit: Fit) -> float:
-    """Factor (>= 1) by which errors that persist from frame to frame raise variances: (1 + r) / (1 - r)."""
+    """Factor (>= 1) by which errors that persist from frame to frame raise variances: 1 + 2 (r_1 + r_2 + ...).
+
+    r_k are the errors' autocorrelations over k frames, summed until they vanish (Geyer's initial sequence). Residuals show
+    less of them than there is, for each point's place has taken up the mean of its errors: n observations whose mean is
+    taken away lose I / n in every r_k.
+    """
+    rates, count = _autocorrelation(problem, fit)
+    lags = int(np.argmax(np.append(rates, 0.0) < LEAST_RATE))
+    total = 2 * float(rates[:lags].sum())
+    taken_up = max(1 + (total - 2 * lags) / count, LEAST_LEFT)
+    return min((1 + total) / taken_up, MOST_INFLATION)
+
+
+def _autocorrelation(problem: Problem, fit: Fit) -> tuple[Floats, float]:
+    """Correlation (LAGS,) of a point's errors in frames 1, 2, ... apart, and the usual number of observations of a point."""
     observations = problem.observations
     order = np.lexsort((observations.frames, observations.view, observations.keys))
     order = order[fit.kept[order]]
-    before, after = order[:-1], order[1:]
-    same = (observations.keys[before] == observations.keys[after]) & (
-        observations.view[before] == observations.view[after]
-    )
-    near = same & (observations.frames[after] - observations.frames[before] == 1)
-    if not near.any():
-        return 1.0
-    a, b = fit.errors[before[near]], fit.errors[after[near]]
-    rate = float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum()))
-    rate = min(max(rate, 0.0), MOST_CORRELATION)
-    return (1 + rate) / (1 - rate)
+    both, squares = np.zeros(LAGS + 1), np.zeros(LAGS + 1)
+    for shift in range(1, LAGS + 1):
+        a, b = order[:-shift], order[shift:]
+        apart = observations.frames[b] - observations.frames[a]
+        same = (observations.keys[a] == observations.keys[b]) & (observations.view[a] == observations.view[b])
+        near = same & (apart <= LAGS) & (apart > 0)
+        one, other = fit.errors[a[near]], fit.errors[b[near]]
+        both += np.bincount(apart[near], (one * other).sum(axis=1), LAGS + 1)
+        squares += np.bincount(apart[near], ((one**2).sum(axis=1) + (other**2).sum(axis=1)) / 2, LAGS + 1)
+    seen = np.bincount(problem.at_key[order])
+    return both[1:] / np.maximum(squares[1:], 1e-9), float(np.mean(seen[seen > 0])) if len(order) else 1.0

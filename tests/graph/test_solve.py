@@ -81,7 +81,7 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = start(problem, "linear").estimate
     graph = other_factors(problem, estimate)
-    for factor in observation_factors(problem.observations, 1.5):
+    for factor in observation_factors(problem.observations, 1.5, None):
         graph.push_back(factor)
     values = values_of(problem, estimate)
     used = problem.used.tolist()

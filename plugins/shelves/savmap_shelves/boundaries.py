@@ -74,7 +74,7 @@ def extract_features(
         kept = np.flatnonzero(separators.kept)
         uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
         separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
-    return [*_upright_edges(frame, separators), *_beam_features(frame, beams, separators)]
+    return [*upright_edges(frame, separators), *beam_features(frame, beams, separators)]
 
 
 def _class_mask(
@@ -124,6 +124,12 @@ def _beams(frame: Frame, detections: Sequence[Detection], separators: Separators
     cell = _cells(runs, separators.strips)
     inside = cell >= 0
     strips = strips_of(runs[inside], part[inside], cell[inside], found[1], settings)
+    return sorted_beams(frame, strips, separators)
+
+
+def sorted_beams(frame: Frame, strips: Strips, separators: Separators) -> Strips:
+    """Those that may be beams, section by section from the left, each from the top."""
+    settings = frame.settings
     long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
     strips = strips[long & strips.two_edged]
     strips = paralleled(strips[~askew(strips, (frame.width, frame.height), settings)], settings)
@@ -152,7 +158,8 @@ def _cells(runs: Runs, separators: Strips) -> Ints:
     return np.where(covered, -1, (column > (left + right) / 2).sum(axis=1))
 
 
-def _upright_edges(frame: Frame, separators: Separators) -> Iterator[Feature]:
+def upright_edges(frame: Frame, separators: Separators) -> Iterator[Feature]:
+    """Features of the uprights that are to be reported."""
     strips = separators.strips[separators.kept]
     borders = np.broadcast_to([-0.5, frame.height - 0.5], (len(strips), 2))
     for part, lines in (("left", strips.upper), ("right", strips.lower)):
@@ -187,7 +194,8 @@ def _line_ends(lines: Lines, u: Floats, frame: Frame) -> tuple[Floats, Floats]:
     return column.at(u), stretch[:, None] + variance[..., None, None] * squeeze[:, None]
 
 
-def _beam_features(frame: Frame, beams: Strips, separators: Separators) -> Iterator[Feature]:
+def beam_features(frame: Frame, beams: Strips, separators: Separators) -> Iterator[Feature]:
+    """Features of beams, which `sorted_beams` gives."""
     instance = np.append(separators.instance, -1)
     left, right = instance[beams.cell - 1], instance[np.minimum(beams.cell, len(instance) - 1)]
     uprights = separators.strips[separators.kept]

@@ -4,20 +4,21 @@ World frame of the row; x = 0 at the left edge of the first upright.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, observe, pin, reference, tie
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
+from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
 from savmap_shelves.heights import assignments
+from savmap_shelves.places import Column, Row, column_of, is_foot, row_of
 from savmap_shelves.sharing import share_edges
 
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.05
-Column = tuple[int, str]
-Row = tuple[int, int, str]
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,23 @@ class GridSettings:
 
     The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
     face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
+
+    `bias`: how far masks may be too wide or too narrow. `corners`: each with the
+    covariance of its two lines, or, as published, as points of 1 px, the uprights' own edges then serving only where
+    no beam ends.
     """
 
     lowest_beam_bottom_height_m: float | Sequence[float] | None = None
     sigma_m: float = 0.002
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
+    bias: BiasSettings = BiasSettings()
+    corners: Literal["lines", "points"] = "lines"
+
+
+def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) -> GridSettings:
+    """The paper's: corners as points of 1 px, beams on the uprights' plane, masks believed."""
+    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, bias=NO_BIAS, corners="points")
 
 
 @dataclass(frozen=True)
@@ -63,16 +75,20 @@ def constrain(
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
-    shared, dof = share_edges(
-        tracks, facts.views, start, apart=chosen.beam_setback_m != 0 or chosen.beam_setback_sigma_m > 0
-    )
+    shared, dof = _weighed(tracks, grid, facts, start, chosen)
     keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
     initial = published_grid(tracks, grid, start, chosen)
     ways = _heights(grid, keys, chosen, facts.name)
     return Constraints(
         room,
         keys,
-        observe((*shared, *feet), keys, facts.views, dof=dof),
+        observe(
+            (*shared, *feet),
+            keys,
+            facts.views,
+            dof=dof,
+            shared=mask_biases((*shared, *feet), facts.views, start, chosen.bias),
+        ),
         (
             *_grid_lines(grid, keys),
             *_plane(tracks, keys, chosen),
@@ -85,9 +101,16 @@ def constrain(
     )
 
 
-def is_foot(track: Track) -> bool:
-    """Whether a track is where an upright stands on the floor."""
-    return track.place.get("end") == "foot"
+def _weighed(
+    tracks: Sequence[Track], grid: Grid, facts: RowFacts, start: Trajectory, settings: GridSettings
+) -> tuple[list[Track], dict[str, Floats]]:
+    """Tracks with the covariances that the solve is to believe, and what each observation is worth where that is not plain."""
+    if settings.corners == "lines":
+        apart = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
+        return share_edges(tracks, facts.views, start, apart=apart)
+    points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
+    bare = {column for column, names in grid.columns.items() if not any(n.startswith("section") for n in names)}
+    return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
 
 
 def grid_of(tracks: Sequence[Track]) -> Grid:
@@ -99,19 +122,6 @@ def grid_of(tracks: Sequence[Track]) -> Grid:
         if track.label == "beam":
             rows.setdefault(row_of(track), []).append(track.name)
     return Grid({key: tuple(columns[key]) for key in sorted(columns)}, {key: tuple(rows[key]) for key in sorted(rows)})
-
-
-def column_of(track: Track) -> Column:
-    """The upright's edge a track lies on: a beam ends at the right edge of its section's left upright and so on."""
-    if track.label == "upright":
-        return int(track.place["upright"]), str(track.place["side"])
-    section = int(track.place["section"])
-    return (section, "right") if track.place["side"] == "left" else (section + 1, "left")
-
-
-def row_of(track: Track) -> Row:
-    """The beam's edge a corner lies on."""
-    return int(track.place["section"]), int(track.place["beam"]), str(track.place["edge"])
 
 
 def _grid_lines(grid: Grid, keys: Mapping[str, int]) -> Iterator[Relation]:

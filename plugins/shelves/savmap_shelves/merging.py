@@ -27,7 +27,7 @@ def strips_of(runs: Runs, part: Ints, cell: Ints, probability: Probability, sett
         numbers, merged = np.unique(group, return_inverse=True)
         borders = replace(borders, part=merged[borders.part])
         strips = fitted(borders, strips.cell[numbers], settings)
-    return _longest_only(steadied(strips, borders, settings))
+    return longest_only(steadied(strips, borders, settings))
 
 
 def _grouped(pieces: Strips, settings: BoundarySettings) -> Ints:
@@ -57,7 +57,7 @@ def _continues(pieces: Strips, settings: BoundarySettings) -> Bools:
     return np.asarray(in_line & ~_side_by_side(pieces))
 
 
-def _longest_only(strips: Strips) -> Strips:
+def longest_only(strips: Strips) -> Strips:
     """Strips without those that overlap longer ones (paper: keep only the longest)."""
     first, last = _common_span(strips)
     upper, lower = (lines.column.at((first + last) / 2) for lines in (strips.upper, strips.lower))

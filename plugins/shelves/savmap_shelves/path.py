@@ -19,6 +19,7 @@ from savmap_shelves.uprights import Uprights, find_uprights
 
 RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
 DOUBT, SLIP_DOUBT = 2.0, 8.0
+LONGEST = 20.0
 GAPS, UNSEEN, RISE_DOUBT = (1, 2, 4), 0.05, 0.02
 
 
@@ -31,14 +32,28 @@ class Odometry:
 
 
 def odometry(views: Sequence[Glance], facts: RowFacts, frames: Ints, spacing: float) -> Odometry:
-    """The way between the frames of one pass. spacing: of the uprights, as a tangent."""
-    times = np.diff(facts.frames.stamps_s[frames])
-    usual = float(np.median(times)) if len(times) else 0.0
-    times = np.clip(times / usual, 0.2, 5.0) if usual > 0 else np.ones(len(times))
-    own = [views[frame] for frame in frames]
+    """The way between the frames of one pass. spacing: of the uprights, as a tangent.
+
+    Frames that show nothing are passed over: those on either side are laid on one another, at the pace of the others.
+    """
+    stamps = facts.frames.stamps_s[frames]
+    usual = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    seeing = np.flatnonzero([len(views[frame].kind) > 0 for frame in frames])
+    times = np.clip(np.diff(stamps[seeing]) / usual, 0.2, LONGEST) if usual > 0 else np.ones(max(len(seeing) - 1, 0))
+    own = [views[frame] for frame in frames[seeing]]
     reach = float(np.clip(0.6 * spacing, 0.4, 1.5))
     moved = shifts(own, times, reach, int(facts.travel.get(facts.frames.passes[frames[0]], 0)))
-    return Odometry(frames, steps_between(own, moved))
+    return Odometry(frames, _in_parts(steps_between(own, moved), seeing, len(frames)))
+
+
+def _in_parts(steps: Floats, seeing: Ints, count: int) -> Floats:
+    """Steps (count - 1, 3) between all frames, equal ones where a step (n - 1, 3) passes over some; none beyond the ends."""
+    whole = np.tile([1.0, 0.0, 0.0], (max(count - 1, 0), 1))
+    for (ratio, slide, rise), first, last in zip(steps, seeing[:-1], seeing[1:], strict=True):
+        part = ratio ** (1 / (last - first))
+        share = 1 / (part ** np.arange(last - first)).sum()
+        whole[first:last] = (part, slide * share, rise * share)
+    return whole
 
 
 def along_uprights(

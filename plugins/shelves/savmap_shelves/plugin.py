@@ -67,6 +67,7 @@ class Shelves:
 
     @hookimpl
     def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
+        from savmap_shelves.bias import PICTURES
         from savmap_shelves.constraints import GridSettings, constrain
 
         known = self.config.lowest_beam_bottom_height_m
@@ -74,6 +75,7 @@ class Shelves:
             lowest_beam_bottom_height_m=known.values if known else None,
             sigma_m=known.sigma if known else 0.002,
             beam_setback_m=self.config.beam_setback_m,
+            bias=PICTURES,
         )
         return constrain(tracks, facts, start, room=self.name, settings=settings)
 

@@ -27,7 +27,7 @@ def share_edges(
         if track.label == "beam":
             alone = np.array([corners[slot] for slot in slots])
             count = np.where(with_ends, alone * (APART if apart else 2.0), alone)
-            shared.append(_stretched(track, count, _directions(track, views, start)))
+            shared.append(_stretched(track, count, directions(track, views, start)))
             worth[track.name] = 1.0 + 1.0 / count
         else:
             count = np.array([2.0 if slot in corners and not apart else 1.0 for slot in slots])
@@ -57,7 +57,7 @@ def _counts(tracks: Sequence[Track]) -> tuple[dict[tuple[int, str, str], int], d
     return corners, ends
 
 
-def _directions(track: Track, views: Mapping[str, ViewSpec], start: Trajectory) -> Floats:
+def directions(track: Track, views: Mapping[str, ViewSpec], start: Trajectory) -> Floats:
     """Image directions (n, 2, 2), as columns: along the world's x axis, then along y, at each observed pixel.
 
     A frame that the start lacks takes the attitude of the next one it has: a few degrees do not matter here.

@@ -1,0 +1,183 @@
+"""Rows at observation level: a scene of the paper's size, masks' edges with their errors, and the way from there to a map.
+
+Shared by observed.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's own.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from savmap.engine import Row, attitudes_of, first_path
+from savmap.evaluation import Score
+from savmap.graph import CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
+from savmap.observe import Observations
+from savmap.sim.build import Built, build
+from savmap.sim.camera import Drive, drive
+from savmap.sim.observations import MaskErrors, observe
+from savmap.sim.scene import parse_scene
+from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
+from savmap_shelves.bias import BiasSettings
+from savmap_shelves.constraints import GridSettings, constrain
+from savmap_shelves.describe import describe
+from savmap_shelves.evaluate import evaluate
+from savmap_shelves.observed import observed_features
+from savmap_shelves.tracking import track_structures
+
+VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)
+"""640x480 and 150 degrees (paper, section IV.A): 1.75 cm a pixel at 1.5 m."""
+ESTIMATED = BiasSettings(1.0, 0.25, 0.05, "estimated")
+FACING = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
+HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M, WIDTH_SIGMA_M = 0.02, 0.002, 0.003, 0.001
+PROFILES = (
+    ("upright 2 / left", "upright 2 / right"),
+    ("section 2 / beam 2 / lower", "section 2 / beam 2 / upper"),
+)
+
+
+@dataclass(frozen=True)
+class Made:
+    """A row that was driven past: the scene, the drive, what was seen."""
+
+    built: Built
+    path: Drive
+    seen: Observations
+
+    @property
+    def survey(self) -> Mapping[str, Any]:
+        row: Mapping[str, Any] = self.built.survey["rows"]["A"]
+        return row
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the user measured: references for the solve, and the heights of the lowest beams' bottom edges (or None)."""
+
+    references: References
+    lowest_m: tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A row's map: tracks, solution, structures, score, and the seconds that tracking and solving took."""
+
+    tracks: list[Track]
+    solution: Solution
+    structures: list[Structure]
+    score: Score
+    seconds: float
+
+
+def rack(rng: np.random.Generator, sections: int, levels: tuple[int, int], bridge: bool = True) -> dict[str, Any]:
+    """A rack 7 m high of sections 3.55 m wide, with a bridge section in the middle."""
+    bays = []
+    for number in range(sections):
+        count = int(rng.integers(levels[0], levels[1] + 1))
+        pitch = 6.6 / count
+        bottoms = rng.uniform(0.12, 0.4) + pitch * np.arange(count) + rng.uniform(-0.04, 0.04, count)
+        if bridge and number == sections // 2:
+            bottoms = bottoms[bottoms > 2.6]
+        bays.append({"width": float(rng.normal(3.55, 0.005)), "beams": bottoms.round(4).tolist()})
+    return {"upright_width": 0.1, "beam_height": 0.1, "height": 7.2, "bays": bays, "labels": 0.0, "bracing": False}
+
+
+def made(
+    seed: int,
+    errors: MaskErrors,
+    sections: int = 15,
+    levels: tuple[int, int] = (5, 11),
+    frames_a_section: int = 20,
+    sigma_px: float | None = None,
+) -> Made:
+    """A random row and what a camera saw that was pushed along it once, 1.5 m away and 3 m high."""
+    rng = np.random.default_rng([seed, 46])
+    own = rack(rng, sections, levels)
+    length = sum(bay["width"] + 0.1 for bay in own["bays"]) + 0.1
+    cart = {
+        "start": [-1.0, 1.5],
+        "end": [length + 1.0, 1.5],
+        "height": float(rng.normal(3.0, 0.02)),
+        "frames": frames_a_section * (sections + 1),
+        "sway": 0.06,
+        "speed_variation": 0.3,
+    }
+    hall = {"x": [-8.0, length + 8.0], "z": [-4.0, 5.0], "height": 9.0}
+    scene = parse_scene(
+        {
+            "seed": seed,
+            "hall": hall,
+            "goods": {"density": 0.0},
+            "cart": cart,
+            "rows": {"A": {"x": 0.0, "z": 0.0}},
+            "structures": {"shelves": {"rows": {"A": own}}},
+        }
+    )
+    built = build(scene)
+    path = drive(scene.cart, seed)
+    edges = observe(built, "A", path, VIEW, errors, seed)
+    nominal = max(errors.sigma_px, 0.3) if sigma_px is None else sigma_px
+    features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
+    table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
+    facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
+    seen = Observations(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), ())
+    return Made(built, path, seen)
+
+
+def given(
+    one: Made, rng: np.random.Generator, length: bool = True, profiles: bool = True, exact: bool = False
+) -> Given:
+    """References off by their own sigmas: camera height, the lowest edges, and, if asked for, the row's length and the
+    widths of one upright and of one beam."""
+    off = 0.0 if exact else 1.0
+    height = float(one.path.origins[:, 1].mean()) + off * rng.normal(0, HEIGHT_SIGMA_M)
+    uprights = one.survey["uprights"]
+    span = uprights[-1][1] - uprights[0][0] + off * rng.normal(0, LENGTH_SIGMA_M)
+    ends = ("upright 1 / left", f"upright {len(uprights)} / right")
+    lengths: tuple[KnownLength, ...] = (KnownLength(*ends, span, LENGTH_SIGMA_M),) if length else ()
+    if profiles:
+        lengths += tuple(
+            KnownLength(*ends, 0.1 + off * rng.normal(0, WIDTH_SIGMA_M), WIDTH_SIGMA_M) for ends in PROFILES
+        )
+    lowest = [float(s["beams"][0][0] + off * rng.normal(0, LOWEST_SIGMA_M)) for s in one.survey["sections"]]
+    return Given(References((CameraHeight(height, HEIGHT_SIGMA_M, 0.02),), lengths), tuple(lowest))
+
+
+def start_of(one: Made, known: Given, truth: bool = False) -> Trajectory:
+    """The engine's first path, or the true one."""
+    if truth:
+        return Trajectory(np.arange(len(one.path.origins)), true_poses(one))
+    travel = float(np.ptp(one.path.origins[:, 0]))
+    return first_path(Row("A", (), known.references, round(travel, 0)), one.seen)
+
+
+def true_poses(one: Made) -> Floats:
+    """world_from_rig (n, 4, 4)."""
+    poses = np.tile(np.eye(4), (len(one.path.origins), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = one.path.world_from_rig, one.path.origins
+    return poses
+
+
+def tracked(one: Made) -> list[Track]:
+    """The plugin's tracks."""
+    return track_structures(one.seen.features["shelves"], one.seen.facts, attitudes=attitudes_of(one.seen))
+
+
+def mapped(
+    one: Made,
+    known: Given,
+    settings: GridSettings | None = None,
+    options: SolveOptions | None = None,
+    tracks: list[Track] | None = None,
+    start: Trajectory | None = None,
+) -> Mapped:
+    """From features to a scored map, as engine.py chains it for one room."""
+    begin = time.perf_counter()
+    own = tracked(one) if tracks is None else tracks
+    first = start or start_of(one, known)
+    grid = constrain(own, one.seen.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M))
+    solution = solve(merge(gauge(one.seen.facts, first, known.references), grid), options)
+    structures = describe(own, solution)
+    seconds = time.perf_counter() - begin
+    return Mapped(own, solution, structures, evaluate(structures, one.survey), seconds)

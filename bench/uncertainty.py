@@ -1,0 +1,106 @@
+"""Are the standard deviations true? Normalised errors (estimate - truth) / sigma over many rows at observation level.
+
+    python bench/uncertainty.py [--rows 30] [--sections 3] [-o bench/results/uncertainty.json]
+
+Each row's references are off by errors drawn from their own sigmas. Printed: the normalised errors' root mean square (1 is
+right) and the share of them within 1.96 sigma (95 % is right), by kind of figure and by what is wrong with the masks.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, Made, Mapped, given, made, mapped
+
+from savmap.sim.observations import PAPER, MaskErrors
+from savmap.types import Floats
+from savmap_shelves.constraints import GridSettings, grid_of
+
+ROOT = Path(__file__).parent.parent
+LEVEL = 1.96
+KINDS = ("V edge", "V element", "V gap", "H edge", "H element", "H gap")
+CASES: Mapping[str, MaskErrors] = {
+    "noise": MaskErrors(0.7),
+    "noise that stays": MaskErrors(0.5, drift_px=0.5),
+    "mask errors": MaskErrors(0.7, missed=0.1, duplicated=0.05, incomplete=0.3, wide=0.1, outliers=0.05),
+    "paper": PAPER,
+}
+Figure = tuple[str, float, float]
+
+
+def figures(one: Made, row: Mapped) -> Iterator[Figure]:
+    """Kind, error and sigma, both m, of everything in a map of which nothing is missing or spurious."""
+    grid, solution = grid_of(row.tracks), row.solution
+    points = solution.of("shelves")
+    lines: list[tuple[str, int, tuple[Any, ...], str, float]] = []
+    for (upright, side), names in grid.columns.items():
+        truth = one.survey["uprights"][upright - 1][side == "right"]
+        lines.append(("V", 0, (upright, side), names[0], truth))
+    for (section, beam, edge), names in grid.rows.items():
+        truth = one.survey["sections"][section - 1]["beams"][beam - 1][edge == "upper"]
+        lines.append(("H", 1, (section, beam, edge), names[0], truth))
+    for kind, axis, _, name, truth in lines[1:]:
+        place = points[name]
+        yield f"{kind} edge", float(place.position[axis] - truth), float(np.sqrt(place.covariance[axis, axis]))
+    for (kind, axis, place_a, a, x), (other, _, place_b, b, y) in _neighbours(lines):
+        if kind == other:
+            what = "element" if place_a[:-1] == place_b[:-1] else "gap"
+            error = float(points[b].position[axis] - points[a].position[axis]) - (y - x)
+            yield f"{kind} {what}", error, solution.difference_sigma("shelves", a, b, axis)
+
+
+def _neighbours(lines: list[tuple[str, int, tuple[Any, ...], str, float]]) -> Iterator[tuple[Any, Any]]:
+    """Edges next to one another, along x or in one section."""
+    order = sorted(lines, key=lambda line: (line[0], line[2][0] if line[0] == "H" else 0, line[4]))
+    for a, b in zip(order, order[1:], strict=False):
+        if a[0] == b[0] and (a[0] == "V" or a[2][0] == b[2][0]):
+            yield a, b
+
+
+def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> dict[str, Floats]:
+    """Normalised errors by kind."""
+    found: dict[str, list[float]] = {kind: [] for kind in KINDS}
+    for seed in range(first, first + rows):
+        one = made(1000 + seed, errors, sections=sections)
+        known = given(one, np.random.default_rng([seed, 8]))
+        row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+        if any(row.score.missing.values()) or any(row.score.spurious.values()):
+            continue
+        for kind, error, sigma in figures(one, row):
+            found[kind].append(error / sigma)
+    return {kind: np.array(values) for kind, values in found.items()}
+
+
+def summary(values: Floats) -> dict[str, float]:
+    """Root mean square, share within 1.96, count."""
+    return {
+        "spread": float(np.sqrt(np.mean(values**2))),
+        "within_95": float(np.mean(np.abs(values) < LEVEL)),
+        "count": len(values),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=30)
+    parser.add_argument("--sections", type=int, default=3)
+    parser.add_argument("--case", choices=tuple(CASES), action="append")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "uncertainty.json")
+    arguments = parser.parse_args()
+    results: dict[str, dict[str, dict[str, float]]] = {}
+    print(f"{'spread, 95 %':18}" + "".join(f"{kind:>16}" for kind in (*KINDS, "all")), flush=True)
+    for name in arguments.case or CASES:
+        found = run_case(CASES[name], arguments.rows, arguments.sections)
+        found["all"] = np.concatenate(list(found.values()))
+        results[name] = {kind: summary(values) for kind, values in found.items()}
+        cells = (f"{own['spread']:8.2f} {100 * own['within_95']:5.1f} %" for own in results[name].values())
+        print(f"{name:18}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""Features from simulated masks' edges, as boundary detection would give them from pictures: for tests without pixels.
+
+What is not in a picture is not redone here: masks become strips, and from there on the rules and the intersections are
+those of `boundaries.py`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from savmap.geometry.lines import Lines
+from savmap.sim.observations import ObservedEdge
+from savmap.types import Feature, Floats, Ints, View, ViewSpec
+from savmap_shelves.boundaries import Frame, Separators, beam_features, sorted_beams, upright_edges
+from savmap_shelves.boundary_settings import BoundarySettings
+from savmap_shelves.merging import longest_only
+from savmap_shelves.perspective import askew
+from savmap_shelves.strips import Bools, Strips
+
+SIGMA_PX = 0.7
+
+
+def observed_features(
+    edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX, settings: BoundarySettings | None = None
+) -> list[Feature]:
+    """The features of one frame; `sigma_px` is what an edge's end is taken to be off by."""
+    if not edges:
+        return []
+    number = edges[0].frame
+    settings = settings or BoundarySettings()
+    frame = Frame(_blank(spec, number), spec.width, spec.height, settings, settings.least_sigma_px)
+    separators = _separators(frame, _strips(edges, "upright", sigma_px))
+    beams = _strips(edges, "beam", sigma_px)
+    beams = _in_cells(beams, separators)
+    return [
+        *upright_edges(frame, separators),
+        *beam_features(frame, sorted_beams(frame, longest_only(beams), separators), separators),
+    ]
+
+
+def _blank(spec: ViewSpec, number: int) -> View:
+    picture = np.broadcast_to(np.zeros(1, dtype=np.uint8), (spec.height, spec.width, 3))
+    return View(spec, number, 0.0, picture)
+
+
+def _separators(frame: Frame, strips: Strips) -> Separators:
+    strips = longest_only(strips)
+    strips = strips[np.argsort(strips.either_upper.at(frame.height / 2), kind="stable")]
+    kept = (strips.length >= frame.settings.least_upright * frame.height) & strips.two_edged
+    kept[kept] = ~askew(strips[kept], (frame.height, frame.width), frame.settings)
+    return Separators(strips, kept)
+
+
+def _in_cells(beams: Strips, separators: Separators) -> Strips:
+    """Beams in the gap between separators that their middle lies in; without those whose middle is on a separator."""
+    column = (beams.first + beams.last) / 2
+    row = beams.upper.at(column)[:, None]
+    left, right = separators.strips.upper.at(row), separators.strips.lower.at(row)
+    covered = ((column[:, None] > left) & (column[:, None] < right)).any(axis=1)
+    cell: Ints = (column[:, None] > (left + right) / 2).sum(axis=1)
+    inside: Bools = ~covered
+    parts = list(vars(beams).values())
+    return Strips(parts[0], parts[1], cell, *parts[3:])[inside]
+
+
+def _strips(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> Strips:
+    """The masks of a class as strips: u along them, v across."""
+    own: dict[int, dict[str, Floats]] = {}
+    for edge in edges:
+        if edge.label == label:
+            own.setdefault(edge.instance, {})[edge.side] = edge.pixels
+    sides = ("left", "right") if label == "upright" else ("upper", "lower")
+    ends = np.array([[mask[side] for side in sides] for mask in own.values()]).reshape(-1, 2, 2, 2)
+    ends = ends[..., ::-1] if label == "upright" else ends
+    upper, lower = (_lines(ends[:, side], sigma_px) for side in (0, 1))
+    first, last = np.fmin(upper.first, lower.first), np.fmax(upper.last, lower.last)
+    count = np.zeros(len(ends), dtype=np.int64)
+    return Strips(upper, lower, count, first, last, last - first, np.ones(len(ends)))
+
+
+def _lines(ends: Floats, sigma_px: float) -> Lines:
+    """Lines through pairs of points (n, 2, 2), u and v, of which each v is off by `sigma_px`."""
+    middle, run = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    length = np.where(np.abs(run[:, 0]) > 1.0, run[:, 0], 1.0)
+    half = np.full(len(ends), sigma_px**2 / 2)
+    return Lines(
+        middle[:, 0],
+        run[:, 1] / length,
+        middle[:, 1],
+        4 * half / length**2,
+        half,
+        ends[:, :, 0].min(axis=1),
+        ends[:, :, 0].max(axis=1),
+        np.abs(length),
+    )
