@@ -51,23 +51,23 @@ def cases(errors: MaskErrors, rows: int, sections: int) -> list[Case]:
     return [(one, given(one, np.random.default_rng([seed, 9])), tracked(one)) for seed, one in enumerate(ones)]
 
 
-def error_cm(every: list[Case], parts: tuple[str, ...]) -> tuple[float, list[Mapped]]:
-    """Mean absolute error over all rows, cm, and the maps; nan where a row could not be mapped."""
+def error_cm(every: list[Case], parts: tuple[str, ...]) -> tuple[float, list[tuple[Made, Mapped]]]:
+    """Mean absolute error over all rows, cm, and the maps; rows that cannot be mapped are left out with a line."""
     found = []
-    for one, known, tracks in every:
+    for number, (one, known, tracks) in enumerate(every):
         try:
-            found.append(mapped(one, known, *way(parts, known), tracks=tracks))
-        except SavmapError:
-            return float("nan"), []
-    error = mean_absolute_error(pool(own.score for own in found))
-    return 100 * error if error is not None else float("nan"), found
+            found.append((one, mapped(one, known, *way(parts, known), tracks=tracks)))
+        except SavmapError as error:
+            print(f"  row {number} cannot be mapped: {error}", flush=True)
+    mean = mean_absolute_error(pool(own.score for _, own in found))
+    return 100 * mean if mean is not None else float("nan"), found
 
 
-def bound_cm(every: list[Case], maps: list[Mapped]) -> float:
+def bound_cm(maps: list[tuple[Made, Mapped]]) -> float:
     """The mean absolute error of widths and gaps that the graphs' sigmas allow for."""
     sigmas = [
         sigma / np.sqrt(max(float(own.solution.report["variance_inflation"]), 1.0))
-        for (one, _, _), own in zip(every, maps, strict=True)
+        for one, own in maps
         for kind, _, sigma in figures(one, own)
         if "edge" not in kind
     ]
@@ -93,11 +93,11 @@ def main() -> None:
     for count in range(2, len(PARTS) + 1):
         error, maps = error_cm(every, PARTS[:count])
         tell(f"  + ... + {PARTS[count - 1]}", error)
-    tell("bound of the last", bound_cm(every, maps))
+    tell("bound of the last", bound_cm(maps))
     clean = cases(MaskErrors(PAPER.sigma_px), arguments.rows, arguments.sections)
     error, maps = error_cm(clean, PARTS)
     tell("all parts, noise only", error)
-    tell("bound of that", bound_cm(clean, maps))
+    tell("bound of that", bound_cm(maps))
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
 

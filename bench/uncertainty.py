@@ -9,6 +9,7 @@ right) and the share of them within 1.96 sigma (95 % is right), by kind of figur
 import argparse
 import json
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def figures(one: Made, row: Mapped) -> Iterator[Figure]:
 def _neighbours(lines: list[tuple[str, int, tuple[Any, ...], str, float]]) -> Iterator[tuple[Any, Any]]:
     """Edges next to one another, along x or in one section."""
     order = sorted(lines, key=lambda line: (line[0], line[2][0] if line[0] == "H" else 0, line[4]))
-    for a, b in zip(order, order[1:], strict=False):
+    for a, b in pairwise(order):
         if a[0] == b[0] and (a[0] == "V" or a[2][0] == b[2][0]):
             yield a, b
 

@@ -76,7 +76,9 @@ def _moves(track: Track, axes: Floats) -> Floats:
     return np.stack([upright + level, upright, level, upright, level], axis=-1)
 
 
-def _without_empty(which: Ints, moves: Floats, prior: Floats, free: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Biases:
+def _without_empty(
+    which: Ints, moves: Floats, prior: Floats, free: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> Biases:
     """Biases whose sigma is 0 are none."""
     real = prior > 0
     number = np.cumsum(real) - 1

@@ -38,7 +38,7 @@ class GridSettings:
     sigma_m: float = 0.002
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
-    bias: BiasSettings = BiasSettings()
+    bias: BiasSettings = NO_BIAS
     corners: Literal["lines", "points"] = "lines"
 
 
