@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.sparse import block_array, coo_matrix, csc_array, csc_matrix, vstack
+from scipy.sparse import coo_matrix, csc_array, csc_matrix, hstack, vstack
 from scipy.sparse.linalg import splu
 
 from savmap.errors import SolveError
@@ -110,7 +110,8 @@ def _information(
         return (jacobian.T @ jacobian).tocsc(), jacobian.T @ right, slots
     above = csc_array((height - shared.columns.shape[0], len(shared.prior)))
     prior = np.diag(1 / shared.prior)
-    whole = block_array([[jacobian, vstack([above, shared.columns])], [None, csc_array(prior)]], format="csc")
+    seen = hstack([jacobian, vstack([above, shared.columns])])
+    whole = vstack([seen, hstack([csc_array((len(prior), size)), csc_array(prior)])])
     right = np.concatenate([right, -prior @ shared.value])
     return csc_matrix(whole.T @ whole), whole.T @ right, slots
 

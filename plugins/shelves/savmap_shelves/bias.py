@@ -14,7 +14,7 @@ import numpy as np
 
 from savmap.graph import Biases
 from savmap.types import Floats, Ints, Track, Trajectory, ViewSpec
-from savmap_shelves.places import column_of, is_foot, row_of
+from savmap_shelves.places import Column, Row, column_of, is_foot, row_of
 from savmap_shelves.sharing import directions
 
 CLASSES = ("all", "upright", "beam")
@@ -44,7 +44,8 @@ def mask_biases(
     if not max(settings.all_px, settings.class_px, settings.edge_px) > 0:
         return None
     standing = [track for track in tracks if not is_foot(track)]
-    edges = sorted({column_of(t) for t in standing}) + sorted({row_of(t) for t in standing if t.label == "beam"})
+    edges: list[Column | Row] = [*sorted({column_of(t) for t in standing})]
+    edges += sorted({row_of(t) for t in standing if t.label == "beam"})
     number = {edge: index for index, edge in enumerate(edges, len(CLASSES))}
     moves = [_moves(track, directions(track, views, start)) for track in tracks]
     which = [np.tile(_which(track, number), (len(track.frames), 1)) for track in tracks]
@@ -54,7 +55,7 @@ def mask_biases(
     return _without_empty(np.concatenate(which), np.concatenate(moves), prior, free & (prior > 0))
 
 
-def _which(track: Track, number: Mapping[object, int]) -> Ints:
+def _which(track: Track, number: Mapping[Column | Row, int]) -> Ints:
     if is_foot(track):
         return np.zeros(5, np.int64)
     level = number[row_of(track)] if track.label == "beam" else 0

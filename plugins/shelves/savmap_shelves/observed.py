@@ -58,7 +58,7 @@ def _in_cells(beams: Strips, separators: Separators) -> Strips:
     left, right = separators.strips.upper.at(row), separators.strips.lower.at(row)
     covered = ((column[:, None] > left) & (column[:, None] < right)).any(axis=1)
     cell: Ints = (column[:, None] > (left + right) / 2).sum(axis=1)
-    inside: Bools = ~covered
+    inside: Bools = np.logical_not(covered)
     parts = list(vars(beams).values())
     return Strips(parts[0], parts[1], cell, *parts[3:])[inside]
 
