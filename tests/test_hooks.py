@@ -4,6 +4,7 @@ import inspect
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
@@ -11,7 +12,7 @@ from savmap import hookspecs, rooms
 from savmap.errors import PluginError, SiteError
 from savmap.hookspecs import hookimpl
 from savmap.rooms import open_room, room_of
-from savmap.types import View
+from savmap.types import Panorama, View
 
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
 DOCS = (Path(__file__).parent.parent / "docs" / "hooks.md").read_text(encoding="utf-8")
@@ -81,6 +82,22 @@ def test_a_plugin_answers_for_itself_alone() -> None:
     assert first.extract(view=None, detections=[]) == []
     with pytest.raises(PluginError):
         second.extract(view=None, detections=[])
+
+
+def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
+    given: list[object] = []
+
+    def extract_features(self: object, panorama: object) -> list[Any]:
+        given.append(panorama)
+        return []
+
+    image = np.zeros((8, 16, 3), dtype=np.uint8)
+    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    room.extract(None, [], Panorama(0, 0.0, image))
+    room.extract(None, [])
+    assert isinstance(given[0], Panorama)
+    assert given[0].image is image
+    assert given[1] is None
 
 
 def test_an_unknown_plugin_gets_the_nearest_name() -> None:

@@ -64,8 +64,8 @@ class Constraints:
     """A room's part of the graph.
 
     `keys`: landmark keys by name; `initial`: their published start (3,) m, row frame; `places`: more names that a user's
-    length may use, such as an edge, as (axis, key); `alternatives`: one of these sets of relations holds, that which agrees best
-    with what was seen, if it does so clearly; `factors`: GTSAM factors of the plugin's own, over keys of this room and
+    length may use, such as an edge, as (axis, key); `alternatives`: one of these sets of relations, by what it
+    says of the part that was found, holds: that which agrees best with what was seen, if it does so clearly; `factors`: GTSAM factors of the plugin's own, over keys of this room and
     `frame_key`s.
     """
 
@@ -76,7 +76,7 @@ class Constraints:
     initial: Mapping[str, Floats]
     places: Mapping[str, tuple[Axis, int]] = field(default_factory=dict)
     factors: gtsam.NonlinearFactorGraph | None = None
-    alternatives: tuple[tuple[Relation, ...], ...] = ()
+    alternatives: Mapping[str, tuple[Relation, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         missing = set(self.keys) - set(self.initial)

@@ -113,7 +113,7 @@ def _information(
     seen = hstack([jacobian, vstack([above, shared.columns])])
     whole = vstack([seen, hstack([csc_array((len(prior), size)), csc_array(prior)])])
     right = np.concatenate([right, -prior @ shared.value])
-    return csc_matrix(whole.T @ whole), whole.T @ right, slots
+    return csc_matrix(whole.T @ whole), np.asarray(whole.T @ right), slots
 
 
 def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats]:

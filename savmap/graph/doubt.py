@@ -48,21 +48,23 @@ def undoubted(problem: Problem, cameras: Floats, points: Floats) -> tuple[Proble
     return problem, ()
 
 
-def decided(problem: Problem, cameras: Floats, points: Floats) -> Problem:
+def decided(problem: Problem, cameras: Floats, points: Floats) -> tuple[Problem, tuple[str, ...]]:
     """The problem with that set of every room's alternatives which fits best to the linear start, cameras (f, 3) and
-    points (m, 3) up to scale and shift. Raises SolveError where the next best fits nearly as well."""
+    points (m, 3) up to scale and shift, and a line about each. Raises SolveError where the next best fits nearly as well."""
+    notes = []
     for room in (one for one in problem.rooms if one.alternatives):
-        ways = [replace(problem, relations=(*problem.relations, *way)) for way in room.alternatives]
+        told = list(room.alternatives)
+        ways = [replace(problem, relations=(*problem.relations, *room.alternatives[name])) for name in told]
         misfits = [_misfit(way, cameras, points) for way in ways]
         best, second = np.argsort(misfits)[:2].tolist()
         if misfits[second] < CLEARLY * misfits[best]:
             raise SolveError(
-                f"row {problem.frames.facts.name}: only part of the row was found, and it is not clear which of the "
-                f"references belong to it: give only those of the part that the footage shows, such as "
-                f"'{room.alternatives[0][0].name}'"
+                f"row {problem.frames.facts.name}: only a part of the row was found, and it is not clear whether that is "
+                f"{told[best]} or {told[second]}: give only the references of the part that the footage shows"
             )
         problem = ways[best]
-    return problem
+        notes.append(f"only a part of the row was found: {told[best]}, by the references that fit")
+    return problem, tuple(notes)
 
 
 def _misfit(problem: Problem, cameras: Floats, points: Floats) -> float:

@@ -75,7 +75,8 @@ def start(problem: Problem, kind: str) -> Start:
     """The start of the solve; `kind` is "linear" or "published". Raises SolveError if gauge or scale are not observable."""
     poses, points = first_poses(problem), first_points(problem)
     cameras, found = linear.places(problem, poses, points)
-    problem, notes = undoubted(decided(problem, cameras, found), cameras, found)
+    problem, parts = decided(problem, cameras, found)
+    problem, doubts = undoubted(problem, cameras, found)
     if problem.frames.fixed is None:
         similarity = fit(problem, cameras, found)
         require_metric(problem, similarity, found.mean(axis=0))
@@ -84,7 +85,7 @@ def start(problem: Problem, kind: str) -> Start:
         poses, points = poses.copy(), found
         poses[:, :3, 3] = cameras
     heights = problem.frames.references.camera_heights
-    return Start(problem, notes, Estimate(poses, points, np.array([height.value_m for height in heights])))
+    return Start(problem, (*parts, *doubts), Estimate(poses, points, np.array([height.value_m for height in heights])))
 
 
 def first_poses(problem: Problem) -> Floats:

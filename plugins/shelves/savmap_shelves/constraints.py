@@ -92,12 +92,12 @@ def constrain(
         (
             *_grid_lines(grid, keys),
             *_plane(tracks, keys, chosen),
-            *(ways[0] if len(ways) == 1 else ()),
+            *(next(iter(ways.values())) if len(ways) == 1 else ()),
             *_floor(feet, keys),
         ),
         initial | {track.name: _below(track, grid, initial) for track in feet},
         dict(_places(grid, keys)),
-        alternatives=ways if len(ways) > 1 else (),
+        alternatives=ways if len(ways) > 1 else {},
     )
 
 
@@ -142,16 +142,16 @@ def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSetti
     yield pin("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
 
 
-def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> tuple[tuple[Relation, ...], ...]:
+def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> dict[str, tuple[Relation, ...]]:
     """h_ref: the lower edge of the lowest beam of each section; several ways, where the row has more sections than found."""
     given = settings.lowest_beam_bottom_height_m
     if given is None:
-        return ()
+        return {}
     values = [float(given)] * len(grid.sections) if isinstance(given, int | float) else [float(each) for each in given]
-    ways = assignments(values, grid.sections, row)
-    return tuple(
-        tuple(_height(grid, keys, section, way[section], settings) for section in grid.sections) for way in ways
-    )
+    return {
+        name: tuple(_height(grid, keys, section, way[section], settings) for section in grid.sections)
+        for name, way in assignments(values, grid.sections, row).items()
+    }
 
 
 def _height(grid: Grid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings) -> Relation:
