@@ -81,7 +81,7 @@ def test_of_more_heights_than_sections_those_that_fit_are_used(four: made.World,
 
 
 def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:
-    with pytest.raises(SolveError, match="not clear which"):
+    with pytest.raises(SolveError, match="not clear whether"):
         solve(part(four, [0.3] * 5))
 
 
