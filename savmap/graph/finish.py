@@ -19,6 +19,7 @@ from savmap.types import Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA, GROSS_SIGMA = 3.0, 5.0
 LEAST_SPARE = 1e-6
+TELLING_SPARE = 0.015
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
@@ -27,11 +28,13 @@ DRIFT_M = 0.05
 
 @dataclass(frozen=True)
 class Verdict:
-    """A reference's use, what its value would be if it had not been given, and how many standard deviations it is off."""
+    """A reference's use, what its value would be if it had not been given, how many standard deviations it is off, and
+    whether the rest knows it well enough to tell by itself."""
 
     use: ReferenceUse
     otherwise: float
     off: float
+    telling: bool
 
     @property
     def gross(self) -> bool:
@@ -162,18 +165,20 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance
 def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:
     """Baarda's test: a residual's own variance is the reference's less the solution's.
 
-    Where the rest hardly speaks of what the reference says, it cannot be tested.
+    Where the rest hardly speaks of what the reference says, it cannot be tested. Where it says much less (`telling`), the
+    small difference of two variances is not sure: such a reference is named only beside another one that is off.
     """
     spare = max(1.0 - variance / sigma**2, LEAST_SPARE)
     use = ReferenceUse(name, value, sigma, solved)
     if sigma / float(np.sqrt(spare)) > max(VAGUE_M, VAGUE_SHARE * abs(value)):
-        return Verdict(use, solved, 0.0)
-    return Verdict(use, value + (solved - value) / spare, abs(solved - value) / (sigma * float(np.sqrt(spare))))
+        return Verdict(use, solved, 0.0, False)
+    off = abs(solved - value) / (sigma * float(np.sqrt(spare)))
+    return Verdict(use, value + (solved - value) / spare, off, spare > TELLING_SPARE)
 
 
 def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
     gross = [verdict for verdict in verdicts if verdict.gross]
-    if gross:
+    if gross and any(verdict.telling and verdict.off > WARN_SIGMA for verdict in verdicts):
         told = "; ".join(_told(verdict) for verdict in sorted(gross, key=lambda v: -v.off)[:3])
         raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
 
@@ -194,7 +199,9 @@ def _scale_sigma(problem: Problem, estimate: Estimate) -> float:
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:
     if scale_sigma > VAGUE_SCALE:
         yield f"the references give the scale to +-{scale_sigma:.1%} only: a known length would help"
-    yield from (_told(verdict) for verdict in verdicts if verdict.off > WARN_SIGMA)
+    off = [verdict for verdict in verdicts if verdict.off > WARN_SIGMA]
+    if any(verdict.telling for verdict in off):
+        yield from map(_told, off)
     if share > MANY_REJECTED:
         yield f"{share:.0%} of the observations did not fit and were left out"
 

@@ -10,7 +10,8 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-THIN, RARE = 0.55, 0.5
+THIN, RARE = 0.8, 0.92
+NEAR_FLOOR = 0.12
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,14 @@ def find_levels(
     uprights: Uprights,
     frames: Ints,
     sizes: tuple[float, float],
-    floor: float = -np.inf,
+    floor: tuple[float, float] = (-np.inf, -np.inf),
 ) -> Levels:
     """Levels with enough support among the sightings of `frames`. sizes: the kernel's bandwidth as a share of a beam's
-    height; the least support, as a share of the usual one. floor: where uprights end below; none is below it."""
+    height; the least support, as a share of the usual one. floor: how low a beam may be, and the lowest foot of an upright."""
     section, ends = sections_of(seen, face, states, uprights)
     edges = _edges(np.where(ends[:, :, None], heights(seen, face, states), np.nan))
     centre = edges.mean(axis=1)
-    section = np.where(np.isin(seen.beam_frame, frames) & (centre > floor), section, -1)
+    section = np.where(np.isin(seen.beam_frame, frames) & (centre > floor[0]), section, -1)
     if not (section >= 0).any():
         return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends, np.zeros(0))
     thickness = float(np.median(np.diff(edges[section >= 0], axis=1)))
@@ -99,7 +100,7 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
-            kept = ~_thin(levels, _medians(edges, which, len(levels)), support)
+            kept = ~_thin(levels, edges, which, support, floor[1])
         if kept.all():
             break
         levels = levels[kept]
@@ -175,22 +176,38 @@ def _medians(edges: Floats, which: Ints, count: int) -> Floats:
     return np.array([np.median(edges[which == k], axis=0) for k in range(count)]).reshape(-1, 2)
 
 
-def _thin(levels: Floats, y: Floats, support: Floats) -> NDArray[np.bool_]:
-    """Levels much thinner than the sure ones of their section (or of the row, where it has less than two), and seen less:
-    the thinner, the more often it must be seen.
+def _thin(levels: Floats, edges: Floats, which: Ints, support: Floats, feet: float) -> NDArray[np.bool_]:
+    """Levels thinner, even where they seem thickest, than the sure ones of their section (or of the row, where it has less
+    than two), and seen less.
 
     These are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden now
-    and then. Edges of goods are thin as well.
+    and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
+    lowest one of a section may be hidden from below in all of them, but it is above the feet.
     """
-    thickness, usual = y[:, 1] - y[:, 0], np.median(support)
-    sure = support >= 0.8 * usual
+    usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.5, 0.75))
+    sure = support >= 0.8 * np.median(support)
     thin = np.zeros(len(levels), dtype=np.bool_)
     for k, section in enumerate(levels[:, 0]):
         own = sure & (levels[:, 0] == section)
-        peers = thickness[own if own.sum() > 1 else sure]
-        ratio = thickness[k] / np.median(peers) if len(peers) else 1.0
-        thin[k] = ratio < THIN and support[k] < (RARE + THIN - ratio) * usual
-    return thin
+        peers = usual[own if own.sum() > 1 else sure]
+        ratio = full[k] / np.median(peers) if len(peers) else 1.0
+        thin[k] = ratio < THIN and support[k] < RARE * np.median(support)
+    return thin & ~_stands(levels, feet)
+
+
+def _stands(levels: Floats, feet: float) -> NDArray[np.bool_]:
+    """Which levels (k,) are the lowest of their section above the uprights' feet, and near these."""
+    if not len(levels) or not np.isfinite(feet):
+        return np.zeros(len(levels), dtype=np.bool_)
+    low = (levels[:, 1] > feet) & (levels[:, 1] < feet + NEAR_FLOOR * (levels[:, 1].max() - feet))
+    lowest = [levels[levels[:, 0] == section, 1].min() for section in levels[:, 0]]
+    return np.asarray(low & (levels[:, 1] == lowest))
+
+
+def _quantiles(edges: Floats, which: Ints, count: int, share: float) -> Floats:
+    """The quantile (k,) of each level's thickness over its sightings."""
+    thickness = np.diff(edges, axis=1)[:, 0]
+    return np.array([np.quantile(thickness[which == k], share) for k in range(count)])
 
 
 def _distinct(levels: Floats, hits: NDArray[np.bool_], thickness: float) -> NDArray[np.bool_]:

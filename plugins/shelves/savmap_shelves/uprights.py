@@ -11,6 +11,7 @@ from savmap_shelves.odometry import at_horizon
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 
 LEAST_AT_END = 0.3
+NARROW = 0.8
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ def find_uprights(
         support, sized, count = _support(seen, found, which, states, world_from_rig, frames)
         kept = _strong(found, support, sized, count, least, 2 * reach)
         if kept.all():
+            kept = _trimmed(found, _widths(x, which, len(found)), count)
+        if kept.all():
             break
         found = found[kept]
     edges = np.array([np.median(x[which == k], axis=0) for k in range(len(found))]).reshape(-1, 2)
@@ -90,15 +93,18 @@ def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, 
         kept[index] = not (np.abs(x[kept] - x[index]) < apart).any()
     if not kept.all():
         return kept
-    kept = supported(support, shown, count, least)
-    return _trimmed(x, count) if kept.all() else kept
+    return supported(support, shown, count, least)
 
 
-def _trimmed(x: Floats, count: Ints) -> NDArray[np.bool_]:
-    """Leaves out an outermost upright that was in view for a moment only: its section is seen only in part, or it is of
-    another row that came into view behind this one's end."""
+def _widths(x: Floats, which: Ints, count: int) -> Floats:
+    return np.array([np.median(np.diff(x[which == k], axis=1)) for k in range(count)])
+
+
+def _trimmed(x: Floats, width: Floats, count: Ints) -> NDArray[np.bool_]:
+    """Leaves out an outermost upright that was in view for a moment only, for its section is seen only in part, or that is
+    narrower than the others, for it is of another row that comes into view behind this one's end."""
     kept = np.ones(len(x), dtype=np.bool_)
     if len(x) > 2:
         ends = np.argsort(x)[[0, -1]]
-        kept[ends] = count[ends] >= LEAST_AT_END * np.median(count)
+        kept[ends] = (count[ends] >= LEAST_AT_END * np.median(count)) & (width[ends] >= NARROW * np.median(width))
     return kept
