@@ -68,9 +68,9 @@ def _square_slopes(points: Floats) -> Floats:
     """Derivatives (5, 4, 3) of the errors by the corners."""
     slopes = np.zeros((5, 4, 3))
     slopes[:3] = np.array([1.0, -1.0, 1.0, -1.0])[:, None] * np.eye(3)[:, None]
-    for row, first, last, sign in ((3, 0, 2, 1.0), (3, 1, 3, -1.0), (4, 0, 1, 1.0), (4, 1, 2, -1.0)):
+    for row, first, last, way in ((3, 0, 2, 1.0), (3, 1, 3, -1.0), (4, 0, 1, 1.0), (4, 1, 2, -1.0)):
         span = points[last] - points[first]
-        along = sign * span / max(float(np.linalg.norm(span)), 1e-9)
+        along = way * span / max(float(np.linalg.norm(span)), 1e-9)
         slopes[row, last] += along
         slopes[row, first] -= along
     return slopes

@@ -19,10 +19,8 @@ from savmap.types import Floats, Panorama, Track, ViewSpec
 EVERY = 5
 SEARCH_PITCH_DEG, SEARCH_HFOV_DEG, SEARCH_VFOV_DEG = -15.0, 75.0, 105.0
 SEARCH_FOCAL_PX = 600.0
-FINER = 2.0
-MARGIN_DEG = 8.0
-WIDEST_DEG = 100.0
-MOST_PX = 1400
+FINER, EDGE_PX = 2.0, 100.0
+MARGIN_DEG, WIDEST_DEG = 8.0, 100.0
 APRILTAG_SHIFT_PX = 0.5
 SIGMA_PX = 0.3
 
@@ -68,18 +66,26 @@ class MarkerWatch:
                 raise SiteError(f"references.markers: {dictionary} has the numbers 0 to {count - 1}, not {number}")
 
     def look(self, panorama: Panorama) -> None:
-        """Look at the next frame: all around at every fifth one unless all markers are followed already."""
-        if panorama.frame % EVERY == 0 and len(self._near) < len(self._seen):
-            self._search(panorama)
-        resolution = len(panorama.image) / np.pi
-        for label, spec in list(self._near.items()):
+        """Look at the next frame: where markers were in the last one; all around if one is lost, and at every fifth frame
+        while any is not followed."""
+        lost = self._follow(panorama, tuple(self._near))
+        due = panorama.frame % EVERY == 0 and len(self._near) < len(self._seen)
+        if lost or due:
+            self._follow(panorama, self._search(panorama))
+
+    def _follow(self, panorama: Panorama, labels: Iterable[Label]) -> bool:
+        """Measure markers whose views are known, and aim those anew; says whether any was lost."""
+        resolution, lost = len(panorama.image) / np.pi, False
+        for label in labels:
+            spec = self._near.pop(label)
             corners = _detected(self._renderer.render(panorama, spec).image, label[0], fine=True).get(label[1])
             if corners is None:
-                del self._near[label]
+                lost = True
                 continue
-            sigma = SIGMA_PX * float(spec.camera[0, 0]) / resolution
+            sigma = SIGMA_PX * max(float(spec.camera[0, 0]) / resolution, 1.0)
             self._seen[label].append(Sighting(panorama.frame, spec, corners, sigma))
             self._near[label] = _around(spec.rig_rays(corners), resolution)
+        return lost
 
     @property
     def marks(self) -> Marks:
@@ -88,15 +94,19 @@ class MarkerWatch:
         views = {_view(name, one.frame): one.spec for name, own in seen.items() for one in own}
         return Marks({name: [_track(name, corner, own) for corner in range(4)] for name, own in seen.items()}, views)
 
-    def _search(self, panorama: Panorama) -> None:
-        """Note where the wanted markers are that are not followed."""
+    def _search(self, panorama: Panorama) -> list[Label]:
+        """Find the markers that are not followed, all around; gives those that were found, with views at them set."""
         resolution = len(panorama.image) / np.pi
+        found: dict[Label, ViewSpec] = {}
         for spec in _ring(resolution):
             image = self._renderer.render(panorama, spec).image
             for dictionary in dict.fromkeys(name for name, _ in self._seen):
                 for number, corners in _detected(image, dictionary, fine=False).items():
-                    if (dictionary, number) in self._seen:
-                        self._near.setdefault((dictionary, number), _around(spec.rig_rays(corners), resolution))
+                    label = dictionary, number
+                    if label in self._seen and label not in self._near:
+                        found[label] = _around(spec.rig_rays(corners), resolution)
+        self._near |= found
+        return list(found)
 
 
 def _track(name: str, corner: int, sightings: Sequence[Sighting]) -> Track:
@@ -126,12 +136,12 @@ def _ring(resolution: float) -> tuple[ViewSpec, ...]:
 
 
 def _around(rays: Floats, resolution: float) -> ViewSpec:
-    """The view at a marker whose corners are at rays (4, 3), `FINER` times as fine as the panorama (px/rad) if that does
-    not make it too large."""
+    """The view at a marker whose corners are at rays (4, 3): `FINER` times as fine as the panorama (px/rad), but no finer
+    than shows its sides `EDGE_PX` long, since soft borders many pixels wide are not taken for lines."""
     middle = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
-    reach = np.degrees(np.arccos(np.clip(rays @ middle, -1, 1))).max()
-    hfov = float(min(2 * (reach + MARGIN_DEG), WIDEST_DEG))
-    width = min(_width_px(hfov, FINER * resolution), MOST_PX)
+    reach = float(np.arccos(np.clip(rays @ middle, -1, 1)).max())
+    hfov = min(2 * (float(np.degrees(reach)) + MARGIN_DEG), WIDEST_DEG)
+    width = _width_px(hfov, min(FINER * resolution, EDGE_PX / (np.sqrt(2) * reach)))
     yaw, pitch = np.degrees([np.arctan2(middle[0], middle[2]), -np.arcsin(middle[1])])
     return ViewSpec("marker", float(yaw), float(pitch), 0.0, hfov, width, width)
 

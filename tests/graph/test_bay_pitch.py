@@ -22,7 +22,9 @@ def pitches(world: made.World) -> list[float]:
 def solved(world: made.World, pitch: list[float], given: References, heights: bool = True) -> Solution:
     start = made.begin(world)
     settings = GridSettings(world.rack.lowest if heights else None, bay_pitch_m=pitch, bay_pitch_sigma_m=0.003)
-    return solve(merge(gauge(world.facts, start, given), constrain(world.tracks, world.facts, start, settings=settings)))
+    return solve(
+        merge(gauge(world.facts, start, given), constrain(world.tracks, world.facts, start, settings=settings))
+    )
 
 
 def test_pitches_alone_give_the_scale_and_are_reported(small: made.World) -> None:

@@ -59,6 +59,17 @@ def test_sigma_is_that_of_the_panorama() -> None:
     assert sigma_rad * HEIGHT / np.pi == pytest.approx(0.3)
 
 
+def test_soft_borders_in_a_fine_panorama_are_measured() -> None:
+    """Eight pixels wide, as a lens or a codec leaves them in pictures of 7680 pixels."""
+    corners = corners_at(8, 100.0, 0.0)
+    watch = MarkerWatch([("tag36h11", 7)])
+    watch.look(marked(0, 3840, corners, TAG, np.random.default_rng(5), blur_px=4.0))
+    marks = watch.marks
+    rays = np.array([marks.views[track.views[0]].rig_rays(track.pixels[0]) for track in marks.tracks["tag36h11 7"]])
+    off = np.linalg.norm(rays - corners / np.linalg.norm(corners, axis=1, keepdims=True), axis=1)
+    assert off.max() * 3840 / np.pi < 1.0
+
+
 def test_one_that_comes_late_is_found_and_nothing_without_any() -> None:
     rng = np.random.default_rng(5)
     watch, blind = MarkerWatch([("tag36h11", 7)]), MarkerWatch([])

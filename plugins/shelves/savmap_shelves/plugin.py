@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
 
-
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 
 
