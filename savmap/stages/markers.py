@@ -1,7 +1,8 @@
 """Square fiducial markers (AprilTag, ArUco): looked for all around every few frames, then followed from frame to frame.
 
 Corners are OpenCV's with AprilTag's own refinement (Wang and Olson, "AprilTag 2", 2016), which fits lines to the borders: on
-drawn panoramas its edges were unbiased to 0.1 %, where `cornerSubPix` made them up to 1 % too short.
+drawn panoramas with borders a pixel soft its sides were unbiased to 0.1 %, where `cornerSubPix` made them up to 1 % too
+short.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
