@@ -6,7 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import Constraints, Frames, References, Solution, SolveOptions, gauge, merge, published_start, solve
+from savmap.graph import (
+    Constraints,
+    Frames,
+    References,
+    Solution,
+    SolveOptions,
+    gauge,
+    marker_constraints,
+    merge,
+    published_start,
+    solve,
+)
 from savmap.monitor import Monitor
 from savmap.observe import Observations, observe
 from savmap.rooms import Room
@@ -32,40 +43,42 @@ class Row:
 
 @dataclass(frozen=True)
 class Followed:
-    """Tracks and constraints by room, and a note for each room that found nothing."""
+    """Tracks and constraints by room, those of the markers, and a note for each room or marker that was not found."""
 
     tracks: Mapping[str, Sequence[Track]]
     constraints: Mapping[str, Constraints]
+    markers: tuple[Constraints, ...]
     notes: tuple[str, ...]
 
 
 def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
-    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row))
-    start = first_path(row, seen)
     references = row.references if row.path is None else References()
+    wanted = [(marker.dictionary, marker.number) for marker in references.markers]
+    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted)
+    start = first_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
-    points = sum(map(len, followed.tracks.values()))
+    points = sum(len(constraints.keys) for constraints in (*followed.constraints.values(), *followed.markers))
     monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    solution = solve(merge(frames, *followed.constraints.values()))
+    solution = solve(merge(frames, *followed.constraints.values(), *followed.markers))
     for warning in solution.warnings:
         monitor.note(f"row {row.name}: {warning}")
     return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
 
 
 def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
-    """Every room's tracks and constraints. What the first room sees locates the camera for those after it; one of these
-    that finds no structure is left out of the map with a note."""
+    """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
+    it; one of these that finds no structure is left out of the map with a note."""
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
-    notes: list[str] = []
+    markers, notes = marked(row, seen, start, frames)
     path, attitudes = row.path, start.world_from_rig[:, :3, :3]
     for room in rooms:
         if path is None and constraints:
-            path = solve(merge(frames, *constraints.values()), SolveOptions(rounds=1)).trajectory
+            path = solve(merge(frames, *constraints.values(), *markers), SolveOptions(rounds=1)).trajectory
         try:
             own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
@@ -75,7 +88,16 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
             continue
         tracks[room.name] = own
         constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
-    return Followed(tracks, constraints, tuple(notes))
+    return Followed(tracks, constraints, markers, tuple(notes))
+
+
+def marked(
+    row: Row, seen: Observations, start: Trajectory, frames: Frames
+) -> tuple[tuple[Constraints, ...], list[str]]:
+    """Constraints of the markers that were seen, and a note for each of the others."""
+    found, missed = marker_constraints(seen.marks.tracks, seen.marks.views, frames.references.markers, start)
+    notes = [f"row {row.name}: marker {name} was not seen well enough; it is not used" for name in missed]
+    return (found,) if found else (), notes
 
 
 def described(

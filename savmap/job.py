@@ -96,7 +96,7 @@ def _tells_scale(job: Job, row: str) -> bool:
     """Whether anything is given that might fix the scale: a reference, or what a plugin's settings say."""
     known = job.site.row_references(row)
     settings = any(job.site.row_config(row, plugin) for plugin in job.plugins)
-    return bool(known.camera_height_m or known.lengths or known.points or settings)
+    return bool(known.camera_height_m or known.lengths or known.points or known.markers or settings)
 
 
 def rooms_for(job: Job, row: str) -> Sequence[Room]:

@@ -13,6 +13,7 @@ from savmap.monitor import Monitor
 from savmap.rooms import Room
 from savmap.site import Pass
 from savmap.stages.aim import Manual, Scout
+from savmap.stages.markers import Label, MarkerWatch, Marks
 from savmap.stages.render import Renderer
 from savmap.stages.segment import Segmenter
 from savmap.types import Aim, Detection, Feature, Floats, FrameTable, Panorama, RowFacts, View, ViewSpec
@@ -22,13 +23,15 @@ MIN_FRAMES = 3
 
 @dataclass(frozen=True)
 class Observations:
-    """What was seen of a row: its facts, each room's features, and the first attitude of every pass that is known."""
+    """What was seen of a row: its facts, each room's features, the first attitude of every pass that is known, and the
+    markers."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
     attitudes: Mapping[str, Floats]
     found_face: frozenset[str]
     notes: tuple[str, ...]
+    marks: Marks
 
 
 class Eyes:
@@ -123,30 +126,36 @@ def observe(
     rooms: Sequence[Room],
     monitor: Monitor,
     attitudes: Mapping[str, Floats] | None = None,
+    markers: Sequence[Label] = (),
 ) -> Observations:
     """Features of all rooms over all passes of a row.
 
-    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it.
-    Raises VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
+    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for.
+    Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
     eyes, renderer = Eyes(rooms), Renderer()
     known = dict(attitudes or {})
-    walk = Walk(rooms, eyes, renderer)
+    walk = Walk(rooms, eyes, renderer, MarkerWatch(markers))
     for name, one in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: aiming the views")
         aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))
         walk.over(row, aimed, monitor)
     facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
     return Observations(
-        facts, walk.features, {**walk.attitudes, **known}, frozenset(walk.found_face), tuple(walk.notes)
+        facts,
+        walk.features,
+        {**walk.attitudes, **known},
+        frozenset(walk.found_face),
+        tuple(walk.notes),
+        walk.watch.marks,
     )
 
 
 class Walk:
     """Gathers what the rooms see as passes are walked through."""
 
-    def __init__(self, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer) -> None:
-        self.rooms, self.eyes, self.renderer = rooms, eyes, renderer
+    def __init__(self, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, watch: MarkerWatch) -> None:
+        self.rooms, self.eyes, self.renderer, self.watch = rooms, eyes, renderer, watch
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -186,6 +195,7 @@ class Walk:
     def _frame(self, panorama: Panorama, aimed: PassAims) -> None:
         self.stamps.append(panorama.stamp_s)
         self.passes.append(aimed.name)
+        self.watch.look(panorama)
         specs = aimed.views()
         for spec in dict.fromkeys(specs.values()):
             view = self.renderer.render(panorama, spec)

@@ -1,6 +1,6 @@
 """From the site file's references to the factor graph's."""
 
-from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint
+from savmap.graph import CameraHeight, KnownLength, KnownMarker, References, SurveyedPoint
 from savmap.site import ReferenceSection
 
 
@@ -11,6 +11,7 @@ def references_of(section: ReferenceSection) -> References:
         camera_heights=(CameraHeight(height.value, height.sigma),) if height else (),
         lengths=tuple(KnownLength(*one.between, one.value, one.sigma, one.axis) for one in section.lengths),
         points=tuple(SurveyedPoint(one.vertex, _position(one.axis, one.value), one.sigma) for one in section.points),
+        markers=tuple(KnownMarker(one.dictionary, one.id, one.size_m, one.sigma_m) for one in section.markers),
     )
 
 

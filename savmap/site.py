@@ -46,13 +46,30 @@ class SurveyedPoint(Strict):
     sigma: Sigma
 
 
+class Marker(Strict):
+    """An AprilTag or ArUco marker somewhere in the footage; its size is the side of its black square."""
+
+    dictionary: Annotated[str, Field(pattern=r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$")]
+    id: Annotated[int, Field(ge=0)]
+    size_m: Annotated[float, Field(gt=0.01, lt=5)]
+    sigma_m: Annotated[float, Field(gt=0, le=0.1)] = 0.0005
+
+
 class ReferenceSection(Strict):
-    """What is known without mapping. Scale comes from the camera's height, from a length or from surveyed points."""
+    """What is known without mapping. Scale comes from the camera's height, a length, a marker or surveyed points."""
 
     camera_height_m: CameraHeight | None = None
     travel_m: Annotated[float, Field(gt=0.5, lt=1000)] | None = None
     lengths: tuple[Length, ...] = ()
     points: tuple[SurveyedPoint, ...] = ()
+    markers: tuple[Marker, ...] = ()
+
+    @field_validator("markers")
+    @classmethod
+    def _each_once(cls, value: tuple[Marker, ...]) -> tuple[Marker, ...]:
+        if len({(one.dictionary, one.id) for one in value}) < len(value):
+            raise ValueError("a marker is given twice")
+        return value
 
 
 class ViewSection(Strict):

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
+from savmap.graph import KnownMarker
 from savmap.io.sitefile import load_site
+from savmap.references import references_of
 
 GOOD = """\
 plugins:
@@ -58,6 +60,28 @@ def test_mistakes_are_named_with_their_line(tmp_path: Path, old: str, new: str, 
     assert message.startswith(f"{path}:{line}:")
     assert hint in message
     assert "\n" not in message
+
+
+MARKER = "  markers: [{dictionary: tag36h11, id: 7, size_m: 0.2}]\nrows:"
+
+
+def test_markers_become_references(tmp_path: Path) -> None:
+    site = load_site(write(tmp_path, GOOD.replace("rows:", MARKER)))
+    assert references_of(site.row_references("A")).markers == (KnownMarker("tag36h11", 7, 0.2, 0.0005),)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("tag36h11", "tag36h12", r"`references.markers\[0\].dictionary`"),
+        ("size_m: 0.2", "size_m: 200", r"`references.markers\[0\].size_m`.*metres"),
+        ("size_m: 0.2", "size_mm: 200", "wrong unit. Use `size_m`"),
+        ("7, size_m: 0.2}", "7, size_m: 0.2}, {dictionary: tag36h11, id: 7, size_m: 0.3}", "given twice"),
+    ],
+)
+def test_mistakes_in_markers_are_named(tmp_path: Path, old: str, new: str, hint: str) -> None:
+    with pytest.raises(SiteError, match=rf"site.yaml:5: .*{hint}"):
+        load_site(write(tmp_path, GOOD.replace("rows:", MARKER.replace(old, new))))
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

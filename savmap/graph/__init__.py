@@ -1,11 +1,12 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_length, pin, reference, tie
+from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
+from savmap.graph.markers import marker_constraints
 from savmap.graph.observations import Biases, Observations, observe
 from savmap.graph.optimise import PUBLISHED, SolveOptions, solve
 from savmap.graph.problem import Problem, merge
-from savmap.graph.references import CameraHeight, Frames, KnownLength, References, SurveyedPoint, gauge
+from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
 from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import published_start
 
@@ -18,6 +19,7 @@ __all__ = [
     "Frames",
     "KeySpace",
     "KnownLength",
+    "KnownMarker",
     "Landmark",
     "Observations",
     "Problem",
@@ -29,7 +31,9 @@ __all__ = [
     "SurveyedPoint",
     "frame_key",
     "gauge",
+    "known_distance",
     "known_length",
+    "marker_constraints",
     "merge",
     "observe",
     "pin",

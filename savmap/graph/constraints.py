@@ -18,14 +18,15 @@ TIGHT_M = 1e-4
 
 @dataclass(frozen=True)
 class Relation:
-    """Coordinate `axis` of landmark b minus that of landmark a (a alone, if b is None) is `value` +- `sigma` m.
+    """Coordinate `axis` of landmark b minus that of landmark a (a alone, if b is None) is `value` +- `sigma` m; without an
+    axis, the straight distance from a to b is.
 
     A relation with a `name` is a figure the user gave: it may fix scale and place, and is reported. One without a name is
     structure: a grid line, the face plane. `doubt` is what to tell the user where all other references refute a named one
     because its landmark was mistaken; it is left out then.
     """
 
-    axis: Axis
+    axis: Axis | None
     a: int
     b: int | None
     value: float
@@ -35,8 +36,8 @@ class Relation:
 
     @property
     def column(self) -> int:
-        """0, 1 or 2 for x, y or z."""
-        return "xyz".index(self.axis)
+        """0, 1 or 2 for x, y or z. ValueError for a distance, which has none."""
+        return ("x", "y", "z").index(self.axis)
 
 
 def tie(axis: Axis, a: int, b: int, sigma: float = TIGHT_M) -> Relation:
@@ -57,6 +58,11 @@ def reference(axis: Axis, a: int, value: float, sigma: float, name: str, doubt: 
 def known_length(axis: Axis, a: int, b: int, value: float, sigma: float, name: str) -> Relation:
     """The user measured the distance from a to b along an axis (negative if b lies before a)."""
     return Relation(axis, a, b, value, sigma, name)
+
+
+def known_distance(a: int, b: int, value: float, sigma: float, name: str) -> Relation:
+    """The user measured the straight distance from a to b, along whatever direction: of a thing that stands askew."""
+    return Relation(None, a, b, value, sigma, name)
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,11 @@ def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
 
 
 def relation_factor(relation: Relation) -> gtsam.NonlinearFactor:
-    """The paper's BetweenFactor or PriorFactor on one axis."""
+    """The paper's BetweenFactor or PriorFactor on one axis; a distance's RangeFactor."""
+    if relation.axis is None and relation.b is not None:
+        return gtsam.RangeFactor3(
+            relation.a, relation.b, relation.value, gtsam.noiseModel.Isotropic.Sigma(1, relation.sigma)
+        )
     value = relation.value * np.eye(3)[relation.column]
     noise = _along(relation.column, relation.sigma)
     if relation.b is None:

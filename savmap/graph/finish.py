@@ -152,14 +152,14 @@ def _relations(problem: Problem, estimate: Estimate, covariance: Covariance) -> 
 
 
 def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance: Covariance) -> tuple[float, float]:
-    axis = relation.column
-    at = float(estimate.points[problem.index(relation.a), axis])
+    at = estimate.points[problem.index(relation.a)]
     if relation.b is None:
-        return at, float(covariance.of([relation.a])[axis, axis])
-    joint = covariance.of([relation.a, relation.b])[np.ix_([axis, 3 + axis], [axis, 3 + axis])]
-    return float(estimate.points[problem.index(relation.b), axis]) - at, float(
-        joint[0, 0] + joint[1, 1] - 2 * joint[0, 1]
-    )
+        axis = relation.column
+        return float(at[axis]), float(covariance.of([relation.a])[axis, axis])
+    span = estimate.points[problem.index(relation.b)] - at
+    along = span / np.linalg.norm(span) if relation.axis is None else np.eye(3)[relation.column]
+    slope = np.concatenate([-along, along])
+    return float(along @ span), float(slope @ covariance.of([relation.a, relation.b]) @ slope)
 
 
 def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:

@@ -52,12 +52,28 @@ class SurveyedPoint:
 
 
 @dataclass(frozen=True)
+class KnownMarker:
+    """A square fiducial marker, the side of whose black square is size_m +- sigma_m: "tag36h11" number 7."""
+
+    dictionary: str
+    number: int
+    size_m: float
+    sigma_m: float
+
+    @property
+    def name(self) -> str:
+        """As in messages, in the map and among tracks."""
+        return f"{self.dictionary} {self.number}"
+
+
+@dataclass(frozen=True)
 class References:
     """All that the user measured of a row."""
 
     camera_heights: tuple[CameraHeight, ...] = ()
     lengths: tuple[KnownLength, ...] = ()
     points: tuple[SurveyedPoint, ...] = ()
+    markers: tuple[KnownMarker, ...] = ()
 
 
 @dataclass(frozen=True)

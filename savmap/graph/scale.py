@@ -81,18 +81,22 @@ def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Fl
 
 def equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
     """A relation as a row (6,): factors of s, t_x, t_y, t_z, then value and sigma."""
-    axis = relation.column
+    place = points[problem.index(relation.a)]
+    span = place if relation.b is None else points[problem.index(relation.b)] - place
     row = np.zeros(6)
-    row[0] = points[problem.index(relation.a), axis]
-    row[1 + axis] = 1
-    if relation.b is not None:
-        row[0] = points[problem.index(relation.b), axis] - row[0]
-        row[1 + axis] = 0
     row[4:] = relation.value, relation.sigma
+    if relation.axis is None:
+        row[0] = np.linalg.norm(span)
+        return row
+    row[0] = span[relation.column]
+    row[1 + relation.column] = relation.b is None
     return row
 
 
 def _scale_advice(problem: Problem) -> str:
+    if problem.frames.references.markers:
+        names = " and ".join(marker.name for marker in problem.frames.references.markers)
+        return f"marker {names} was not seen well enough to give it: see that it is in the footage, or give another reference"
     heights = bool(problem.frames.references.camera_heights)
     levels = any(r.name and r.axis == "y" and r.b is None for r in problem.relations)
     if heights and not levels:
@@ -101,7 +105,7 @@ def _scale_advice(problem: Problem) -> str:
         return (
             "heights of the lowest edges alone do not give it: add a camera height or a known length under 'references'"
         )
-    return "add a known length, or a camera height and a known height on the structure, or two surveyed points under 'references'"
+    return "add a known length or a marker, or a camera height and a known height on the structure, or two surveyed points under 'references'"
 
 
 def _place_advice(axis: str) -> str:

@@ -86,5 +86,5 @@ def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:
 
 
 def test_fewer_heights_than_sections(four: made.World) -> None:
-    with pytest.raises(SiteError, match="3 heights, but 4 sections"):
+    with pytest.raises(SiteError, match="3 values, but 4 sections"):
         part(four, list(four.rack.lowest)[:3])

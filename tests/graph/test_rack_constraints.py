@@ -36,7 +36,7 @@ def test_columns_rows_plane_and_origin(small: made.World) -> None:
 
 
 def test_number_of_heights_must_match(small: made.World) -> None:
-    with pytest.raises(SiteError, match="gives 2 heights, but 3 sections were found"):
+    with pytest.raises(SiteError, match="gives 2 values, but 3 sections were found"):
         constrain(small.tracks, small.facts, made.begin(small), settings=GridSettings([0.3, 0.3]))
 
 

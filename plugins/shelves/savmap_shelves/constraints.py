@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, observe, pin, reference, tie
+from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, known_length, observe, pin, reference, tie
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
-from savmap_shelves.heights import assignments
+from savmap_shelves.heights import Values, assignments
 from savmap_shelves.places import Column, Row, column_of, is_foot, row_of
 from savmap_shelves.sharing import share_edges
 
@@ -24,7 +24,8 @@ FLOOR_SIGMA_M = 0.05
 @dataclass(frozen=True)
 class GridSettings:
     """What is known of a rack: height of the lowest beam's bottom edge (h_ref) of every section, or one for all, with its
-    sigma; how far beams' faces stand back behind the uprights', with its sigma.
+    sigma; the pitch of the bays, from an upright's edge to the same one of the next, likewise; how far beams' faces stand
+    back behind the uprights', with its sigma.
 
     The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
     face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
@@ -34,10 +35,12 @@ class GridSettings:
     no beam ends.
     """
 
-    lowest_beam_bottom_height_m: float | Sequence[float] | None = None
+    lowest_beam_bottom_height_m: Values | None = None
     sigma_m: float = 0.002
     beam_setback_m: float = 0.0
     beam_setback_sigma_m: float = 0.01
+    bay_pitch_m: Values | None = None
+    bay_pitch_sigma_m: float = 0.003
     bias: BiasSettings = NO_BIAS
     corners: Literal["lines", "points"] = "lines"
 
@@ -67,8 +70,8 @@ def constrain(
     room: str = "shelves",
     settings: GridSettings | None = None,
 ) -> Constraints:
-    """The rack's part of the graph. Raises StructureError if there is no grid, SiteError if the number of heights given is
-    not that of the sections found."""
+    """The rack's part of the graph. Raises StructureError if there is no grid, SiteError if fewer heights or
+    pitches are given than sections were found."""
     chosen = settings or GridSettings()
     feet = [track for track in tracks if is_foot(track)] if chosen.lowest_beam_bottom_height_m is None else []
     tracks = [track for track in tracks if not is_foot(track)]
@@ -78,7 +81,7 @@ def constrain(
     shared, dof = _weighed(tracks, grid, facts, start, chosen)
     keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
     initial = published_grid(tracks, grid, start, chosen)
-    ways = _heights(grid, keys, chosen, facts.name)
+    ways = _given(grid, keys, chosen, facts.name)
     return Constraints(
         room,
         keys,
@@ -142,16 +145,33 @@ def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSetti
     yield pin("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
 
 
-def _heights(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> dict[str, tuple[Relation, ...]]:
-    """h_ref: the lower edge of the lowest beam of each section; several ways, where the row has more sections than found."""
-    given = settings.lowest_beam_bottom_height_m
-    if given is None:
-        return {}
-    values = [float(given)] * len(grid.sections) if isinstance(given, int | float) else [float(each) for each in given]
-    return {
-        name: tuple(_height(grid, keys, section, way[section], settings) for section in grid.sections)
-        for name, way in assignments(values, grid.sections, row).items()
+def _given(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> dict[str, tuple[Relation, ...]]:
+    """What was measured of sections: h_ref and pitch; several ways, where the row has more sections than found."""
+    figures = {
+        "lowest_beam_bottom_height_m": settings.lowest_beam_bottom_height_m,
+        "bay_pitch_m": settings.bay_pitch_m,
     }
+    given = {setting: values for setting, values in figures.items() if values is not None}
+
+    def relations(way: Mapping[str, Mapping[int, float]]) -> Iterator[Relation]:
+        for section, value in way.get("lowest_beam_bottom_height_m", {}).items():
+            yield _height(grid, keys, section, value, settings)
+        for section, value in way.get("bay_pitch_m", {}).items():
+            yield from _pitch(grid, keys, section, value, settings)
+
+    ways = assignments(given, grid.sections, row)
+    return {name: tuple(relations(way)) for name, way in ways.items()}
+
+
+def _pitch(
+    grid: Grid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings
+) -> Iterator[Relation]:
+    """From an upright's edge to the same edge of the next: left ones, or right ones where a left one was not seen."""
+    for side in ("left", "right"):
+        if (section, side) in grid.columns and (section + 1, side) in grid.columns:
+            first, second = (keys[grid.columns[upright, side][0]] for upright in (section, section + 1))
+            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of section {section}")
+            return
 
 
 def _height(grid: Grid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings) -> Relation:

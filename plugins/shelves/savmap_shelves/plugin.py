@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
 
+Pitch = Annotated[float, Field(gt=0.3, lt=20)]
+
 
 class LowestBeam(BaseModel):
     """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres."""
@@ -19,6 +21,14 @@ class LowestBeam(BaseModel):
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
 
 
+class BayPitch(BaseModel):
+    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    value: Pitch | tuple[Pitch, ...]
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
+
+
 class Settings(BaseModel):
     """Settings of the plugin in a site file."""
 
@@ -26,6 +36,7 @@ class Settings(BaseModel):
     model: Path | None = None
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     lowest_beam_bottom_height_m: LowestBeam | None = None
+    bay_pitch_m: BayPitch | None = None
     beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
     subpixel: bool = True
 
@@ -70,11 +81,13 @@ class Shelves:
         from savmap_shelves.bias import PICTURES
         from savmap_shelves.constraints import GridSettings, constrain
 
-        known = self.config.lowest_beam_bottom_height_m
+        known, pitch = self.config.lowest_beam_bottom_height_m, self.config.bay_pitch_m
         settings = GridSettings(
             lowest_beam_bottom_height_m=known.values if known else None,
             sigma_m=known.sigma if known else 0.002,
             beam_setback_m=self.config.beam_setback_m,
+            bay_pitch_m=pitch.value if pitch else None,
+            bay_pitch_sigma_m=pitch.sigma if pitch else 0.003,
             bias=PICTURES,
         )
         return constrain(tracks, facts, start, room=self.name, settings=settings)

@@ -1,0 +1,42 @@
+"""Markers on their way through a row: seen as frames are walked through, noted when they were not."""
+
+from pathlib import Path
+
+import numpy as np
+
+from savmap import engine, job, observe
+from savmap.graph import KnownMarker, References, gauge
+from savmap.io.clip import Clip
+from savmap.site import Site
+from savmap.stages.markers import MarkerWatch, Marks
+from savmap.stages.render import Renderer
+from savmap.types import FrameTable, RowFacts, Trajectory
+
+from .stages.test_markers import HEIGHT, TAG, corners_at, marked
+
+MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
+
+
+def test_every_frame_that_is_walked_through_is_looked_at() -> None:
+    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]))
+    aimed = observe.PassAims("pass 1", Clip(Path("none")), {})
+    for frame in range(3):
+        walk._frame(marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1)), aimed)
+    assert walk.watch.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
+
+
+def test_one_that_was_not_seen_is_noted() -> None:
+    facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
+    start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
+    references = References(markers=(MARKER,))
+    seen = observe.Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
+    row = engine.Row("A", (), references)
+    found, notes = engine.marked(row, seen, start, gauge(facts, start, references))
+    assert not found
+    assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
+
+
+def test_a_marker_may_be_the_only_scale() -> None:
+    marker = {"dictionary": "tag36h11", "id": 7, "size_m": 0.2}
+    content = {"references": {"markers": [marker]}, "rows": {"A": {"passes": [{"video": "a.mp4"}]}}}
+    assert job._tells_scale(job.Job(Site.model_validate(content), Path("site.yaml"), (), Path("out")), "A")
