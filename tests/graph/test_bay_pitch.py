@@ -46,7 +46,8 @@ def test_a_wrong_pitch_is_named(small: made.World) -> None:
 
 def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
     ways = assignments({"height": (0.1, 0.2, 0.3), "pitch": 2.7}, (1, 2), "A")
-    assert ways == [
+    assert list(ways) == ["sections 1 to 2 of 3", "sections 2 to 3 of 3"]
+    assert list(ways.values()) == [
         {"height": {1: 0.1, 2: 0.2}, "pitch": {1: 2.7, 2: 2.7}},
         {"height": {1: 0.2, 2: 0.3}, "pitch": {1: 2.7, 2: 2.7}},
     ]

@@ -22,5 +22,5 @@ def test_length_of_a_row_with_one_bay_more() -> None:
 def test_heights_of_one_section_less() -> None:
     world = made.world(5, sections=3, frames=12, bridge=None)
     settings = GridSettings(world.rack.lowest[:2])
-    with pytest.raises(SiteError, match="gives 2 heights, but 3 sections"):
+    with pytest.raises(SiteError, match="gives 2 values, but 3 sections"):
         constrain(world.tracks, world.facts, made.begin(world), settings=settings)
