@@ -10,7 +10,7 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-THIN, RARE = 0.8, 0.92
+THIN, RARE = 0.86, 0.92
 NEAR_FLOOR = 0.12
 
 
