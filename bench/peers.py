@@ -86,15 +86,16 @@ def peer(folder: Path, focal_px: float) -> tuple[Places, float]:
     import pycolmap
 
     start = time.perf_counter()
-    database = folder / "database.db"
+    work = folder.with_name("pycolmap")
+    work.mkdir()
+    database = work / "database.db"
     parameters = f"{focal_px},{focal_px},320,240"
     reader = pycolmap.ImageReaderOptions(camera_model="PINHOLE", camera_params=parameters)
     pycolmap.extract_features(database, folder, camera_mode=pycolmap.CameraMode.SINGLE, reader_options=reader)
     pycolmap.match_sequential(database)
     options = pycolmap.IncrementalPipelineOptions()
     options.ba_refine_focal_length = options.ba_refine_extra_params = options.ba_refine_principal_point = False
-    (folder / "models").mkdir()
-    models = pycolmap.incremental_mapping(database, folder, folder / "models", options=options)
+    models = pycolmap.incremental_mapping(database, folder, work, options=options)
     seconds = time.perf_counter() - start
     if not models:
         return {}, seconds
