@@ -96,7 +96,11 @@ def _separators(frame: Frame, detections: Sequence[Detection]) -> Separators:
     runs, part = separated(found[0], frame.settings.least_run_px, frame.settings.most_thick)
     strips = strips_of(runs, part, np.zeros_like(part), found[1], frame.settings)
     tall = _apparent_height(strips, frame)
-    strips = strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * tall)]
+    return sorted_separators(frame, strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * tall)], tall)
+
+
+def sorted_separators(frame: Frame, strips: Strips, tall: float) -> Separators:
+    """Strips left to right, and which are uprights to be reported: long enough for a rack `tall` pixels high, and not askew."""
     strips = strips[np.argsort(strips.either_upper.at(frame.height / 2), kind="stable")]
     kept = (strips.length >= frame.settings.least_upright * tall) & strips.two_edged
     kept[kept] = ~askew(strips[kept], (frame.height, frame.width), frame.settings)

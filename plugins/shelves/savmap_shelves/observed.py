@@ -11,10 +11,9 @@ import numpy as np
 from savmap.geometry.lines import Lines
 from savmap.sim.observations import ObservedEdge
 from savmap.types import Feature, Floats, Ints, View, ViewSpec
-from savmap_shelves.boundaries import Frame, Separators, beam_features, sorted_beams, upright_edges
+from savmap_shelves.boundaries import Frame, Separators, beam_features, sorted_beams, sorted_separators, upright_edges
 from savmap_shelves.boundary_settings import BoundarySettings
 from savmap_shelves.merging import longest_only
-from savmap_shelves.perspective import askew
 from savmap_shelves.strips import Bools, Strips
 
 SIGMA_PX = 0.7
@@ -29,7 +28,7 @@ def observed_features(
     number = edges[0].frame
     settings = settings or BoundarySettings()
     frame = Frame(_blank(spec, number), spec.width, spec.height, settings, settings.least_sigma_px)
-    separators = _separators(frame, _strips(edges, "upright", sigma_px))
+    separators = sorted_separators(frame, longest_only(_strips(edges, "upright", sigma_px)), frame.height)
     beams = _strips(edges, "beam", sigma_px)
     beams = _in_cells(beams, separators)
     return [
@@ -41,14 +40,6 @@ def observed_features(
 def _blank(spec: ViewSpec, number: int) -> View:
     picture = np.broadcast_to(np.zeros(1, dtype=np.uint8), (spec.height, spec.width, 3))
     return View(spec, number, 0.0, picture)
-
-
-def _separators(frame: Frame, strips: Strips) -> Separators:
-    strips = longest_only(strips)
-    strips = strips[np.argsort(strips.either_upper.at(frame.height / 2), kind="stable")]
-    kept = (strips.length >= frame.settings.least_upright * frame.height) & strips.two_edged
-    kept[kept] = ~askew(strips[kept], (frame.height, frame.width), frame.settings)
-    return Separators(strips, kept)
 
 
 def _in_cells(beams: Strips, separators: Separators) -> Strips:
