@@ -5,7 +5,7 @@ linear start knows nothing of references, and they are linear in its scale and s
 on these few equations names the one that does not belong.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -48,23 +48,28 @@ def undoubted(problem: Problem, cameras: Floats, points: Floats) -> tuple[Proble
     return problem, ()
 
 
-def decided(problem: Problem, cameras: Floats, points: Floats) -> tuple[Problem, tuple[str, ...]]:
-    """The problem with that set of every room's alternatives which fits best to the linear start, cameras (f, 3) and
-    points (m, 3) up to scale and shift, and a line about each. Raises SolveError where the next best fits nearly as well."""
-    notes = []
+def readings(problem: Problem, cameras: Floats, points: Floats) -> list[tuple[Problem, tuple[str, ...]]]:
+    """The problem with one set of every room's alternatives, best first, and a line about each set: those that agree with
+    the linear start, cameras (f, 3) and points (m, 3) up to scale and shift, about as well as the best one does."""
+    found: list[tuple[Problem, tuple[str, ...]]] = [(problem, ())]
     for room in (one for one in problem.rooms if one.alternatives):
-        told = list(room.alternatives)
-        ways = [replace(problem, relations=(*problem.relations, *room.alternatives[name])) for name in told]
-        misfits = [_misfit(way, cameras, points) for way in ways]
-        best, second = np.argsort(misfits)[:2].tolist()
-        if misfits[second] < CLEARLY * misfits[best]:
-            raise SolveError(
-                f"row {problem.frames.facts.name}: only a part of the row was found, and it is not clear whether that is "
-                f"{told[best]} or {told[second]}: give only the references of the part that the footage shows"
-            )
-        problem = ways[best]
-        notes.append(f"only a part of the row was found: {told[best]}, by the references that fit")
-    return problem, tuple(notes)
+        ways = _distinct(room.alternatives)
+        found = [
+            (replace(before, relations=(*before.relations, *relations)), (*told, name))
+            for before, told in found
+            for name, relations in ways.items()
+        ]
+    misfits = np.array([_misfit(way, cameras, points) for way, _ in found]) if len(found) > 1 else np.zeros(1)
+    order = np.argsort(misfits, kind="stable").tolist()
+    return [found[k] for k in order if misfits[k] <= CLEARLY * misfits.min()]
+
+
+def _distinct(alternatives: Mapping[str, tuple[Relation, ...]]) -> dict[str, tuple[Relation, ...]]:
+    """Alternatives that differ in more than their names; those that do not share one."""
+    told: dict[tuple[Relation, ...], list[str]] = {}
+    for name, relations in alternatives.items():
+        told.setdefault(relations, []).append(name)
+    return {" or ".join(names): relations for relations, names in told.items()}
 
 
 def _misfit(problem: Problem, cameras: Floats, points: Floats) -> float:

@@ -18,13 +18,14 @@ from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit, correlation, fit_of
 from savmap.graph.solution import Solution
-from savmap.graph.start import Estimate, start
+from savmap.graph.start import Estimate, Start, starts
 from savmap.types import Floats
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
 ROUGH, FINE = 1e-4, 1e-6
+DOUBTED, CLEARLY = 12.5, 12.5
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,37 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     contradict one another, or if the graph cannot be solved."""
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
-    begin = start(problem, chosen.start)
+    begin = _likeliest(starts(problem, chosen.start), chosen)
     last = [*_rounds(begin.problem, begin.estimate, chosen)][-1]
     if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
     joint = _covariance(last, last.inflation, None)
     return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias, begin.notes)
+
+
+def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
+    """The start that leads to the best fit of pictures and references together. Raises SolveError where that is not clear."""
+    if len(ways) == 1:
+        return ways[0]
+    firsts = [next(_rounds(way.problem, way.estimate, options)) for way in ways]
+    inflation = min(state.inflation for state in firsts)
+    costs = [_cost(state, inflation) + DOUBTED * len(way.doubts) for state, way in zip(firsts, ways, strict=True)]
+    best, second = (int(k) for k in np.argsort(costs, kind="stable")[:2])
+    if costs[second] - costs[best] < CLEARLY:
+        part, other = (" and ".join(ways[k].reading) for k in (best, second))
+        raise SolveError(
+            f"row {ways[0].problem.frames.facts.name}: only a part of the row was found, and it is not clear whether that is"
+            f" {part} or {other}: give only the references of the part that the footage shows"
+        )
+    return ways[best]
+
+
+def _cost(state: State, inflation: float) -> float:
+    """Half the sum of squared residuals, in standard deviations, of all references and of all observations by Huber's loss."""
+    graph = other_factors(state.problem, state.estimate)
+    for factor in observation_factors(state.problem.observations, inflation, HUBER):
+        graph.push_back(factor)
+    return float(graph.error(values_of(state.problem, state.estimate)))
 
 
 def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[State]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from savmap.errors import StructureError
+from savmap.errors import SolveError, StructureError
 from savmap.graph import linear
-from savmap.graph.doubt import decided, undoubted
+from savmap.graph.doubt import readings, undoubted
 from savmap.graph.problem import Problem
 from savmap.graph.scale import fit, require_metric
 from savmap.types import Floats, Ints, RowFacts, Trajectory
@@ -64,18 +64,45 @@ def rotations_at(wanted: Ints, frames: Ints, rotations: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Start:
-    """Where the solve starts: the problem without references that were refuted, a line about each of these, the estimate."""
+    """Where the solve starts: the problem without references that were refuted, how it was read where only a part of a row
+    was found, a line about each refuted reference, the estimate."""
 
     problem: Problem
-    notes: tuple[str, ...]
+    reading: tuple[str, ...]
+    doubts: tuple[str, ...]
     estimate: Estimate
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to tell the user."""
+        return (
+            *(f"only a part of the row was found: {name}, by the references that fit" for name in self.reading),
+            *self.doubts,
+        )
 
-def start(problem: Problem, kind: str) -> Start:
-    """The start of the solve; `kind` is "linear" or "published". Raises SolveError if gauge or scale are not observable."""
+
+def starts(problem: Problem, kind: str) -> list[Start]:
+    """A start of the solve for each way to read the references; `kind` is "linear" or "published".
+
+    Raises SolveError if gauge or scale are not observable, or if references contradict one another however they are read.
+    """
     poses, points = first_poses(problem), first_points(problem)
     cameras, found = linear.places(problem, poses, points)
-    problem, parts = decided(problem, cameras, found)
+    ways, wrong = list[Start](), list[SolveError]()
+    for way, reading in readings(problem, cameras, found):
+        try:
+            ways.append(_start(way, reading, kind, (poses, points, cameras, found)))
+        except SolveError as error:
+            wrong.append(error)
+    if not ways:
+        raise wrong[0]
+    return ways
+
+
+def _start(
+    problem: Problem, reading: tuple[str, ...], kind: str, scene: tuple[Floats, Floats, Floats, Floats]
+) -> Start:
+    poses, points, cameras, found = scene
     problem, doubts = undoubted(problem, cameras, found)
     if problem.frames.fixed is None:
         similarity = fit(problem, cameras, found)
@@ -84,8 +111,8 @@ def start(problem: Problem, kind: str) -> Start:
     if kind == "linear" or problem.frames.fixed is not None:
         poses, points = poses.copy(), found
         poses[:, :3, 3] = cameras
-    heights = problem.frames.references.camera_heights
-    return Start(problem, (*parts, *doubts), Estimate(poses, points, np.array([height.value_m for height in heights])))
+    heights = np.array([height.value_m for height in problem.frames.references.camera_heights])
+    return Start(problem, reading, doubts, Estimate(poses, points, heights))
 
 
 def first_poses(problem: Problem) -> Floats:

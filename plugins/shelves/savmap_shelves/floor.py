@@ -32,14 +32,14 @@ class Feet:
         own = [y[(upright == k) & np.isfinite(y)] for k in range(len(uprights))]
         return np.array([np.median(each) if len(each) >= LEAST_SEEN else np.inf for each in own])
 
-    def floor(self, states: Floats, uprights: Floats) -> tuple[float, float]:
-        """The least height that a beam may have, which is the lowest foot's less what feet differ by, for goods and guards
-        hide them; and the lowest foot's. -inf where fewer than two feet are known."""
+    def floor(self, states: Floats, uprights: Floats) -> float:
+        """The least height that a beam should have: the lowest foot's less what feet differ by, for goods and guards hide
+        them. -inf where fewer than two feet are known."""
         usual = self.usual(states, uprights)
         known = usual[np.isfinite(usual)]
         if len(known) < 2:
-            return -np.inf, -np.inf
-        return float(known.min() - np.ptp(known)), float(known.min())
+            return -np.inf
+        return float(known.min() - np.ptp(known))
 
 
 def feet_of(features: Sequence[Feature], seen: Catalogue, world_from_rig: Floats) -> Feet:

@@ -10,8 +10,8 @@ from savmap_shelves.density import modes, nearest, one_each, supported
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 from savmap_shelves.uprights import Uprights
 
-THIN, RARE = 0.86, 0.92
-NEAR_FLOOR = 0.12
+THIN, RARE, THICK = 0.86, 0.92, 2.0
+NEAR_FLOOR, SURE = 0.12, 0.6
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ def find_levels(
     uprights: Uprights,
     frames: Ints,
     sizes: tuple[float, float],
-    floor: tuple[float, float] = (-np.inf, -np.inf),
+    floor: float = -np.inf,
 ) -> Levels:
     """Levels with enough support among the sightings of `frames`. sizes: the kernel's bandwidth as a share of a beam's
-    height; the least support, as a share of the usual one. floor: how low a beam may be, and the lowest foot of an upright."""
+    height; the least support, as a share of the usual one. floor: below it levels are doubted."""
     section, ends = sections_of(seen, face, states, uprights)
     edges = _edges(np.where(ends[:, :, None], heights(seen, face, states), np.nan))
     centre = edges.mean(axis=1)
-    section = np.where(np.isin(seen.beam_frame, frames) & (centre > floor[0]), section, -1)
+    section = np.where(np.isin(seen.beam_frame, frames), section, -1)
     if not (section >= 0).any():
         return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends, np.zeros(0))
     thickness = float(np.median(np.diff(edges[section >= 0], axis=1)))
@@ -100,7 +100,9 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
-            kept = ~_thin(levels, edges, which, support, floor[1])
+            kept = ~_sunk(levels, edges, which, support, floor)
+        if kept.all():
+            kept = ~_unlike(levels, edges, which, support, floor)
         if kept.all():
             break
         levels = levels[kept]
@@ -176,30 +178,47 @@ def _medians(edges: Floats, which: Ints, count: int) -> Floats:
     return np.array([np.median(edges[which == k], axis=0) for k in range(count)]).reshape(-1, 2)
 
 
-def _thin(levels: Floats, edges: Floats, which: Ints, support: Floats, feet: float) -> NDArray[np.bool_]:
-    """Levels thinner, even where they seem thickest, than the sure ones of their section (or of the row, where it has less
-    than two), and seen less.
+def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> NDArray[np.bool_]:
+    """Levels below `floor` that are far below it, not as thick as the beams above it, or seen less: floor markings.
 
-    These are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden now
-    and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
-    lowest one of a section may be hidden from below in all of them, but it is above the feet.
+    The floor is known from the uprights' feet only, which guards may hide to above the lowest beams.
     """
-    usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.5, 0.75))
+    below = levels[:, 1] <= floor
+    if not below.any() or below.all():
+        return np.asarray(below)
+    like = levels[:, 1] > floor - NEAR_FLOOR * (levels[:, 1].max() - floor)
+    for share in (0.5, 0.75):
+        thickness = _quantiles(edges, which, len(levels), share)
+        beams = float(np.median(thickness[~below]))
+        like &= (thickness > THIN * beams) & (thickness < beams / THIN)
+    return np.asarray(below & ~(like & (support > SURE * np.median(support))))
+
+
+def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> NDArray[np.bool_]:
+    """Levels thinner, even where they seem thickest, or much thicker, even where they seem thinnest, than the sure ones of
+    their section (or of the row, where it has less than two), and seen less.
+
+    Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
+    now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
+    lowest one of a section may be hidden from below in all of them, but it is above the floor. Thick ones are girders of
+    the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames.
+    """
+    leanest, usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.25, 0.5, 0.75))
     sure = support >= 0.8 * np.median(support)
-    thin = np.zeros(len(levels), dtype=np.bool_)
+    thin, thick = np.zeros((2, len(levels)), dtype=np.bool_)
     for k, section in enumerate(levels[:, 0]):
         own = sure & (levels[:, 0] == section)
-        peers = usual[own if own.sum() > 1 else sure]
-        ratio = full[k] / np.median(peers) if len(peers) else 1.0
-        thin[k] = ratio < THIN and support[k] < RARE * np.median(support)
-    return thin & ~_stands(levels, feet)
+        peers = float(np.median(usual[own if own.sum() > 1 else sure])) if sure.any() else usual[k]
+        thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
+        thick[k] = leanest[k] > THICK * peers and not sure[k]
+    return thick | (thin & ~_stands(levels, floor))
 
 
-def _stands(levels: Floats, feet: float) -> NDArray[np.bool_]:
-    """Which levels (k,) are the lowest of their section above the uprights' feet, and near these."""
-    if not len(levels) or not np.isfinite(feet):
+def _stands(levels: Floats, floor: float) -> NDArray[np.bool_]:
+    """Which levels (k,) are the lowest of their section above the floor, and near it."""
+    if not len(levels) or not np.isfinite(floor):
         return np.zeros(len(levels), dtype=np.bool_)
-    low = (levels[:, 1] > feet) & (levels[:, 1] < feet + NEAR_FLOOR * (levels[:, 1].max() - feet))
+    low = (levels[:, 1] > floor) & (levels[:, 1] < floor + NEAR_FLOOR * (levels[:, 1].max() - floor))
     lowest = [levels[levels[:, 0] == section, 1].min() for section in levels[:, 0]]
     return np.asarray(low & (levels[:, 1] == lowest))
 
