@@ -9,12 +9,14 @@ from savmap.errors import StructureError
 from savmap.graph import (
     Constraints,
     Frames,
+    Problem,
     References,
     Solution,
     SolveOptions,
     gauge,
     marker_constraints,
     merge,
+    motion_constraints,
     published_start,
     solve,
 )
@@ -32,13 +34,15 @@ DISTANCE_M = 1.5
 
 @dataclass(frozen=True)
 class Row:
-    """One row to be mapped: its passes, its references, and the camera's path where an earlier map gives it."""
+    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, and whether points
+    of any kind may help with the camera's motion."""
 
     name: str
     passes: Sequence[Pass]
     references: References
     travel_m: float | None = None
     path: Trajectory | None = None
+    appearance: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
     references = row.references if row.path is None else References()
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
-    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted)
+    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
     start = first_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
@@ -63,7 +67,7 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
         monitor.note(note)
     points = sum(len(constraints.keys) for constraints in (*followed.constraints.values(), *followed.markers))
     monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    solution = solve(merge(frames, *followed.constraints.values(), *followed.markers))
+    solution = solve(helped(merge(frames, *followed.constraints.values(), *followed.markers), seen, monitor))
     for warning in solution.warnings:
         monitor.note(f"row {row.name}: {warning}")
     return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
@@ -89,6 +93,16 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
         tracks[room.name] = own
         constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
     return Followed(tracks, constraints, markers, tuple(notes))
+
+
+def helped(problem: Problem, seen: Observations, monitor: Monitor) -> Problem:
+    """The problem with what followed points say of the camera's motion, as far as they agree with its own solution."""
+    if not seen.flows or problem.frames.fixed is not None:
+        return problem
+    path = solve(problem, SolveOptions(rounds=1)).trajectory
+    motion, (count, agreeing) = motion_constraints(seen.flows, path, problem.used)
+    monitor.note(f"row {seen.facts.name}: {agreeing} of {count} points of no structure agree with the path and help it")
+    return merge(problem.frames, *problem.rooms, motion)
 
 
 def marked(

@@ -40,7 +40,14 @@ def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
     from savmap.references import references_of
 
     known = job.site.row_references(name)
-    row = Row(name, job.site.rows[name].passes, references_of(known), known.travel_m, earlier_path(job, name))
+    row = Row(
+        name,
+        job.site.rows[name].passes,
+        references_of(known),
+        known.travel_m,
+        earlier_path(job, name),
+        job.site.appearance,
+    )
     return map_row(row, rooms_for(job, name), monitor)
 
 

@@ -3,6 +3,7 @@
 from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.markers import marker_constraints
+from savmap.graph.motion import motion_constraints
 from savmap.graph.observations import Biases, Observations, observe
 from savmap.graph.optimise import PUBLISHED, SolveOptions, solve
 from savmap.graph.problem import Problem, merge
@@ -35,6 +36,7 @@ __all__ = [
     "known_length",
     "marker_constraints",
     "merge",
+    "motion_constraints",
     "observe",
     "pin",
     "published_start",
