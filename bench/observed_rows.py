@@ -18,6 +18,7 @@ from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.scene import parse_scene
+from savmap.stages.markers import Marks
 from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
 from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
@@ -121,7 +122,7 @@ def made(
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
     facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
-    seen = Observations(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), ())
+    seen = Observations(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), Marks({}, {}))
     return Made(built, path, seen)
 
 

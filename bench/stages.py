@@ -25,10 +25,12 @@ import savmap.observe as observe
 from savmap import run
 from savmap.job import job_for
 from savmap.rooms import Room
+from savmap.stages.render import Renderer
 
 ROOT = Path(__file__).parent.parent
 SECONDS: dict[str, float] = defaultdict(float)
 PEAK_MB: dict[str, float] = {}
+PANORAMAS = "panoramas"
 
 
 def peak_mb() -> float:
@@ -54,7 +56,7 @@ def timed(owner: Any, name: str, stage: str) -> None:
 
 def timed_frames() -> None:
     """Add the time spent waiting for decoded frames to a stage."""
-    inner = observe.panoramas
+    inner: Callable[..., Any] = getattr(observe, PANORAMAS)
 
     def outer(*args: Any, **kwargs: Any) -> Any:
         frames = inner(*args, **kwargs)
@@ -67,7 +69,7 @@ def timed_frames() -> None:
                 return
             yield frame
 
-    observe.panoramas = outer
+    setattr(observe, PANORAMAS, outer)
 
 
 def bound(video: Path) -> tuple[str, float]:
@@ -92,7 +94,7 @@ def main() -> None:
     arguments = parser.parse_args()
     timed_frames()
     timed(observe, "aim_pass", "aim")
-    timed(observe.Renderer, "render", "render (with the aim's)")
+    timed(Renderer, "render", "render (with the aim's)")
     timed(observe.OnceSegmenter, "probabilities", "segment (with the aim's)")
     timed(Room, "extract", "extract (with the aim's)")
     timed(Room, "track", "track")

@@ -52,11 +52,12 @@ def conclude(
     notes: tuple[str, ...] = (),
 ) -> Solution:
     """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
-    grossly."""
+    grossly, or if they leave the scale open."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
-    scale_sigma = _scale_sigma(problem, estimate)
+    scale_sigma = _scale_sigma(problem, estimate, covariance)
+    scale.require_known(problem, scale_sigma)
     return Solution(
         trajectory=_trajectory(problem, estimate, covariance),
         landmarks=_landmarks(problem, estimate, fit, covariance),
@@ -188,12 +189,16 @@ def _told(verdict: Verdict) -> str:
     return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {verdict.otherwise:.3f} m"
 
 
-def _scale_sigma(problem: Problem, estimate: Estimate) -> float:
-    """What the references leave open of the scale, as a fraction."""
-    if problem.frames.fixed is not None:
-        return 0.0
-    similarity = scale.fit(problem, estimate.poses[:, :3, 3], estimate.points)
-    return float(np.sqrt(similarity.covariance[0, 0]))
+def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
+    """What is left open of the scale, as a fraction: of the distance between the two landmarks that are farthest apart
+    along the aisle."""
+    along = estimate.points[:, 0]
+    ends = [int(along.argmin()), int(along.argmax())]
+    slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
+    first, last = (slot[int(problem.keys[end])] for end in ends)
+    points = covariance.points
+    variance = points[first, first] + points[last, last] - 2 * points[first, last]
+    return float(np.sqrt(max(variance, 0.0)) / max(float(np.ptp(along)), 1e-9))
 
 
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:

@@ -168,7 +168,8 @@ def solved(
 
 def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Floats]:
     """Errors m along x (columns) and in height (rows), and their standard deviations."""
-    off, sigma = {"x": [], "y": []}, {"x": [], "y": []}
+    off: dict[str, list[float]] = {"x": [], "y": []}
+    sigma: dict[str, list[float]] = {"x": [], "y": []}
     for name, landmark in solution.of("shelves").items():
         words = name.replace(" /", "").split()
         if words[0] == "upright" and words[3] == "top":

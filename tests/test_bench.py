@@ -1,0 +1,33 @@
+"""The benches at observation level run: a small row from made-up masks to a scored map, and what they print of it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCH = Path(__file__).parent.parent / "bench"
+
+
+@pytest.fixture(autouse=True)
+def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [str(BENCH), *sys.path])
+
+
+def test_a_made_up_row_is_mapped_by_both_methods() -> None:
+    import observed
+    from observed_rows import LOWEST_SIGMA_M, given, made, mapped
+    from uncertainty import figures, summary
+
+    from savmap.sim.observations import MaskErrors
+    from savmap_shelves.constraints import GridSettings
+
+    one = made(5, MaskErrors(0.7), sections=4, levels=(4, 5), frames_a_section=8)
+    known = given(one, np.random.default_rng(5))
+    row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M))
+    assert not any(row.score.missing.values())
+    assert not any(row.score.spurious.values())
+    errors = np.array([error / sigma for _, error, sigma in figures(one.survey, row.tracks, row.solution)])
+    assert len(errors) > 20
+    assert 0.3 < summary(errors)["spread"] < 3.0
+    assert set(observed.METHODS) == {"ours", "published"}
