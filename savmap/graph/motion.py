@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry.triangulate import nearest_points
 from savmap.graph.constraints import Constraints
@@ -39,10 +38,11 @@ class Placed:
 
 
 def motion_constraints(
-    flows: Sequence[Flow], path: Trajectory, frames: Ints
+    flows: Sequence[Flow], path: Trajectory, frames: Ints, sigma_px: float = SIGMA_PX
 ) -> tuple[Constraints, tuple[int, int]]:
     """What followed points say of the motion between `frames`, the ones that structures were seen in, about the `path` that
-    these gave; and how many points there were and how many of them agree."""
+    these gave; and how many points there were and how many of them agree. `sigma_px`: what each is believed to, much more than
+    it errs, for neighbouring points err alike and windows overlap."""
     graph, seen, used = gtsam.NonlinearFactorGraph(), 0, 0
     for one in flows:
         if not np.isin(one.frames, frames).all():
@@ -50,39 +50,47 @@ def motion_constraints(
         own = np.searchsorted(path.frames, one.frames)
         poses = path.world_from_rig[own]
         sigma_m = np.zeros(len(own)) if path.sigma_m is None else path.sigma_m[own].max(axis=1)
-        chosen = one.take(agreeing(one, poses, sigma_m))
-        seen, used = seen + len(one.pixels), used + len(chosen.pixels)
-        if len(chosen.pixels) >= LEAST_POINTS:
-            graph.push_back(motion_factor(one.frames, poses, *motion(chosen, poses)))
+        points, weights = trust(one, poses, sigma_m)
+        kept = weights > 0
+        seen, used = seen + len(kept), used + int(kept.sum())
+        if kept.sum() >= LEAST_POINTS:
+            said = motion(one.take(kept), poses, points[kept], weights[kept] / sigma_px)
+            graph.push_back(motion_factor(one.frames, poses, *said))
     return Constraints(ROOM, {}, observe((), {}, {}), (), {}, factors=graph), (seen, used)
 
 
-def agreeing(one: Flow, poses: Floats, sigma_m: Floats) -> NDArray[np.bool_]:
-    """Which points (n,) agree with poses (k, 4, 4) whose places are good to sigma_m (k,): those before the camera, with
-    parallax, that are nowhere off by more than four standard deviations of the tracker's and the places' errors."""
-    if not len(one.pixels):
-        return np.zeros(0, np.bool_)
-    points = place(one, poses)
+def trust(one: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
+    """Points (n, 3) m by poses (k, 4, 4) whose places are good to sigma_m (k,), and how far each agrees with these (n,):
+    Huber's weight of its largest error, in standard deviations of the tracker's and the places' errors; 0 for what is not
+    before the camera, has no parallax, or is off by more than four."""
+    points = place(one, poses, sigma_m)
     placed = seen_from(one, poses, points)
     depth = placed.offsets @ one.spec.rig_from_view[:, 2]
     rays = (points[:, None] - poses[:, :3, 3]) / np.linalg.norm(placed.offsets, axis=2, keepdims=True)
     parallax = np.einsum("ni,ni->n", rays[:, 0], rays[:, -1]) < np.cos(np.radians(LEAST_PARALLAX_DEG))
     before = ((depth > NEAREST_M) & (depth < FARTHEST_M)).all(axis=1)
-    places_px = one.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M)
-    off = np.abs(placed.errors).max(axis=2) / np.hypot(ERROR_PX, places_px)
-    fits: NDArray[np.bool_] = before & parallax & (off < GATE_SIGMA).all(axis=1)
-    return fits
+    off = (np.linalg.norm(placed.errors, axis=2) / _sigma_px(one, sigma_m, depth)).max(axis=1)
+    weights = np.minimum(1.0, HUBER / np.maximum(off, 1e-9))
+    return points, np.where(before & parallax & (off < GATE_SIGMA), weights, 0.0)
 
 
-def place(one: Flow, poses: Floats) -> Floats:
-    """Points (n, 3) m in the world: nearest to all rays first, then where the squared errors in pixels are least."""
+def _sigma_px(one: Flow, sigma_m: Floats, depth: Floats) -> Floats:
+    """Expected errors (n, k) of points at depths (n, k) m: the tracker's, and those of the camera's places."""
+    return np.hypot(ERROR_PX, one.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M))
+
+
+def place(one: Flow, poses: Floats, sigma_m: Floats) -> Floats:
+    """Points (n, 3) m in the world: nearest to all rays first, then by least squares of their errors in pixels."""
     rays = np.einsum("kij,nkj->nki", poses[:, :3, :3], one.spec.rig_rays(one.pixels))
     points = nearest_points(poses[:, :3, 3], rays)
     for _ in range(ROUNDS):
         placed = seen_from(one, poses, points)
-        slopes = _by_point(placed, poses)
+        sigma_px = np.repeat(_sigma_px(one, sigma_m, placed.offsets @ one.spec.rig_from_view[:, 2]), 2, axis=1)[
+            ..., None
+        ]
+        slopes = _by_point(placed, poses) / sigma_px
         normal = np.swapaxes(slopes, 1, 2) @ slopes + 1e-6 * np.eye(3)
-        right = np.swapaxes(slopes, 1, 2) @ placed.errors.reshape(*slopes.shape[:2], 1)
+        right = np.swapaxes(slopes, 1, 2) @ (placed.errors.reshape(sigma_px.shape) / sigma_px)
         points = points - np.linalg.solve(normal, right)[..., 0]
     return points
 
@@ -106,20 +114,19 @@ def _by_point(placed: Placed, poses: Floats) -> Floats:
     return slopes.reshape(len(slopes), -1, 3)
 
 
-def motion(one: Flow, poses: Floats) -> tuple[Floats, Floats]:
-    """What points say of their frames' motion: slopes (m, 6k) and errors (m,) in standard deviations, m <= 6k + 1, by turns
-    and steps in each rig's own axes, as GTSAM moves poses. Huber's weights for each point."""
-    placed = seen_from(one, poses, place(one, poses))
-    count, frames = placed.errors.shape[:2]
+def motion(one: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """What points (n, 3) say of their frames' motion with weights (n,) 1/px: whitened slopes (m, 6k) and errors (m,), with
+    m <= 6k + 1, by turns and steps in each rig's own axes, as GTSAM moves poses."""
+    placed = seen_from(one, poses, points)
+    count, frames = len(placed.errors), len(one.frames)
     own = np.concatenate([placed.slopes @ _skew(placed.offsets), -placed.slopes], axis=-1)
     slopes = np.zeros((count, frames, 2, frames, 6))
     slopes[:, np.arange(frames), :, np.arange(frames)] = np.swapaxes(own, 0, 1)
-    free = np.swapaxes(np.linalg.qr(_by_point(placed, poses), mode="complete")[0][:, :, 3:], 1, 2) / SIGMA_PX
+    across = np.linalg.qr(_by_point(placed, poses), mode="complete").Q[:, :, 3:]
+    free = weights[:, None, None] * np.swapaxes(across, 1, 2)
     errors = free @ placed.errors.reshape(count, 2 * frames, 1)
-    size = np.sqrt((errors**2).mean(axis=1, keepdims=True))
-    weight = np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-9)))
-    joint = weight * np.concatenate([free @ slopes.reshape(count, 2 * frames, 6 * frames), errors], axis=2)
-    small = np.linalg.qr(joint.reshape(-1, 6 * frames + 1), mode="r")
+    joint = np.concatenate([free @ slopes.reshape(count, 2 * frames, 6 * frames), errors], axis=2)
+    small = np.asarray(np.linalg.qr(joint.reshape(-1, 6 * frames + 1), mode="r"))
     return small[:, :-1], small[:, -1]
 
 

@@ -56,7 +56,7 @@ class FlowWatch:
         if not eye.runs or view.frame - eye.runs[-1].first >= STRIDE:
             corners = cv2.goodFeaturesToTrack(grey, MOST_POINTS, QUALITY, APART_PX)
             if corners is not None:
-                eye.runs.append(_Run(view.frame, corners.reshape(-1, 1, 2)))
+                eye.runs.append(_Run(view.frame, corners.reshape(-1, 1, 2).astype(np.float32, copy=False)))
 
     @property
     def flows(self) -> tuple[Flow, ...]:
