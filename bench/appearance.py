@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from peers import misplaced
 
-from savmap.engine import Followed, Row, first_path, follow
+from savmap.engine import Followed, Row, first_path, follow, located
 from savmap.evaluation import score_json
-from savmap.graph import Frames, Problem, Solution, SolveOptions, gauge, merge, motion_constraints, solve
+from savmap.graph import Frames, Problem, Solution, gauge, merge, motion_constraints, solve
 from savmap.io.survey import read_survey
 from savmap.io.video import panoramas
 from savmap.job import job_for, rooms_for
@@ -55,7 +55,7 @@ class Case:
     @property
     def problem(self) -> Problem:
         """The problem without points of no structure."""
-        return merge(self.frames, *self.followed.constraints.values())
+        return merge(self.frames, *self.followed.every)
 
     def figures(self, solution: Solution, left_out: float = 0.0) -> Figures:
         """What a solution is worth."""
@@ -128,11 +128,13 @@ def ways(case: Case, sigmas: Sequence[float]) -> Iterator[tuple[str, Figures]]:
     """Figures without points, then with them."""
     problem = case.problem
     yield "without", case.figures(solve(problem))
-    points, path = flows(case), solve(problem, SolveOptions(rounds=1)).trajectory
+    points, first = flows(case), located(problem)
     for sigma in sigmas:
-        motion, (count, agreeing) = motion_constraints(points, path, problem.used, sigma)
+        motion, _ = motion_constraints(points, [first], problem.used, sigma)
+        better = located(merge(problem.frames, *problem.rooms, motion))
+        motion, counts = motion_constraints(points, [first, better], problem.used, sigma)
         solution = solve(merge(problem.frames, *problem.rooms, motion))
-        yield f"{sigma:g} px", case.figures(solution, 1.0 - agreeing / max(count, 1))
+        yield f"{sigma:g} px", case.figures(solution, 1.0 - counts["points used"] / counts["points followed"])
 
 
 def means(results: Mapping[str, Mapping[str, Figures]]) -> dict[str, Figures]:

@@ -25,7 +25,7 @@ from savmap.observe import Observations, observe
 from savmap.rooms import Room
 from savmap.site import Pass
 from savmap.stages.attitude import attitudes
-from savmap.types import Floats, RowMap, Structure, Track, Trajectory
+from savmap.types import Floats, Flow, RowMap, Structure, Track, Trajectory
 
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
@@ -47,12 +47,19 @@ class Row:
 
 @dataclass(frozen=True)
 class Followed:
-    """Tracks and constraints by room, those of the markers, and a note for each room or marker that was not found."""
+    """Tracks and constraints by room, those of markers and of points of no structure, a note for each room or marker that was
+    not found, and figures for the report."""
 
     tracks: Mapping[str, Sequence[Track]]
     constraints: Mapping[str, Constraints]
-    markers: tuple[Constraints, ...]
+    others: tuple[Constraints, ...]
     notes: tuple[str, ...]
+    report: Mapping[str, int]
+
+    @property
+    def every(self) -> tuple[Constraints, ...]:
+        """All constraints."""
+        return (*self.constraints.values(), *self.others)
 
 
 def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
@@ -65,24 +72,25 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
-    points = sum(len(constraints.keys) for constraints in (*followed.constraints.values(), *followed.markers))
+    points = sum(len(constraints.keys) for constraints in followed.every)
     monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    solution = solve(helped(merge(frames, *followed.constraints.values(), *followed.markers), seen, monitor))
+    solution = solve(merge(frames, *followed.every))
     for warning in solution.warnings:
         monitor.note(f"row {row.name}: {warning}")
-    return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
+    return row_map(row, seen, followed, solution, described(rooms, seen, followed, solution))
 
 
 def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
     """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
-    it; one of these that finds no structure is left out of the map with a note."""
+    it, and says which points of no structure may be believed; one of these rooms that finds no structure is left out of
+    the map with a note."""
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
     markers, notes = marked(row, seen, start, frames)
     path, attitudes = row.path, start.world_from_rig[:, :3, :3]
     for room in rooms:
         if path is None and constraints:
-            path = solve(merge(frames, *constraints.values(), *markers), SolveOptions(rounds=1)).trajectory
+            path = located(merge(frames, *constraints.values(), *markers))
         try:
             own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
@@ -92,17 +100,23 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
             continue
         tracks[room.name] = own
         constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
-    return Followed(tracks, constraints, markers, tuple(notes))
+    if row.path is not None or not seen.flows:
+        return Followed(tracks, constraints, markers, tuple(notes), {})
+    motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
+    return Followed(tracks, constraints, (*markers, motion), tuple(notes), counts)
 
 
-def helped(problem: Problem, seen: Observations, monitor: Monitor) -> Problem:
-    """The problem with what followed points say of the camera's motion, as far as they agree with its own solution."""
-    if not seen.flows or problem.frames.fixed is not None:
-        return problem
-    path = solve(problem, SolveOptions(rounds=1)).trajectory
-    motion, (count, agreeing) = motion_constraints(seen.flows, path, problem.used)
-    monitor.note(f"row {seen.facts.name}: {agreeing} of {count} points of no structure agree with the path and help it")
-    return merge(problem.frames, *problem.rooms, motion)
+def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
+    """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
+    path = path or located(problem)
+    first, _ = motion_constraints(flows, [path], problem.used)
+    better = located(merge(problem.frames, *problem.rooms, first))
+    return motion_constraints(flows, [path, better], problem.used)
+
+
+def located(problem: Problem) -> Trajectory:
+    """Where the camera was, good enough to look for other things."""
+    return solve(problem, SolveOptions(rounds=1)).trajectory
 
 
 def marked(
@@ -176,8 +190,8 @@ def first_attitudes(row: Row) -> Mapping[str, Floats]:
 def row_map(
     row: Row,
     seen: Observations,
+    followed: Followed,
     solution: Solution,
-    notes: Sequence[str],
     structures: Mapping[str, tuple[Structure, ...]],
 ) -> RowMap:
     """The record that is written to disk."""
@@ -190,6 +204,7 @@ def row_map(
         references=tuple(solution.references),
         report={
             **solution.report,
-            **{f"note {n}": note for n, note in enumerate((*seen.notes, *notes, *solution.warnings), 1)},
+            **followed.report,
+            **{f"note {n}": note for n, note in enumerate((*seen.notes, *followed.notes, *solution.warnings), 1)},
         },
     )

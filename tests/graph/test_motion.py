@@ -58,8 +58,8 @@ def test_points_that_all_slip_together_are_all_left_out() -> None:
     slipped = flow()
     slipped.pixels[:, 2:, 0] += CARTON_PX
     assert not agreeing(slipped, path()).any()
-    constraints, (seen, used) = motion_constraints([slipped], Trajectory(np.arange(4), path()), np.arange(4))
-    assert (seen, used) == (60, 0)
+    constraints, counts = motion_constraints([slipped], [Trajectory(np.arange(4), path())], np.arange(4))
+    assert counts == {"points followed": 60, "points used": 0}
     assert constraints.factors is not None
     assert constraints.factors.size() == 0
 
@@ -104,7 +104,7 @@ def test_a_frame_comes_back_to_where_the_points_saw_it() -> None:
 
 
 def test_frames_that_saw_no_structure_are_not_bound() -> None:
-    constraints, (seen, _) = motion_constraints([flow()], Trajectory(np.arange(4), path()), np.array([0, 1, 3]))
-    assert seen == 0
+    constraints, counts = motion_constraints([flow()], [Trajectory(np.arange(4), path())], np.array([0, 1, 3]))
+    assert counts["points followed"] == 0
     assert constraints.factors is not None
     assert constraints.factors.size() == 0
