@@ -2,8 +2,8 @@
 
     python bench/residuals.py [SITE] [-o docs/pictures/residuals.png]
 
-Left and middle: mean residual of edges, outwards of the structure, px, over the view (uprights, beams). Right: truth - estimate of
-widths and gaps by class.
+Left: residuals of uprights' edges by the column of the view, outwards of the structure, px: mean and standard deviation. Middle: mean
+residual of beams' edges over the view. Right: truth - estimate of widths and gaps by class.
 """
 
 import argparse
@@ -31,7 +31,7 @@ WAYS = (("masks' edges", False), ("measured edges", True))
 CLASSES = ("V element", "V gap", "H element", "H gap")
 OUTWARDS = {"left": (0, -1.0), "right": (0, 1.0), "upper": (1, -1.0), "lower": (1, 1.0)}
 CELLS = (16, 12)
-LIMIT_PX = 0.6
+LIMIT_PX, GROSS_PX = 0.6, 5.0
 
 
 def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
@@ -44,14 +44,16 @@ def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
     points = np.array([solution.of("shelves")[problem.name_of(int(key))[1]].position for key in problem.keys])
     roots = np.linalg.cholesky(problem.observations.covariances)
     pixels = np.einsum("nij,nj->ni", roots, problem.residuals(poses, points))
+    normals = np.linalg.eigh(problem.observations.covariances)[1][:, :, 0]
+    across = np.einsum("ni,ni->n", normals, pixels)
     found: dict[str, list[Floats]] = {"upright": [], "beam": []}
     names = [problem.name_of(int(key))[1] for key in problem.observations.keys]
-    for at, off, name in zip(problem.observations.pixels, pixels, names, strict=True):
+    for at, off, normal, name in zip(problem.observations.pixels, across, normals, names, strict=True):
         label = "upright" if name.startswith("upright") else "beam"
         part = next((part for part in name.replace(" /", "").split() if part in OUTWARDS), None)
-        if part is not None and np.abs(off).max() < 10:
+        if part is not None and abs(off) < GROSS_PX:
             axis, sign = OUTWARDS[part]
-            found[label].append(np.array([*at, -sign * off[axis]]))
+            found[label].append(np.array([*at, -sign * np.sign(normal[axis]) * off]))
     errors = dict(evaluate(describe(looked.tracks, solution), looked.survey).errors)
     return {label: np.array(rows) for label, rows in found.items()}, errors
 
@@ -68,6 +70,19 @@ def over_the_view(axes: Any, rows: Floats, title: str) -> Any:
     return shown
 
 
+def by_column(axes: Any, rows: Floats, title: str) -> None:
+    """Mean residual and standard deviation in each strip of columns."""
+    edges = np.linspace(0, 640, CELLS[0] + 1)
+    strip = np.digitize(rows[:, 0], edges) - 1
+    own = [rows[strip == number, 2] for number in range(CELLS[0])]
+    known = [number for number, values in enumerate(own) if len(values) >= 3]
+    mean, spread = ([float(figure(own[number])) for number in known] for figure in (np.mean, np.std))
+    axes.errorbar((edges[:-1] + edges[1:])[known] / 2, mean, spread, fmt="o", markersize=3, capsize=2)
+    axes.axhline(0, color="#868e96", linewidth=0.8)
+    axes.set(xlim=(0, 640), ylim=(-2.5, 2.5), xlabel="column, px", ylabel="residual outwards, px")
+    axes.set_title(f"{title}: rms {np.sqrt(np.mean(rows[:, 2] ** 2)):.2f} px", fontsize=9)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("site", nargs="?", type=Path, default=REPOSITORY / "examples" / "aisle-dev" / "site.yaml")
@@ -77,13 +92,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch, Console(Path(scratch) / "log") as console:
         for row, (name, subpixel) in enumerate(WAYS):
             pixels, errors = residuals(look(arguments.site, subpixel, console))
-            for column, label in enumerate(("upright", "beam")):
-                shown = over_the_view(axes[row, column], pixels[label], f"{label}s, {name}")
+            by_column(axes[row, 0], pixels["upright"], f"uprights, {name}")
+            shown = over_the_view(axes[row, 1], pixels["beam"], f"beams, {name}")
             axes[row, 2].boxplot([100 * errors[kind] for kind in CLASSES], tick_labels=CLASSES, showmeans=True)
             axes[row, 2].axhline(0, color="#868e96", linewidth=0.8)
             axes[row, 2].set(ylim=(-2, 2), ylabel="truth - estimate, cm")
             axes[row, 2].set_title(f"map, {name}", fontsize=9)
-    figure.colorbar(shown, ax=axes[:, :2], label="mean residual outwards, px", shrink=0.8)
+    figure.colorbar(shown, ax=axes[:, 1], label="mean residual outwards, px", shrink=0.8)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(arguments.output, dpi=90)
     print(arguments.output)

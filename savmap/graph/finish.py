@@ -24,6 +24,7 @@ VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
+LEAST_APART_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -190,14 +191,13 @@ def _told(verdict: Verdict) -> str:
 
 
 def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
-    """What is left open of the scale, as a fraction: of the best known distance along the aisle from the row's origin, among
-    those to landmarks of the far half."""
+    """What is left open of the scale, as a fraction: of the best known distance along the aisle from the row's origin."""
     slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
     order = [slots[int(key)] for key in problem.keys]
     sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))
     distance = np.abs(estimate.points[:, 0])
-    far = distance > distance.max() / 2
-    return float((sigma[far] / distance[far]).min()) if far.any() else 0.0
+    apart = distance > LEAST_APART_M
+    return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
 
 
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:
