@@ -24,6 +24,7 @@ VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
+LEAST_APART_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -190,15 +191,13 @@ def _told(verdict: Verdict) -> str:
 
 
 def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
-    """What is left open of the scale, as a fraction: of the distance between the two landmarks that are farthest apart
-    along the aisle."""
-    along = estimate.points[:, 0]
-    ends = [int(along.argmin()), int(along.argmax())]
-    slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
-    first, last = (slot[int(problem.keys[end])] for end in ends)
-    points = covariance.points
-    variance = points[first, first] + points[last, last] - 2 * points[first, last]
-    return float(np.sqrt(max(variance, 0.0)) / max(float(np.ptp(along)), 1e-9))
+    """What is left open of the scale, as a fraction: of the best known distance along the aisle from the row's origin."""
+    slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
+    order = [slots[int(key)] for key in problem.keys]
+    sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))
+    distance = np.abs(estimate.points[:, 0])
+    apart = distance > LEAST_APART_M
+    return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
 
 
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:
