@@ -1,15 +1,18 @@
 """Points of no structure bind neighbouring frames to one another, and lie in vain."""
 
 import gtsam
+import made_up_rack as made
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from savmap.graph import frame_key
+from savmap.engine import moved
+from savmap.graph import frame_key, merge, solve
 from savmap.graph.motion import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
 SPEC = ViewSpec("face", 20.0, -5.0, 2.0, 150.0)
+SPEC_AHEAD = ViewSpec("face", 0.0, 0.0, 0.0, 140.0)
 STEPS_M = (0.0, 0.22, 0.47, 0.66)
 SIGMA_M = np.full(4, 0.003)
 CARTON_PX = 25.0
@@ -108,3 +111,28 @@ def test_frames_that_saw_no_structure_are_not_bound() -> None:
     assert counts["points followed"] == 0
     assert constraints.factors is not None
     assert constraints.factors.size() == 0
+
+
+def flows_of(poses: Floats) -> list[Flow]:
+    """Points on and behind a face, followed through every second four frames of a path along it."""
+    rng = np.random.default_rng(5)
+    found = []
+    for first in range(0, len(poses) - 3, 2):
+        own = poses[first : first + 4]
+        places = own[0, :3, 3] + rng.uniform((-1.5, -2.0, -2.5), (1.5, 1.5, -1.4), (80, 3))
+        blank = Flow(np.arange(first, first + 4), SPEC_AHEAD, np.zeros((80, 4, 2)))
+        pixels = seen_from(blank, own, places).errors + rng.normal(0.0, 0.15, (80, 4, 2))
+        found.append(Flow(blank.frames, SPEC_AHEAD, pixels))
+    return found
+
+
+def test_points_steady_the_camera_where_structures_say_little() -> None:
+    world = made.world(11, sections=3, frames=60, noise_px=1.5, misses=0.6, bridge=None)
+    problem = made.problem(world, made.begin(world))
+    constraints, counts = moved(problem, flows_of(world.poses), None)
+    assert counts["points used"] > 0.9 * counts["points followed"]
+    plain, helped = solve(problem), solve(merge(problem.frames, *problem.rooms, constraints))
+    off = [np.diff((one.trajectory.world_from_rig - world.poses)[:, 0, 3]).std() for one in (plain, helped)]
+    assert off[1] < 0.6 * off[0]
+    edges = [np.abs(made.errors(world, one)[0]).mean() for one in (plain, helped)]
+    assert edges[1] < edges[0] + 1e-4
