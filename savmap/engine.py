@@ -108,10 +108,7 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
 
 def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
     """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
-    path = path or located(problem)
-    first, _ = motion_constraints(flows, [path], problem.used)
-    better = located(merge(problem.frames, *problem.rooms, first))
-    return motion_constraints(flows, [path, better], problem.used)
+    return motion_constraints(flows, path or located(problem), problem.used)
 
 
 def located(problem: Problem) -> Trajectory:

@@ -2,13 +2,11 @@
 
 Each point is free in space. It is placed with the poses that the structures gave, and left out where it disagrees with them;
 then it is eliminated (Mourikis and Roumeliotis 2007), so that what is left binds its frames to one another and to no place,
-no scale and no structure. Where the structures say little, at a row's ends, their path may be decimetres off: points may be
-off there by as much, and the factors are made anew about the path that the first ones lead to.
+no scale and no structure. The factor is linear about the structures' poses.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import gtsam
 import numpy as np
@@ -22,6 +20,7 @@ from savmap.types import Floats, Flow, Ints, Trajectory
 ROOM = "appearance"
 ERROR_PX, SIGMA_PX = 0.3, 1.0
 GATE_SIGMA = 4.0
+MOST_M = 0.1
 HUBER = 1.345
 NEAREST_M, FARTHEST_M = 0.3, 30.0
 LEAST_PARALLAX_DEG = 1.0
@@ -40,34 +39,33 @@ class Placed:
 
 
 def motion_constraints(
-    flows: Sequence[Flow], paths: Sequence[Trajectory], frames: Ints, sigma_px: float = SIGMA_PX
+    flows: Sequence[Flow], path: Trajectory, frames: Ints, sigma_px: float = SIGMA_PX
 ) -> tuple[Constraints, dict[str, int]]:
-    """What followed points say of the motion between `frames`, the ones that structures were seen in; and, for the report,
-    how many points there were and how many of them agree: with each of the `paths`, of which the first is what the structures
-    gave and the last what the factors are linear about. `sigma_px`: what each point is believed to, much more than it errs,
-    for neighbouring points err alike and windows overlap."""
-    known = reduce(np.intersect1d, [path.frames for path in paths], frames)
+    """What followed points say of the motion between `frames`, the ones that structures were seen in, about the `path` that
+    these gave; and, for the report, how many points there were and how many of them agree with it. Nothing is said where the
+    path itself is good to no more than a decimetre. `sigma_px`: what each point is believed to, much more than it errs, for
+    neighbouring points err alike and windows overlap."""
+    known = np.intersect1d(frames, path.frames[_sigma_m(path) < MOST_M])
     graph, seen, used = gtsam.NonlinearFactorGraph(), 0, 0
     for one in flows:
         if not np.isin(one.frames, known).all():
             continue
-        views = [_along(path, one.frames) for path in paths]
-        trusted = [trust(one, *view) for view in views]
-        weights = np.min([own for _, own in trusted], axis=0)
+        own = np.searchsorted(path.frames, one.frames)
+        poses = path.world_from_rig[own]
+        points, weights = trust(one, poses, _sigma_m(path)[own])
         kept = weights > 0
         seen, used = seen + len(kept), used + int(kept.sum())
         if kept.sum() >= LEAST_POINTS:
-            poses, points = views[-1][0], trusted[-1][0]
             said = motion(one.take(kept), poses, points[kept], weights[kept] / sigma_px)
             graph.push_back(motion_factor(one.frames, poses, *said))
     counts = {"points followed": seen, "points used": used}
     return Constraints(ROOM, {}, observe((), {}, {}), (), {}, factors=graph), counts
 
 
-def _along(path: Trajectory, frames: Ints) -> tuple[Floats, Floats]:
-    """Poses (k, 4, 4) of frames and the standard deviation (k,) of their places, m."""
-    own = np.searchsorted(path.frames, frames)
-    return path.world_from_rig[own], np.zeros(len(own)) if path.sigma_m is None else path.sigma_m[own].max(axis=1)
+def _sigma_m(path: Trajectory) -> Floats:
+    """The standard deviation (f,) of the camera's places along the worst axis, m."""
+    sigma_m: Floats = np.zeros(len(path.frames)) if path.sigma_m is None else path.sigma_m.max(axis=1)
+    return sigma_m
 
 
 def trust(one: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:

@@ -61,7 +61,7 @@ def test_points_that_all_slip_together_are_all_left_out() -> None:
     slipped = flow()
     slipped.pixels[:, 2:, 0] += CARTON_PX
     assert not agreeing(slipped, path()).any()
-    constraints, counts = motion_constraints([slipped], [Trajectory(np.arange(4), path())], np.arange(4))
+    constraints, counts = motion_constraints([slipped], Trajectory(np.arange(4), path()), np.arange(4))
     assert counts == {"points followed": 60, "points used": 0}
     assert constraints.factors is not None
     assert constraints.factors.size() == 0
@@ -107,7 +107,7 @@ def test_a_frame_comes_back_to_where_the_points_saw_it() -> None:
 
 
 def test_frames_that_saw_no_structure_are_not_bound() -> None:
-    constraints, counts = motion_constraints([flow()], [Trajectory(np.arange(4), path())], np.array([0, 1, 3]))
+    constraints, counts = motion_constraints([flow()], Trajectory(np.arange(4), path()), np.array([0, 1, 3]))
     assert counts["points followed"] == 0
     assert constraints.factors is not None
     assert constraints.factors.size() == 0
@@ -136,3 +136,12 @@ def test_points_steady_the_camera_where_structures_say_little() -> None:
     assert off[1] < 0.6 * off[0]
     edges = [np.abs(made.errors(world, one)[0]).mean() for one in (plain, helped)]
     assert edges[1] < edges[0] + 1e-4
+
+
+def test_nothing_is_said_where_the_path_is_not_known() -> None:
+    sigma_m = np.full((4, 3), 0.003)
+    sigma_m[3, 0] = 0.2
+    constraints, counts = motion_constraints([flow()], Trajectory(np.arange(4), path(), sigma_m), np.arange(4))
+    assert counts["points followed"] == 0
+    assert constraints.factors is not None
+    assert constraints.factors.size() == 0
