@@ -64,8 +64,7 @@ def motion_constraints(
 
 def _sigma_m(path: Trajectory) -> Floats:
     """The standard deviation (f,) of the camera's places along the worst axis, m."""
-    sigma_m: Floats = np.zeros(len(path.frames)) if path.sigma_m is None else path.sigma_m.max(axis=1)
-    return sigma_m
+    return np.zeros(len(path.frames)) if path.sigma_m is None else np.asarray(path.sigma_m.max(axis=1))
 
 
 def trust(one: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
@@ -85,7 +84,7 @@ def trust(one: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
 
 def _sigma_px(one: Flow, sigma_m: Floats, depth: Floats) -> Floats:
     """Expected errors (n, k) of points at depths (n, k) m: the tracker's, and those of the camera's places."""
-    return np.hypot(ERROR_PX, one.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M))
+    return np.asarray(np.hypot(ERROR_PX, one.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M)))
 
 
 def place(one: Flow, poses: Floats, sigma_m: Floats) -> Floats:
