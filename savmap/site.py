@@ -109,7 +109,7 @@ class Site(Strict):
     version: Literal[1] = 1
     plugins: Mapping[str, Mapping[str, Any]] = {}
     references: ReferenceSection = ReferenceSection()
-    appearance: bool = True
+    appearance: bool = False
     survey: Path | None = None
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]
 

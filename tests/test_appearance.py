@@ -29,5 +29,5 @@ def test_only_the_views_of_the_face_are_looked_at() -> None:
 
 def test_the_site_file_has_a_switch() -> None:
     rows = {"A": {"passes": [{"video": "a.mp4"}]}}
-    assert Site.model_validate({"rows": rows}).appearance
-    assert not Site.model_validate({"rows": rows, "appearance": False}).appearance
+    assert not Site.model_validate({"rows": rows}).appearance
+    assert Site.model_validate({"rows": rows, "appearance": True}).appearance
