@@ -1,9 +1,9 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
+from savmap.graph.appearance import motion_constraints
 from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.markers import marker_constraints
-from savmap.graph.motion import motion_constraints
 from savmap.graph.observations import Biases, Observations, observe
 from savmap.graph.optimise import PUBLISHED, SolveOptions, solve
 from savmap.graph.problem import Problem, merge

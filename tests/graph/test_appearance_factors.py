@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.engine import moved
 from savmap.graph import frame_key, merge, solve
-from savmap.graph.motion import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
+from savmap.graph.appearance import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
 SPEC = ViewSpec("face", 20.0, -5.0, 2.0, 150.0)
