@@ -25,7 +25,7 @@ def calibrated(
 ) -> Calibrated:
     """Values with sigmas of the parameters, which are the last of `bias` (k,), and the residuals' scale without them
     (`before`) and with them."""
-    if term is None or not term.names:
+    if term is None:
         return Calibrated()
     count = len(term.names)
     sigmas = np.sqrt(np.diag(covariance.shared))[-count:]

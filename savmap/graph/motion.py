@@ -16,11 +16,3 @@ def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
     turned = np.swapaxes(poses[before, :3, :3], 1, 2) @ poses[after, :3, :3]
     rates: Floats = Rotation.from_matrix(turned).as_rotvec() * per_second
     return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
-
-
-def seen_moving(poses: Floats, speeds: Floats, rates: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) of the world, one a pose (n, 4, 4), in the rig frame, m, and their velocities there, m/s."""
-    own = np.swapaxes(poses[:, :3, :3], 1, 2)
-    local: Floats = np.einsum("nij,nj->ni", own, points - poses[:, :3, 3])
-    moving: Floats = -np.cross(rates, local) - np.einsum("nij,nj->ni", own, speeds)
-    return local, moving

@@ -107,6 +107,7 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
         freed = problem.without(bias, estimate.poses, estimate.points)
         factors = observation_factors(freed.observations.take(kept), weight, huber)
         estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
+        freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
         persistence = correlation(freed, fit)
         weight = fit.scale**2 * persistence

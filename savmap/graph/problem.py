@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.calibration import Scene
 from savmap.graph.constraints import Constraints, Relation
-from savmap.graph.motion import seen_moving, velocities
+from savmap.graph.distortion import Scene
+from savmap.graph.motion import velocities
 from savmap.graph.observations import Observations, Sight, join, sight
 from savmap.graph.references import Frames, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
@@ -66,8 +66,10 @@ class Problem:
         speeds, rates = np.zeros((2, len(poses), 3))
         for chunk in self.passes():
             speeds[chunk], rates[chunk] = velocities(poses[chunk], stamps[chunk])
-        at = self.at_frame
-        return Scene(*seen_moving(poses[at], speeds[at], rates[at], points[self.at_key]))
+        own = np.swapaxes(poses[self.at_frame, :3, :3], 1, 2)
+        places = points[self.at_key] - poses[self.at_frame, :3, 3]
+        ahead = np.einsum("nij,nj->ni", own, speeds[self.at_frame])
+        return Scene(np.einsum("nij,nj->ni", own, places), ahead, rates[self.at_frame])
 
     def index(self, key: int) -> int:
         """Place of a landmark's key in `keys`."""

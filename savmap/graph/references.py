@@ -107,4 +107,6 @@ def gauge(
             raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
     if not np.isfinite(start.world_from_rig).all():
         raise SolveError(f"row {facts.name}: the start has frames without a pose")
-    return Frames(facts, start, chosen, fixed, free_rotation, calibration)
+    return Frames(
+        facts, start, chosen, fixed, free_rotation, calibration if calibration and calibration.names else None
+    )

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.geometry.pinhole import project
-from savmap.sim.build import RowFrame
 from savmap.sim.camera import Drive
 from savmap.sim.primitives import Floats
+from savmap.sim.scene import RowFrame
 from savmap.types import ViewSpec
 
 _SAMPLES = 65
@@ -54,7 +54,8 @@ def seen_edges(
     points = edges[:, :, :1] + share * (edges[:, :, 1:] - edges[:, :, :1])
     rays = _at_read_out(frame.to_world(points.reshape(-1, 3)), path, index, optics)
     pixels = project(optics.seen(rays) @ spec.rig_from_view, spec.camera)
-    inside = ((pixels > -0.5) & (pixels < np.array([spec.width, spec.height]) - 0.5)).all(axis=1)
+    size = np.array([spec.width, spec.height]) - 0.5
+    inside = (pixels[:, 0] > -0.5) & (pixels[:, 1] > -0.5) & (pixels[:, 0] < size[0]) & (pixels[:, 1] < size[1])
     shape = points.shape[:3]
     pairs = zip(pixels.reshape(*shape, 2), inside.reshape(shape), strict=True)
     return [_lines(own, shown) for own, shown in pairs]
@@ -85,8 +86,9 @@ def _rays(points: Floats, path: Drive, times: Floats) -> Floats:
     times = np.clip(times, path.stamps_s[0], path.stamps_s[-1])
     origins = np.stack([np.interp(times, path.stamps_s, column) for column in path.origins.T], axis=1)
     turns = Slerp(path.stamps_s, Rotation.from_matrix(path.world_from_rig))(times)
-    offsets: Floats = turns.inv().apply(points - origins)
-    return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    offsets = turns.inv().apply(points - origins)
+    rays: Floats = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    return rays
 
 
 def _line(pixels: Floats) -> Floats:
