@@ -70,13 +70,13 @@ def parameters(row: Mapped, optics: Optics, term: Calibration) -> tuple[Floats, 
     return off, off / np.array(sigmas)
 
 
-def run_case(case: Case, rows: int, sections: int, first: int = 0) -> dict[str, dict[str, float]]:
-    """Figures by term."""
+def run_case(case: Case, rows: int, sections: int, frames: int = 20) -> dict[str, dict[str, float]]:
+    """Figures by term; `frames` a section."""
     scores: dict[str, list[Mapped]] = {name: [] for name in TERMS}
     off: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in TERMS}
-    for seed in range(first, first + rows):
+    for seed in range(rows):
         optics = case.optics(seed)
-        one = made(3000 + seed, ERRORS, sections=sections, optics=optics)
+        one = made(3000 + seed, ERRORS, sections=sections, frames_a_section=frames, optics=optics)
         known, tracks = given(one, np.random.default_rng([seed, 9]), profiles=False), tracked(one)
         for name, term in TERMS.items():
             row = mapped(one, known, tracks=tracks, calibration=term)
