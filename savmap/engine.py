@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import (
+    Calibration,
     Constraints,
     Frames,
     Problem,
@@ -34,14 +35,15 @@ DISTANCE_M = 1.5
 
 @dataclass(frozen=True)
 class Row:
-    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, and whether points
-    of any kind may help with the camera's motion."""
+    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, what of the camera is
+    to be estimated, and whether points of any kind may help with its motion."""
 
     name: str
     passes: Sequence[Pass]
     references: References
     travel_m: float | None = None
     path: Trajectory | None = None
+    calibration: Calibration | None = None
     appearance: bool = False
 
 
@@ -68,7 +70,7 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
     start = first_path(row, seen)
-    frames = gauge(seen.facts, start, references, fixed=row.path)
+    frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)

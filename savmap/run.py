@@ -37,7 +37,7 @@ def run(job: Job) -> Iterator[str]:
 def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
     """The map of one of the job's rows."""
     from savmap.engine import Row, map_row
-    from savmap.references import references_of
+    from savmap.references import calibration_of, references_of
 
     known = job.site.row_references(name)
     row = Row(
@@ -46,6 +46,7 @@ def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
         references_of(known),
         known.travel_m,
         earlier_path(job, name),
+        calibration_of(job.site.calibration),
         job.site.appearance,
     )
     return map_row(row, rooms_for(job, name), monitor)

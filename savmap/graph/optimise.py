@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
+from savmap.graph.calibrated import calibrated
 from savmap.graph.covariance import Covariance, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
 from savmap.graph.finish import conclude
@@ -62,11 +63,14 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     chosen = options or SolveOptions()
     row = problem.frames.facts.name
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    last = [*_rounds(begin.problem, begin.estimate, chosen)][-1]
+    first, *later = _rounds(begin.problem, begin.estimate, chosen)
+    last = later[-1] if later else first
     if not last.fit.kept.any():
         raise SolveError(f"row {row}: no observation fits the solution")
     joint = _covariance(last, last.inflation, None)
-    return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias, begin.notes)
+    found = calibrated(problem.frames.calibration, last.bias, joint, first.fit.scale, last.fit.scale)
+    notes = (*begin.notes, *found.notes)
+    return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias, notes, found.report)
 
 
 def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
@@ -100,9 +104,10 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     kept: Mask = np.ones(len(problem.observations), dtype=bool)
     bias, weight = np.zeros(len(problem.observations.shared.prior)), 1.0
     for number in range(options.rounds):
-        freed = problem.without(bias)
+        freed = problem.without(bias, estimate.poses, estimate.points)
         factors = observation_factors(freed.observations.take(kept), weight, huber)
         estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
+        freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
         persistence = correlation(freed, fit)
         weight = fit.scale**2 * persistence
