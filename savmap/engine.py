@@ -9,6 +9,7 @@ from savmap.errors import StructureError
 from savmap.graph import (
     Constraints,
     Frames,
+    Problem,
     References,
     Solution,
     SolveOptions,
@@ -17,11 +18,12 @@ from savmap.graph import (
     merge,
     published_start,
     solve,
+    solve_rows,
 )
 from savmap.monitor import Monitor
-from savmap.observe import Observations, observe
+from savmap.observe import Observations, observe, pass_names
 from savmap.rooms import Room
-from savmap.site import Pass
+from savmap.site import Footage, Pass
 from savmap.stages.attitude import attitudes
 from savmap.types import Floats, RowMap, Structure, Track, Trajectory
 
@@ -51,8 +53,35 @@ class Followed:
     notes: tuple[str, ...]
 
 
-def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
-    """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
+@dataclass(frozen=True)
+class Posed:
+    """A row as a problem for the graph, and what it was made of."""
+
+    row: Row
+    rooms: Sequence[Room]
+    seen: Observations
+    followed: Followed
+    problem: Problem
+
+    @property
+    def moments(self) -> list[tuple[Footage, float]]:
+        """Which picture each frame is: the same in every row that is seen in it."""
+        footage = {name: one.footage for name, one in zip(pass_names(self.row.passes), self.row.passes, strict=True)}
+        table = self.seen.facts.frames
+        return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
+
+
+def map_rows(rows: Sequence[tuple[Row, Sequence[Room]]], monitor: Monitor) -> list[RowMap]:
+    """Maps of rows, solved together where they are seen in the same frames. Raises SavmapError's kinds with what is wrong and
+    what to do."""
+    posed = [pose(row, rooms, monitor) for row, rooms in rows]
+    everywhere = {room.name for _, rooms in rows for room in rooms}.difference(*(one.seen.found_face for one in posed))
+    solutions = solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere)
+    return [finished(one, solution, monitor) for one, solution in zip(posed, solutions, strict=True)]
+
+
+def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
+    """From a row's video to its factor graph."""
     references = row.references if row.path is None else References()
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted)
@@ -63,10 +92,15 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
         monitor.note(note)
     points = sum(len(constraints.keys) for constraints in (*followed.constraints.values(), *followed.markers))
     monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    solution = solve(merge(frames, *followed.constraints.values(), *followed.markers))
+    return Posed(row, rooms, seen, followed, merge(frames, *followed.constraints.values(), *followed.markers))
+
+
+def finished(one: Posed, solution: Solution, monitor: Monitor) -> RowMap:
+    """The map of a solved row."""
     for warning in solution.warnings:
-        monitor.note(f"row {row.name}: {warning}")
-    return row_map(row, seen, solution, followed.notes, described(rooms, seen, followed, solution))
+        monitor.note(f"row {one.row.name}: {warning}")
+    structures = described(one.rooms, one.seen, one.followed, solution)
+    return row_map(one.row, one.seen, solution, one.followed.notes, structures)
 
 
 def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:

@@ -50,13 +50,14 @@ def conclude(
     inflation: float,
     bias: Floats,
     notes: tuple[str, ...] = (),
+    scale_sigma: float | None = None,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
-    grossly."""
+    """Put the results together; `notes` go before the warnings; `scale_sigma`, where more than the row's own references
+    give the scale. Raises SolveError if references contradict one another grossly."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
-    scale_sigma = _scale_sigma(problem, estimate)
+    scale_sigma = scale_sigma_of(problem, estimate) if scale_sigma is None else scale_sigma
     return Solution(
         trajectory=_trajectory(problem, estimate, covariance),
         landmarks=_landmarks(problem, estimate, fit, covariance),
@@ -188,7 +189,7 @@ def _told(verdict: Verdict) -> str:
     return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {verdict.otherwise:.3f} m"
 
 
-def _scale_sigma(problem: Problem, estimate: Estimate) -> float:
+def scale_sigma_of(problem: Problem, estimate: Estimate) -> float:
     """What the references leave open of the scale, as a fraction."""
     if problem.frames.fixed is not None:
         return 0.0
