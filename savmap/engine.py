@@ -76,6 +76,8 @@ def map_rows(rows: Sequence[tuple[Row, Sequence[Room]]], monitor: Monitor) -> li
     what to do."""
     posed = [pose(row, rooms, monitor) for row, rooms in rows]
     everywhere = {room.name for _, rooms in rows for room in rooms}.difference(*(one.seen.found_face for one in posed))
+    if len(posed) > 1:
+        monitor.note(f"rows {' and '.join(one.row.name for one in posed)} share a pass: solving them together")
     solutions = solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere)
     return [finished(one, solution, monitor) for one, solution in zip(posed, solutions, strict=True)]
 
@@ -90,9 +92,9 @@ def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
-    points = sum(len(constraints.keys) for constraints in (*followed.constraints.values(), *followed.markers))
-    monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    return Posed(row, rooms, seen, followed, merge(frames, *followed.constraints.values(), *followed.markers))
+    problem = merge(frames, *followed.constraints.values(), *followed.markers)
+    monitor.note(f"row {row.name}: {len(seen.facts.frames)} poses and {len(problem.keys)} points to solve for")
+    return Posed(row, rooms, seen, followed, problem)
 
 
 def finished(one: Posed, solution: Solution, monitor: Monitor) -> RowMap:

@@ -31,13 +31,18 @@ def b_from_a(length_m: float) -> Floats:
 
 
 def problems(
-    a: made.World, b: made.World, rng: np.random.Generator | None = None, off_m: float = 0.0
+    a: made.World,
+    b: made.World,
+    rng: np.random.Generator | None = None,
+    off_m: float = 0.0,
+    camera_of_a: bool = True,
 ) -> tuple[Problem, Problem]:
     """A knows its length and the camera's height, B that height alone; both the heights of their lowest beams. With `rng`
-    references are off by their sigmas; A's length by `off_m` besides."""
+    references are off by their sigmas; A's length by `off_m` besides. Without `camera_of_a` only B knows the camera's height."""
     of_a = made.references(a, rng=rng)
     height = of_a.camera_heights[0].value_m
     length = replace(of_a.lengths[0], value_m=of_a.lengths[0].value_m + off_m)
     start_a, start_b = made.begin(a), made.begin(b)
     of_b = replace(of_a, camera_heights=(CameraHeight(height, 0.02),), lengths=())
-    return made.problem(a, start_a, replace(of_a, lengths=(length,))), made.problem(b, start_b, of_b)
+    of_a = replace(of_a, lengths=(length,), camera_heights=of_a.camera_heights if camera_of_a else ())
+    return made.problem(a, start_a, of_a), made.problem(b, start_b, of_b)
