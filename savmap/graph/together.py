@@ -66,7 +66,10 @@ class Together:
         begin = [replace(state, problem=problem) for state, problem in zip(self.states, problems, strict=True)]
         values = self._begin(begin)
         values = minimum(self._graph(begin, values, robust=True), values, self._names)
-        found = [_moved(state, values, row) for row, state in enumerate(begin)]
+        found = [
+            replace(_moved(own, values, row), problem=problem)
+            for row, (own, problem) in enumerate(zip(self.states, problems, strict=True))
+        ]
         _require_pictures_fit(self.states, found)
         parts = _parts(found, self._covariance(found, values))
         scale_sigma = float(sum(scale_sigma_of(s.problem, s.estimate) ** -2.0 for s in found) ** -0.5)

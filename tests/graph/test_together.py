@@ -60,7 +60,8 @@ def test_sigmas_are_honest_together() -> None:
     off: dict[int, list[np.ndarray]] = {0: [], 1: []}
     for seed in range(20, 24):
         rows = two_faces.faces(seed)
-        for world, solution in zip(rows, solve_rows(two_faces.problems(*rows, np.random.default_rng(seed)), SAME)):
+        solutions = solve_rows(two_faces.problems(*rows, np.random.default_rng(seed)), SAME)
+        for world, solution in zip(rows, solutions, strict=True):
             x, y, sigma_x, sigma_y = made.errors(world, solution)
             off[0].append(x[1:] / sigma_x[1:])
             off[1].append(y / sigma_y)
