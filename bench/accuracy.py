@@ -68,7 +68,7 @@ def bound_cm(maps: list[tuple[Made, Mapped]]) -> float:
     sigmas = [
         sigma / np.sqrt(max(float(own.solution.report["variance_inflation"]), 1.0))
         for one, own in maps
-        for kind, _, sigma in figures(one, own)
+        for kind, _, sigma in figures(one.survey, own.tracks, own.solution)
         if "edge" not in kind
     ]
     return 100 * float(np.sqrt(2 / np.pi) * np.mean(sigmas)) if sigmas else float("nan")

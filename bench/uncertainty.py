@@ -8,16 +8,17 @@ right) and the share of them within 1.96 sigma (95 % is right), by kind of figur
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from observed_rows import ESTIMATED, LOWEST_SIGMA_M, Made, Mapped, given, made, mapped
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped
 
+from savmap.graph import Solution
 from savmap.sim.observations import PAPER, MaskErrors
-from savmap.types import Floats
+from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings, grid_of
 
 ROOT = Path(__file__).parent.parent
@@ -32,16 +33,16 @@ CASES: Mapping[str, MaskErrors] = {
 Figure = tuple[str, float, float]
 
 
-def figures(one: Made, row: Mapped) -> Iterator[Figure]:
+def figures(survey: Mapping[str, Any], tracks: Sequence[Track], solution: Solution) -> Iterator[Figure]:
     """Kind, error and sigma, both m, of everything in a map of which nothing is missing or spurious."""
-    grid, solution = grid_of(row.tracks), row.solution
+    grid = grid_of(tracks)
     points = solution.of("shelves")
     lines: list[tuple[str, int, tuple[Any, ...], str, float]] = []
     for (upright, side), names in grid.columns.items():
-        truth = one.survey["uprights"][upright - 1][side == "right"]
+        truth = survey["uprights"][upright - 1][side == "right"]
         lines.append(("V", 0, (upright, side), names[0], truth))
     for (section, beam, edge), names in grid.rows.items():
-        truth = one.survey["sections"][section - 1]["beams"][beam - 1][edge == "upper"]
+        truth = survey["sections"][section - 1]["beams"][beam - 1][edge == "upper"]
         lines.append(("H", 1, (section, beam, edge), names[0], truth))
     for kind, axis, _, name, truth in lines[1:]:
         place = points[name]
@@ -70,7 +71,7 @@ def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> di
         row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
         if any(row.score.missing.values()) or any(row.score.spurious.values()):
             continue
-        for kind, error, sigma in figures(one, row):
+        for kind, error, sigma in figures(one.survey, row.tracks, row.solution):
             found[kind].append(error / sigma)
     return {kind: np.array(values) for kind, values in found.items()}
 

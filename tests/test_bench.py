@@ -27,7 +27,7 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M))
     assert not any(row.score.missing.values())
     assert not any(row.score.spurious.values())
-    errors = np.array([error / sigma for _, error, sigma in figures(one, row)])
+    errors = np.array([error / sigma for _, error, sigma in figures(one.survey, row.tracks, row.solution)])
     assert len(errors) > 20
     assert 0.3 < summary(errors)["spread"] < 3.0
     assert set(observed.METHODS) == {"ours", "published"}

@@ -24,6 +24,7 @@ VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
+LEAST_APART_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,14 @@ def conclude(
     inflation: float,
     bias: Floats,
     notes: tuple[str, ...] = (),
-    scale_sigma: float | None = None,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings; `scale_sigma`, where more than the row's own references
-    give the scale. Raises SolveError if references contradict one another grossly."""
+    """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
+    grossly, or if they leave the scale open."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
-    scale_sigma = scale_sigma_of(problem, estimate) if scale_sigma is None else scale_sigma
+    scale_sigma = _scale_sigma(problem, estimate, covariance)
+    scale.require_known(problem, scale_sigma)
     return Solution(
         trajectory=_trajectory(problem, estimate, covariance),
         landmarks=_landmarks(problem, estimate, fit, covariance),
@@ -189,12 +190,14 @@ def _told(verdict: Verdict) -> str:
     return f"{use.name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {verdict.otherwise:.3f} m"
 
 
-def scale_sigma_of(problem: Problem, estimate: Estimate) -> float:
-    """What the references leave open of the scale, as a fraction."""
-    if problem.frames.fixed is not None:
-        return 0.0
-    similarity = scale.fit(problem, estimate.poses[:, :3, 3], estimate.points)
-    return float(np.sqrt(similarity.covariance[0, 0]))
+def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
+    """What is left open of the scale, as a fraction: of the best known distance along the aisle from the row's origin."""
+    slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
+    order = [slots[int(key)] for key in problem.keys]
+    sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))
+    distance = np.abs(estimate.points[:, 0])
+    apart = distance > LEAST_APART_M
+    return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
 
 
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:

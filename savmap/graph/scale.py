@@ -60,11 +60,16 @@ def require_metric(problem: Problem, similarity: Similarity, centre: Floats) -> 
     """
     row = problem.frames.facts.name
     scale_sigma = float(np.sqrt(similarity.covariance[0, 0])) / max(abs(similarity.scale), 1e-9)
-    if scale_sigma > SCALE_LIMIT or similarity.scale <= 0:
-        raise SolveError(f"row {row}: the map's scale is not known; {_scale_advice(problem)}")
+    require_known(problem, scale_sigma if similarity.scale > 0 else np.inf)
     for axis, sigma in zip("xyz", similarity.sigma_at(centre), strict=True):
         if sigma > PLACE_LIMIT_M:
             raise SolveError(f"row {row}: the map's place along {axis} is not known; {_place_advice(axis)}")
+
+
+def require_known(problem: Problem, scale_sigma: float) -> None:
+    """Raise SolveError, naming what is missing, if the scale is not known to 5 %."""
+    if not scale_sigma < SCALE_LIMIT:
+        raise SolveError(f"row {problem.frames.facts.name}: the map's scale is not known; {_scale_advice(problem)}")
 
 
 def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Floats]:

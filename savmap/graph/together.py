@@ -16,7 +16,7 @@ from savmap.errors import SolveError
 from savmap.graph.carry import carried_factor, carried_key, carried_values, row_of, values_of_row
 from savmap.graph.covariance import Covariance, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
-from savmap.graph.finish import conclude, scale_sigma_of
+from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.markers import ROOM as MARKERS
 from savmap.graph.once import counted_once, level_floor
@@ -72,9 +72,8 @@ class Together:
         ]
         _require_pictures_fit(self.states, found)
         parts = _parts(found, self._covariance(found, values))
-        scale_sigma = float(sum(scale_sigma_of(s.problem, s.estimate) ** -2.0 for s in found) ** -0.5)
         solutions = [
-            conclude(own.problem, new.estimate, new.fit, part, own.inflation, own.bias, own.notes, scale_sigma)
+            conclude(own.problem, new.estimate, new.fit, part, own.inflation, own.bias, own.notes)
             for own, new, part in zip(self.states, found, parts, strict=True)
         ]
         _require_references_fit(self.states, solutions)

@@ -1,11 +1,14 @@
 """Gauge and scale: what is missing is named, what contradicts is named."""
 
+from types import SimpleNamespace
+
 import made_up_rack as made
 import numpy as np
 import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, gauge, merge
+from savmap.graph.finish import _scale_sigma
 from savmap.types import Trajectory
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -27,6 +30,15 @@ def test_missing_reference_is_named(small: made.World, camera: bool, length: boo
     with pytest.raises(SolveError, match=missing) as raised:
         made.solved(small, given=made.references(small, camera, length), heights=heights)
     assert "\n" not in str(raised.value)
+
+
+def test_heights_that_differ_by_little_give_no_scale() -> None:
+    """Exactly known, their differences would give it to 3.5 %; as the video shows them they do not."""
+    world = made.world(3, sections=3, frames=40, bridge=None)
+    begin = made.begin(world)
+    own = constrain(world.tracks, world.facts, begin, settings=GridSettings(world.rack.lowest))
+    with pytest.raises(SolveError, match="add a camera height or a known length"):
+        made.solve(merge(gauge(world.facts, begin), own))
 
 
 def test_one_height_for_all_sections_gives_no_scale(small: made.World) -> None:
@@ -124,3 +136,12 @@ def test_nothing_seen_is_said(small: made.World) -> None:
     elsewhere = Trajectory(begin.frames + 1000, begin.world_from_rig)
     with pytest.raises(StructureError, match="no frame with a known pose"):
         merge(gauge(small.facts, begin, fixed=elsewhere), own)
+
+
+def test_one_badly_known_landmark_does_not_make_the_scale_unknown() -> None:
+    along = np.array([0.0, 9.9, 42.6])
+    sigma = np.array([1e-4, 0.003, 9.5])
+    problem = SimpleNamespace(keys=np.arange(3))
+    estimate = SimpleNamespace(points=np.column_stack([along, along, along]))
+    covariance = SimpleNamespace(keys=(2, 0, 1), points=np.diag(np.repeat(sigma[[2, 0, 1]] ** 2, 3)))
+    assert _scale_sigma(problem, estimate, covariance) == pytest.approx(0.003 / 9.9)  # type: ignore[arg-type]

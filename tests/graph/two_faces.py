@@ -13,7 +13,7 @@ BACK = ViewSpec("back", 180.0, 0.0, 0.0, 150.0)
 AISLE_M = 3.0
 
 
-def faces(seed: int, sections: int = 3, frames: int = 40) -> tuple[made.World, made.World]:
+def faces(seed: int, sections: int = 3, frames: int = 30) -> tuple[made.World, made.World]:
     """Row A as always, and a rack of its own across the aisle, seen from the same poses of the rig."""
     a = made.world(seed, sections=sections, frames=frames)
     rng = np.random.default_rng(1000 + seed)

@@ -70,6 +70,25 @@ class TestWithTorch:
         assert torch.equal(weights, weights.flip(2))
         assert weights.max() > weights.min()
 
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+    def test_the_mean_of_two_checkpoints(self, tmp_path: Path) -> None:
+        import torch
+
+        from savmap.stages.segment import Segmenter
+        from savmap.train.average import average
+        from savmap.train.checkpoint import load_checkpoint, save_checkpoint
+        from savmap.train.network import build
+
+        one, other = build(1, None), build(1, None)
+        for name, network in (("a", one), ("b", other)):
+            save_checkpoint(tmp_path / f"{name}.pt", network, ["column"], [{"steps": name}])
+        recipe = average([tmp_path / "a.pt", tmp_path / "b.pt"], ["column"], tmp_path / "m.onnx")
+        assert recipe["earlier"] == [{"steps": "b"}]
+        mean, _ = load_checkpoint(tmp_path / "m.checkpoint.pt", ["column"])
+        for left, right, both in zip(one.parameters(), other.parameters(), mean.parameters(), strict=True):
+            assert torch.allclose((left + right) / 2, both)
+        assert Segmenter(tmp_path / "m.onnx").classes == ("column",)
+
     def test_not_a_checkpoint(self, tmp_path: Path) -> None:
         from savmap.train.checkpoint import load_checkpoint
 

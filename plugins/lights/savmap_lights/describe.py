@@ -8,14 +8,20 @@ import numpy as np
 from savmap.graph import Solution
 from savmap.types import Structure, Track
 
+LOST_M = 1.0
+
 
 def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Structure]:
-    """One structure "light k" for each lamp, with the vertices "end 0" and "end 1", or "centre"."""
+    """One structure "light k" for each lamp, with the vertices "end 0" and "end 1", or "centre".
+
+    A lamp with a vertex that the solve could not place within `LOST_M`, one standard deviation, is left out.
+    """
     ordered = sorted(tracks, key=lambda track: (int(track.place["light"]), track.name))
-    return [
+    lamps = [
         _lamp(number, list(own), solution, room)
         for number, own in groupby(ordered, key=lambda t: int(t.place["light"]))
     ]
+    return [lamp for lamp in lamps if np.sqrt(np.linalg.eigvalsh(lamp.covariances).max()) < LOST_M]
 
 
 def _lamp(number: int, tracks: Sequence[Track], solution: Solution, room: str) -> Structure:

@@ -113,3 +113,13 @@ def test_lamps_are_mapped_from_a_known_path() -> None:
         assert np.abs(structure.vertices.mean(axis=0) - truth.mean(axis=0)).max() < 0.02
         assert np.abs(structure.vertices - truth).max() < 0.04
         assert (np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)) < 0.05).all()
+
+
+def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
+    tracks = track_lamps(features_of([ends()]), facts(), path())
+    solution = solve(merge(gauge(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True)))
+    lost = solution.of("lights") | {
+        "light 2 / end 1": replace(solution.of("lights")["light 2 / end 1"], covariance=np.eye(3) * 100.0**2)
+    }
+    found = describe(tracks, replace(solution, landmarks={**solution.landmarks, "lights": lost}), "lights")
+    assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]

@@ -1,0 +1,167 @@
+"""What each part buys on footage: the published method, ours on the masks' edges, and on edges measured in the panorama.
+
+    python bench/footage.py [SITE ...] [--sizes 2048,4096,7680] [--keep DIR] [-o bench/results/footage.json]
+
+Without a site the scene examples/scenes/precise-row.yaml is simulated at each width and its row mapped. The networks look twice
+at every frame, once for each kind of edge. Beside the last way stand Cramer-Rao bounds: the mean absolute error of widths and
+gaps, 0.8 of their standard deviation, if only noise of the size that the residuals show were to blame: independent from frame to
+frame, and persisting from frame to frame as the residuals do.
+"""
+
+import argparse
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from uncertainty import figures
+
+from savmap.console import Console
+from savmap.engine import Row, first_path
+from savmap.errors import SavmapError
+from savmap.evaluation import Score, mean_absolute_error
+from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
+from savmap.io.sitefile import load_site
+from savmap.io.survey import read_survey
+from savmap.observe import Observations, observe
+from savmap.references import references_of
+from savmap.rooms import open_room
+from savmap.sim.scene import load_scene
+from savmap.sim.simulate import simulate
+from savmap.types import Track
+from savmap_shelves.bias import NO_BIAS
+from savmap_shelves.constraints import GridSettings, constrain, published
+from savmap_shelves.describe import describe
+from savmap_shelves.evaluate import evaluate
+
+ROOT = Path(__file__).parent.parent
+SCENE = ROOT / "examples" / "scenes" / "precise-row.yaml"
+WAYS = ("published", "masks' edges", "measured edges")
+
+
+@dataclass(frozen=True)
+class Looked:
+    """One row of a site as seen with one kind of edges: what is known, what was seen, its tracks, its truth."""
+
+    row: Row
+    lowest: Any
+    seen: Observations
+    tracks: list[Track]
+    survey: Mapping[str, Any]
+
+
+def look(site_file: Path, subpixel: bool, console: Console) -> Looked:
+    """Watch a site's first row through the shelves plugin."""
+    site = load_site(site_file)
+    name = next(iter(site.rows))
+    known = site.row_references(name)
+    row = Row(name, site.rows[name].passes, references_of(known), known.travel_m)
+    settings = site.row_config(name, "shelves")
+    room = open_room("shelves", {**settings, "subpixel": subpixel})
+    seen = observe(name, row.passes, [room], console)
+    attitudes = first_path(row, seen).world_from_rig[:, :3, :3]
+    tracks = room.track(features=seen.features["shelves"], facts=seen.facts, attitudes=attitudes, start=None)
+    assert site.survey is not None
+    return Looked(row, settings["lowest_beam_bottom_height_m"], seen, tracks, read_survey(site.survey).rows[name])
+
+
+def solved(looked: Looked, settings: GridSettings, options: SolveOptions | None = None) -> Solution:
+    """The row's solve with given settings."""
+    start = first_path(looked.row, looked.seen)
+    grid = constrain(looked.tracks, looked.seen.facts, start, settings=settings)
+    return solve(merge(gauge(looked.seen.facts, start, looked.row.references), grid), options)
+
+
+def ours(looked: Looked) -> GridSettings:
+    """The settings of the main job."""
+    return GridSettings(looked.lowest["values"], looked.lowest["sigma"])
+
+
+def bounds_cm(looked: Looked) -> tuple[float, float]:
+    """The mean absolute error of widths and gaps that noise of the residuals' size leaves: independent from frame to
+    frame; persisting as long as the residuals do."""
+    solution = solved(looked, replace(ours(looked), bias=NO_BIAS))
+    sigmas = [s for kind, _, s in figures(looked.survey, looked.tracks, solution) if "edge" not in kind]
+    persisting = 100 * float(np.sqrt(2 / np.pi) * np.mean(sigmas))
+    scale, inflation = (float(solution.report[key]) for key in ("residual_scale", "variance_inflation"))
+    return persisting * scale / float(np.sqrt(inflation)), persisting
+
+
+def row_of(score: Score) -> dict[str, Any]:
+    """Figures of one map, cm."""
+    mean = {name: 100 * float(np.mean(score.errors[name])) for name in ("V element", "H element")}
+    return {
+        "mae_cm": 100 * (mean_absolute_error(score) or float("nan")),
+        "missing": sum(score.missing.values()),
+        "spurious": sum(score.spurious.values()),
+        **{f"{name} mean_cm": value for name, value in mean.items()},
+    }
+
+
+def ways(site_file: Path, console: Console) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each way's figures on one footage."""
+    masks, measured = (look(site_file, subpixel, console) for subpixel in (False, True))
+    plans = (
+        (masks, published(masks.lowest["values"], masks.lowest["sigma"]), PUBLISHED),
+        (masks, ours(masks), None),
+        (measured, ours(measured), None),
+    )
+    for name, (looked, settings, options) in zip(WAYS, plans, strict=True):
+        try:
+            found = row_of(evaluate(describe(looked.tracks, solved(looked, settings, options)), looked.survey))
+        except SavmapError as error:
+            yield name, {"error": str(error)}
+            continue
+        if name == WAYS[-1] and not found["missing"] + found["spurious"]:
+            found["bounds_cm"] = bounds_cm(looked)
+        yield name, found
+
+
+def footage(size: int, folder: Path, console: Console) -> Path:
+    """The site file of the scene's footage of a given width, made unless it is there."""
+    site = folder / f"precise-{size}" / "site.yaml"
+    if not site.is_file():
+        scene = load_scene(SCENE)
+        cart = scene.cart.model_copy(update={"width": size})
+        simulate(scene.model_copy(update={"cart": cart}), site.parent, console)
+    return site
+
+
+def line(name: str, found: Mapping[str, Any]) -> str:
+    """One line of the table."""
+    if "error" in found:
+        return f"  {name:16}{found['error'][:100]}"
+    bounds = "".join(f"{bound:9.3f}{found['mae_cm'] / bound:7.1f}" for bound in found.get("bounds_cm", ()))
+    means = "".join(f"{found[f'{kind} element mean_cm']:10.2f}" for kind in "VH")
+    return f"  {name:16}{found['missing']:8d}{found['spurious']:9d}{found['mae_cm']:9.2f}{means}{bounds}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sites", nargs="*", type=Path)
+    parser.add_argument("--sizes", default="2048,4096,7680")
+    parser.add_argument("--keep", type=Path, help="keep footage in this folder")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "footage.json")
+    arguments = parser.parse_args()
+    results: dict[str, dict[str, Any]] = {}
+    print(
+        f"{'cm':18}{'missing':>8}{'spurious':>9}{'MAE':>9}{'V bias':>10}{'H bias':>10}{'bound':>9}{'ratio':>7}{'persists':>9}{'ratio':>7}"
+    )
+    with tempfile.TemporaryDirectory() as scratch, Console(Path(scratch) / "log") as console:
+        folder = arguments.keep or Path(scratch)
+        made = (footage(int(size), folder, console) for size in arguments.sizes.split(","))
+        for site in arguments.sites or made:
+            print(site.resolve().parent.name, flush=True)
+            results[site.resolve().parent.name] = own = {}
+            for name, found in ways(site, console):
+                own[name] = found
+                print(line(name, found), flush=True)
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
