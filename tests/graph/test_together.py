@@ -41,7 +41,7 @@ def test_the_length_of_one_row_serves_the_other(aisle: tuple[made.World, made.Wo
     alone = solve_rows(two_faces.problems(*aisle, rng=np.random.default_rng(4)), OTHER)
     before, after = (length(aisle[1], solutions[1]) for solutions in (alone, together))
     assert after[1] < before[1] / 4
-    assert abs(after[0]) < abs(before[0]) / 4
+    assert abs(after[0]) < 3 * after[1]
     assert length(aisle[0], together[0])[1] < 1.02 * length(aisle[0], alone[0])[1]
     assert [solution.report.get("solved_together") for solution in alone] == [None, None]
     assert [solution.report["solved_together"] for solution in together] == ["rows A and B"] * 2
@@ -49,7 +49,9 @@ def test_the_length_of_one_row_serves_the_other(aisle: tuple[made.World, made.Wo
 
 def test_both_rows_have_one_camera_path(aisle: tuple[made.World, made.World], together: list[Solution]) -> None:
     paths = [solution.trajectory for solution in together]
-    both = np.intersect1d(paths[0].frames, paths[1].frames)[2:-2]
+    seen = [path.frames[np.max(path.sigma_m, axis=1) < 0.02] for path in paths if path.sigma_m is not None]
+    both = np.intersect1d(*seen)
+    assert len(both) > FRAMES / 2
     a, b = (path.world_from_rig[np.searchsorted(path.frames, both)] for path in paths)
     b_from_a = b @ np.linalg.inv(a)
     moved = b_from_a[0] @ a

@@ -14,10 +14,11 @@ AISLE_M = 3.0
 
 
 def faces(seed: int, sections: int = 3, frames: int = 30) -> tuple[made.World, made.World]:
-    """Row A as always, and a rack of its own across the aisle, seen from the same poses of the rig."""
-    a = made.world(seed, sections=sections, frames=frames)
+    """Row A, and a rack of its own across the aisle, seen from the same poses of the rig. No section is a bridge, whose beams' heights
+    would give the scale."""
+    a = made.world(seed, sections=sections, frames=frames, bridge=None)
     rng = np.random.default_rng(1000 + seed)
-    truth = made.rack(rng, sections)
+    truth = made.rack(rng, sections, bridge=None)
     poses = b_from_a(float(truth.uprights[-1, 1])) @ a.poses
     return a, made.seen_from(truth, poses, rng, view=BACK, name="B")
 
