@@ -52,9 +52,12 @@ def test_one_height_for_all_sections_gives_no_scale(small: made.World) -> None:
     ("camera", "length", "heights"), [(True, False, True), (False, True, True), (True, True, False)]
 )
 def test_enough_references(small: made.World, camera: bool, length: bool, heights: bool) -> None:
-    x, y, _, _ = made.errors(small, made.solved(small, given=made.references(small, camera, length), heights=heights))
-    assert np.abs(x).max() < 0.05
-    assert np.abs(y).max() < 0.03
+    solution = made.solved(small, given=made.references(small, camera, length), heights=heights)
+    x, y, sigma_x, sigma_y = made.errors(small, solution)
+    assert (np.abs(x) < np.maximum(3 * sigma_x, 1e-3)).all()
+    assert (np.abs(y) < np.maximum(3 * sigma_y, 1e-3)).all()
+    assert np.max(sigma_x) < 0.1
+    assert np.max(sigma_y) < 0.05
 
 
 def test_two_surveyed_points_are_enough(small: made.World) -> None:

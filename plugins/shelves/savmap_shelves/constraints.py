@@ -27,8 +27,8 @@ class GridSettings:
     sigma; the pitch of the bays, from an upright's edge to the same one of the next, likewise; how far beams' faces stand
     back behind the uprights', with its sigma.
 
-    The paper puts beams and uprights on one plane: sigma 0. On simulated racks (0.7 px, rows of 14 m), beams 5 mm behind the
-    face put edges 6 mm off in height that way, and 1.7 mm with the default, which costs 0.2 mm where there is no setback.
+    The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the setback: 5 mm too little make a rack seen from
+    1.5 m 0.3 % too low. A vertical length ends it.
 
     `bias`: how far masks may be too wide or too narrow. `corners`: each with the
     covariance of its two lines, or, as published, as points of 1 px, the uprights' own edges then serving only where
@@ -37,7 +37,7 @@ class GridSettings:
 
     lowest_beam_bottom_height_m: Values | None = None
     sigma_m: float = 0.002
-    beam_setback_m: float = 0.0
+    beam_setback_m: float = 0.005
     beam_setback_sigma_m: float = 0.01
     bay_pitch_m: Values | None = None
     bay_pitch_sigma_m: float = 0.003

@@ -37,7 +37,7 @@ class Settings(BaseModel):
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     lowest_beam_bottom_height_m: LowestBeam | None = None
     bay_pitch_m: BayPitch | None = None
-    beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
+    beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
     subpixel: bool = True
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.types import Floats, Ints, Track, Trajectory, ViewSpec
 
-APART = 200.0
+APART = 1e6
 
 
 def share_edges(
@@ -17,7 +17,8 @@ def share_edges(
 
     Where n corners and the upright's own ends are seen on one edge in one view, the corners' variance along the beam (which
     is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen. `apart`: beams
-    and uprights lie on different planes, so that corners say next to nothing along the beam where the ends do.
+    and uprights lie on different planes, so that corners say nothing along the beam where the ends do: those of a thousand pixels, however faint, would
+    hold the beams to the face plane.
     """
     corners, ends = _counts(tracks)
     shared, worth = [], {}
