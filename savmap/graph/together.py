@@ -25,7 +25,7 @@ from savmap.graph.problem import Problem
 from savmap.graph.residuals import fit_of
 from savmap.graph.solution import Solution
 from savmap.graph.ties import Tie, first_transform, tie_factors, ties_of
-from savmap.types import Floats, Ints, ReferenceUse
+from savmap.types import Floats, Ints
 
 OFF_SIGMA = 5.0
 WORSE = 1.5
@@ -168,16 +168,14 @@ def _require_pictures_fit(alone: Sequence[State], together: Sequence[State]) -> 
 
 
 def _require_references_fit(alone: Sequence[State], together: Sequence[Solution]) -> None:
-    """Raises SolveError for a reference that is off by far, and twice as much as in its row alone."""
+    """Raises SolveError for a reference that is off what the rest says by far, and twice as much as in its row alone."""
     for state, solution in zip(alone, together, strict=True):
-        if any(_off(use) > OFF_SIGMA for use in solution.references):
-            for before, after in zip(concluded(state).references, solution.references, strict=True):
-                if _off(after) > max(OFF_SIGMA, 2 * _off(before)):
-                    raise SolveError(
-                        f"row {state.problem.frames.facts.name}: {after.name} is given as {after.value:.3f} m +- "
-                        f"{after.sigma:.3f} m, but comes out as {after.solved:.3f} m"
-                    )
-
-
-def _off(use: ReferenceUse) -> float:
-    return abs(use.solved - use.value) / use.sigma
+        if max(solution.off.values(), default=0.0) > OFF_SIGMA:
+            before = concluded(state).off
+            worse = {name: off for name, off in solution.off.items() if off > max(OFF_SIGMA, 2 * before[name])}
+            if worse:
+                name = max(worse, key=worse.__getitem__)
+                raise SolveError(
+                    f"row {state.problem.frames.facts.name}: {name} is {worse[name]:.0f} standard deviations off what the "
+                    f"rows say together, {before[name]:.1f} by itself"
+                )
