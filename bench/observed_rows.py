@@ -12,11 +12,12 @@ import numpy as np
 
 from savmap.engine import Row, attitudes_of, first_path
 from savmap.evaluation import Score
-from savmap.graph import CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
+from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
 from savmap.observe import Observations
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
+from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
 from savmap.stages.markers import Marks
 from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
@@ -91,8 +92,9 @@ def made(
     levels: tuple[int, int] = (5, 11),
     frames_a_section: int = 20,
     sigma_px: float | None = None,
+    optics: Optics | None = None,
 ) -> Made:
-    """A random row and what a camera saw that was pushed along it once, 1.5 m away and 3 m high."""
+    """A random row and what a camera (with `optics`) saw that was pushed along it once, 1.5 m away and 3 m high."""
     rng = np.random.default_rng([seed, 46])
     own = rack(rng, sections, levels)
     length = sum(bay["width"] + 0.1 for bay in own["bays"]) + 0.1
@@ -117,7 +119,7 @@ def made(
     )
     built = build(scene)
     path = drive(scene.cart, seed)
-    edges = observe(built, "A", path, VIEW, errors, seed)
+    edges = observe(built, "A", path, VIEW, errors, seed, optics)
     nominal = max(errors.sigma_px, 0.3) if sigma_px is None else sigma_px
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
@@ -172,13 +174,15 @@ def mapped(
     options: SolveOptions | None = None,
     tracks: list[Track] | None = None,
     start: Trajectory | None = None,
+    calibration: Calibration | None = None,
 ) -> Mapped:
     """From features to a scored map, as engine.py chains it for one room."""
     begin = time.perf_counter()
     own = tracked(one) if tracks is None else tracks
     first = start or start_of(one, known)
     grid = constrain(own, one.seen.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M))
-    solution = solve(merge(gauge(one.seen.facts, first, known.references), grid), options)
+    frames = gauge(one.seen.facts, first, known.references, calibration=calibration)
+    solution = solve(merge(frames, grid), options)
     structures = describe(own, solution)
     seconds = time.perf_counter() - begin
     return Mapped(own, solution, structures, evaluate(structures, one.survey), seconds)

@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import (
+    Calibration,
     Constraints,
     Frames,
     Problem,
@@ -34,13 +35,15 @@ DISTANCE_M = 1.5
 
 @dataclass(frozen=True)
 class Row:
-    """One row to be mapped: its passes, its references, and the camera's path where an earlier map gives it."""
+    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, and what of the
+    camera is to be estimated."""
 
     name: str
     passes: Sequence[Pass]
     references: References
     travel_m: float | None = None
     path: Trajectory | None = None
+    calibration: Calibration | None = None
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted)
     start = first_path(row, seen)
-    frames = gauge(seen.facts, start, references, fixed=row.path)
+    frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)

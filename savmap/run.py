@@ -42,11 +42,18 @@ def drives(job: Job) -> Sequence[Sequence[str]]:
 def map_drive(job: Job, names: Sequence[str], monitor: Monitor) -> dict[str, RowMap]:
     """Maps by name of rows that share passes."""
     from savmap.engine import Row, map_rows
-    from savmap.references import references_of
+    from savmap.references import calibration_of, references_of
 
     def row(name: str) -> Row:
         known = job.site.row_references(name)
-        return Row(name, job.site.rows[name].passes, references_of(known), known.travel_m, earlier_path(job, name))
+        return Row(
+            name,
+            job.site.rows[name].passes,
+            references_of(known),
+            known.travel_m,
+            earlier_path(job, name),
+            calibration_of(job.site.calibration),
+        )
 
     maps = map_rows([(row(name), rooms_for(job, name)) for name in names], monitor)
     return dict(zip(names, maps, strict=True))

@@ -100,6 +100,36 @@ class Pass(Strict):
         return self.video, self.start_s, self.end_s, self.fps
 
 
+class PanoramaSection(Strict):
+    """How far the panorama's rear half may be turned against the front half about each axis, degrees, and by what part each
+    lens's scale may be off: standard deviations. The halves are blended over `blend_deg`."""
+
+    turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
+    scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
+    blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
+
+
+class ShutterSection(Strict):
+    """Standard deviation of the read-out time, seconds, and whether it runs over the panorama's rows or each half's columns."""
+
+    sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
+    axis: Literal["rows", "columns"] = "rows"
+
+
+class CalibrationSection(Strict):
+    """What of the camera is estimated with the map; `true` takes the usual figures. The front lens looks at longitude
+    `front_deg` of the panorama, degrees to the right of its centre column."""
+
+    panorama: PanoramaSection | None = None
+    rolling_shutter: ShutterSection | None = None
+    front_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+
+    @field_validator("panorama", "rolling_shutter", mode="before")
+    @classmethod
+    def _switched(cls, value: object) -> object:
+        return ({} if value else None) if isinstance(value, bool) else value
+
+
 class Row(Strict):
     """One structure face along one aisle."""
 
@@ -115,6 +145,7 @@ class Site(Strict):
     version: Literal[1] = 1
     plugins: Mapping[str, Mapping[str, Any]] = {}
     references: ReferenceSection = ReferenceSection()
+    calibration: CalibrationSection = CalibrationSection()
     survey: Path | None = None
     joint: bool = True
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]

@@ -31,3 +31,13 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     assert len(errors) > 20
     assert 0.3 < summary(errors)["spread"] < 3.0
     assert set(observed.METHODS) == {"ours", "published"}
+
+
+def test_what_is_off_about_a_camera_is_found() -> None:
+    import calibration
+
+    found = calibration.run_case(calibration.Case(1.0, read_out_s=0.02), 1, 2, 6)
+    assert found["both"]["turn_rms_deg"] < 0.2
+    assert found["both"]["read_out_rms_ms"] < 12.0
+    assert found["both"]["residual_scale"] < found["off"]["residual_scale"]
+    assert calibration.line("both", found).startswith("both")

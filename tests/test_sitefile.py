@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
-from savmap.graph import KnownMarker
+from savmap.graph import Calibration, KnownMarker, Shutter, Stitching
 from savmap.io.sitefile import load_site
-from savmap.references import references_of
+from savmap.references import calibration_of, references_of
 from savmap.site import Site
 
 GOOD = """\
@@ -115,3 +115,41 @@ def test_a_pass_may_join_rows_that_share_none_themselves() -> None:
     passes = {"A": ["one.mp4"], "B": ["two.mp4"], "C": ["two.mp4", "one.mp4"]}
     rows = {name: {"passes": [{"video": video} for video in videos]} for name, videos in passes.items()}
     assert Site.model_validate({"rows": rows}).drives() == [["A", "B", "C"]]
+
+
+def test_nothing_of_the_camera_is_estimated_unless_asked_for(tmp_path: Path) -> None:
+    assert calibration_of(load_site(write(tmp_path, GOOD)).calibration) is None
+    off = GOOD + "calibration: {panorama: false, rolling_shutter: false}\n"
+    assert calibration_of(load_site(write(tmp_path, off)).calibration) is None
+
+
+def test_what_of_the_camera_is_estimated(tmp_path: Path) -> None:
+    usual = load_site(write(tmp_path, GOOD + "calibration: {panorama: true, rolling_shutter: true}\n")).calibration
+    assert calibration_of(usual) == Calibration(Stitching(), Shutter())
+    told = """\
+calibration:
+  panorama: {turn_sigma_deg: 2.0, scale_sigma: 0.01, blend_deg: 3}
+  rolling_shutter: {sigma_s: 0.03, axis: columns}
+  front_deg: 90
+"""
+    section = load_site(write(tmp_path, GOOD + told)).calibration
+    assert calibration_of(section) == Calibration(Stitching(2.0, 0.01, 3.0), Shutter(0.03, "columns"), 90.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("{panorma: true}", "did you mean `panorama`"),
+        ("{panorama: {turn_sigma: 1}}", "did you mean `turn_sigma_deg`"),
+        ("{panorama: {turn_sigma_deg: 0}}", "greater than 0"),
+        ("{rolling_shutter: {axis: diagonal}}", "'rows' or 'columns'"),
+        ("{rolling_shutter: {sigma_s: 20}}", "less than or equal to 0.2"),
+        ("{rolling_shutter: fast}", "rolling_shutter"),
+    ],
+)
+def test_mistakes_in_the_calibration_are_named(tmp_path: Path, text: str, hint: str) -> None:
+    with pytest.raises(SiteError) as caught:
+        load_site(write(tmp_path, f"{GOOD}calibration: {text}\n"))
+    assert str(caught.value).startswith(f"{tmp_path / 'site.yaml'}:11:")
+    assert hint in str(caught.value)
+    assert "\n" not in str(caught.value)

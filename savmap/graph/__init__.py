@@ -1,5 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
+from savmap.graph.calibration import Calibration, Shutter, Stitching
 from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.markers import marker_constraints
@@ -15,6 +16,7 @@ __all__ = [
     "PUBLISHED",
     "TIGHT_M",
     "Biases",
+    "Calibration",
     "CameraHeight",
     "Constraints",
     "Frames",
@@ -27,8 +29,10 @@ __all__ = [
     "References",
     "Rejected",
     "Relation",
+    "Shutter",
     "Solution",
     "SolveOptions",
+    "Stitching",
     "SurveyedPoint",
     "frame_key",
     "gauge",

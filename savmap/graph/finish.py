@@ -1,6 +1,6 @@
 """From an estimate and its covariance to the Solution: landmarks, trajectory, and a word on every reference."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,9 +51,10 @@ def conclude(
     inflation: float,
     bias: Floats,
     notes: tuple[str, ...] = (),
+    figures: Mapping[str, float | str] | None = None,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings. Raises SolveError if references contradict one another
-    grossly, or if they leave the scale open."""
+    """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
+    contradict one another grossly, or if they leave the scale open."""
     verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
@@ -75,6 +76,7 @@ def conclude(
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
             **dict(_biases(problem, bias, covariance)),
+            **(figures or {}),
         },
         keys={room.room: room.keys for room in problem.rooms},
         covariance=covariance,
@@ -83,8 +85,9 @@ def conclude(
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
-    """Biases that were estimated, with their standard deviations."""
-    for number in np.flatnonzero(problem.observations.shared.free).tolist():
+    """The rooms' biases that were estimated, with their standard deviations."""
+    own = len(bias) - (len(problem.frames.calibration.names) if problem.frames.calibration else 0)
+    for number in np.flatnonzero(problem.observations.shared.free[:own]).tolist():
         yield f"bias {number + 1}, px", float(bias[number])
         yield f"bias {number + 1}, sigma px", float(np.sqrt(covariance.shared[number, number]))
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
+from savmap.graph.calibrated import calibrated
 from savmap.graph.covariance import Covariance, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.finish import conclude
@@ -47,7 +48,8 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 @dataclass(frozen=True)
 class State:
     """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and by
-    what factor observations' variances are larger than they were thought to be; `notes` of the start for the user."""
+    what factor observations' variances are larger than they were thought to be; `notes` of the start for the user,
+    and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
@@ -55,6 +57,7 @@ class State:
     fit: Fit
     inflation: float
     notes: tuple[str, ...] = ()
+    first_scale: float = 0.0
 
     @property
     def kept(self) -> Observations:
@@ -72,16 +75,20 @@ def settled(problem: Problem, options: SolveOptions | None = None) -> State:
     """The optimum, of the observations that fit it. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    last = [*_rounds(begin.problem, begin.estimate, chosen)][-1]
+    first, *later = _rounds(begin.problem, begin.estimate, chosen)
+    last = later[-1] if later else first
     if not last.fit.kept.any():
         raise SolveError(f"row {problem.frames.facts.name}: no observation fits the solution")
-    return replace(last, notes=begin.notes)
+    return replace(last, notes=begin.notes, first_scale=first.fit.scale)
 
 
-def concluded(state: State) -> Solution:
-    """What an optimum says. Raises SolveError if references contradict one another grossly."""
-    joint = _covariance(state, state.inflation, None)
-    return conclude(state.problem, state.estimate, state.fit, joint, state.inflation, state.bias, state.notes)
+def concluded(state: State, joint: Covariance | None = None) -> Solution:
+    """What an optimum says, with its covariance or the `joint` one of several rows. Raises SolveError if references contradict
+    one another grossly."""
+    joint = joint or _covariance(state, state.inflation, None)
+    found = calibrated(state.problem.frames.calibration, state.bias, joint, state.first_scale, state.fit.scale)
+    notes = (*state.notes, *found.notes)
+    return conclude(state.problem, state.estimate, state.fit, joint, state.inflation, state.bias, notes, found.report)
 
 
 def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
@@ -114,10 +121,11 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     bias, weight = np.zeros(len(problem.observations.shared.prior)), 1.0
     row = f"row {problem.frames.facts.name}"
     for number in range(options.rounds):
-        freed = problem.without(bias)
+        freed = problem.without(bias, estimate.poses, estimate.points)
         graph = whole_graph(freed, estimate, freed.observations.take(kept), weight, huber)
         values = minimum(graph, values_of(freed, estimate), row, options.max_iterations, FINE if number else ROUGH)
         estimate = estimate_of(freed, values, estimate)
+        freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
         persistence = correlation(freed, fit)
         weight = fit.scale**2 * persistence

@@ -9,6 +9,8 @@ import numpy as np
 
 from savmap.errors import SiteError, StructureError
 from savmap.graph.constraints import Constraints, Relation
+from savmap.graph.distortion import Scene
+from savmap.graph.motion import velocities
 from savmap.graph.observations import Observations, Sight, join, sight
 from savmap.graph.references import Frames, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
@@ -48,9 +50,26 @@ class Problem:
         """The observations' linear forms in the rig frame."""
         return sight(self.observations)
 
-    def without(self, bias: Floats) -> "Problem":
-        """The problem with observations freed of biases (k,) px."""
-        return replace(self, observations=self.observations.without(bias)) if len(bias) else self
+    def without(self, bias: Floats, poses: Floats, points: Floats) -> "Problem":
+        """The problem with observations freed of biases (k,), where poses (f, 4, 4) and points (m, 3) are about these."""
+        if not len(bias):
+            return self
+        term = self.frames.calibration
+        if term is None:
+            return replace(self, observations=self.observations.without(bias))
+        own = len(term.names)
+        rest = self.observations.without(np.concatenate([bias[:-own], np.zeros(own)]))
+        return replace(self, observations=term.freed(rest, bias[-own:], self._scene(poses, points)))
+
+    def _scene(self, poses: Floats, points: Floats) -> Scene:
+        stamps = self.frames.facts.frames.stamps_s[self.used]
+        speeds, rates = np.zeros((2, len(poses), 3))
+        for chunk in self.passes():
+            speeds[chunk], rates[chunk] = velocities(poses[chunk], stamps[chunk])
+        own = np.swapaxes(poses[self.at_frame, :3, :3], 1, 2)
+        places = points[self.at_key] - poses[self.at_frame, :3, 3]
+        ahead = np.einsum("nij,nj->ni", own, speeds[self.at_frame])
+        return Scene(np.einsum("nij,nj->ni", own, places), ahead, rates[self.at_frame])
 
     def index(self, key: int) -> int:
         """Place of a landmark's key in `keys`."""
@@ -88,6 +107,8 @@ def merge(frames: Frames, *rooms: Constraints) -> Problem:
     observations = observations.take(np.isin(observations.frames, (frames.fixed or frames.start).frames))
     if not len(observations):
         raise StructureError(f"row {frames.facts.name}: no frame with a known pose saw anything")
+    if frames.calibration is not None:
+        observations = frames.calibration.added(observations)
     own = tuple(relation for room in rooms for relation in room.relations)
     return Problem(frames, rooms, (*own, *_given(frames, rooms, own)), observations)
 

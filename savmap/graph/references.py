@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import SolveError
+from savmap.graph.calibration import Calibration
 from savmap.types import Axis, RowFacts, Trajectory
 
 
@@ -79,13 +80,15 @@ class References:
 @dataclass(frozen=True)
 class Frames:
     """The cameras' part of the problem: start (attitudes good, places rough), references, and, if poses are taken from an
-    earlier map, `fixed`; `free_rotation` holds only the places then (the published way for lights)."""
+    earlier map, `fixed`; `free_rotation` holds only the places then (the published way for lights). `calibration`: what of
+    the camera is unknown too."""
 
     facts: RowFacts
     start: Trajectory
     references: References
     fixed: Trajectory | None = None
     free_rotation: bool = False
+    calibration: Calibration | None = None
 
 
 def gauge(
@@ -94,6 +97,7 @@ def gauge(
     references: References | None = None,
     fixed: Trajectory | None = None,
     free_rotation: bool = False,
+    calibration: Calibration | None = None,
 ) -> Frames:
     """Bring frames and references together. Raises SolveError for a pass that is not in the row."""
     chosen = references or References()
@@ -103,4 +107,6 @@ def gauge(
             raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
     if not np.isfinite(start.world_from_rig).all():
         raise SolveError(f"row {facts.name}: the start has frames without a pose")
-    return Frames(facts, start, chosen, fixed, free_rotation)
+    return Frames(
+        facts, start, chosen, fixed, free_rotation, calibration if calibration and calibration.names else None
+    )

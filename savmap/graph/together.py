@@ -16,7 +16,6 @@ from savmap.errors import SolveError
 from savmap.graph.carry import carried_factor, carried_key, carried_values, row_of, values_of_row
 from savmap.graph.covariance import Covariance, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
-from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.markers import ROOM as MARKERS
 from savmap.graph.once import counted_once, level_floor
@@ -73,7 +72,7 @@ class Together:
         _require_pictures_fit(self.states, found)
         parts = _parts(found, self._covariance(found, values))
         solutions = [
-            conclude(own.problem, new.estimate, new.fit, part, own.inflation, own.bias, own.notes)
+            concluded(replace(new, problem=own.problem), part)
             for own, new, part in zip(self.states, found, parts, strict=True)
         ]
         _require_references_fit(self.states, solutions)

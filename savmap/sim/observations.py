@@ -14,6 +14,7 @@ import numpy as np
 from savmap.geometry.pinhole import project
 from savmap.sim.build import Built
 from savmap.sim.camera import Drive, row_fronts
+from savmap.sim.optics import Optics, seen_edges
 from savmap.sim.primitives import Floats
 from savmap.types import ViewSpec
 
@@ -102,9 +103,16 @@ def strips(built: Built, row: str) -> list[Strip]:
 
 
 def observe(
-    built: Built, row: str, path: Drive, spec: ViewSpec, errors: MaskErrors, seed: int
+    built: Built,
+    row: str,
+    path: Drive,
+    spec: ViewSpec,
+    errors: MaskErrors,
+    seed: int,
+    optics: Optics | None = None,
 ) -> Iterator[list[ObservedEdge]]:
-    """The edges of every frame of a drive in the view `spec`; the same seed gives the same."""
+    """The edges of every frame of a drive in the view `spec`, cut from a panorama that `optics` may have spoilt; the same
+    seed gives the same."""
     known = strips(built, row)
     frame = built.frames[row]
     offsets = _offsets(len(known), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
@@ -112,7 +120,11 @@ def observe(
         rng = np.random.default_rng([seed, index])
         view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
         camera = frame.to_row(origin)
-        seen = [(s.truth, _visible((s.edges - camera) @ view_from_row.T, spec)) for s in known]
+        if optics is None:
+            shown = [_visible((s.edges - camera) @ view_from_row.T, spec) for s in known]
+        else:
+            shown = seen_edges(np.array([s.edges for s in known]), frame, path, index, spec, optics)
+        seen = [(s.truth, edges) for s, edges in zip(known, shown, strict=True)]
         masks = [
             (truth, _grown(edges, amounts))
             for (truth, edges), amounts in zip(seen, offsets[index], strict=True)

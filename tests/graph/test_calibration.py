@@ -1,0 +1,166 @@
+"""What is off about the camera is found with the map: how the halves of its panorama are turned, how long it is read out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import made_up_rack as made
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from savmap.errors import SolveError
+from savmap.geometry import pinhole
+from savmap.graph import Calibration, Shutter, Solution, Stitching, gauge, merge, solve
+from savmap.graph.distortion import Distortion, Lenses, Scene, read_out_share, rear_share, turns
+from savmap.graph.motion import velocities
+from savmap.graph.problem import Problem
+from savmap.types import Floats, Track, ViewSpec
+from savmap_shelves.constraints import GridSettings, constrain
+
+SEAM_AHEAD = 90.0
+BLEND_DEG = 1.0
+OFF = np.array([*np.radians([0.8, -0.9, 0.6]), 0.0, 0.0])
+READ_OUT_S = 0.03
+Move = Callable[[Floats], Floats]
+
+
+@pytest.fixture(scope="module")
+def small() -> made.World:
+    return made.world(5, sections=3, frames=40, bridge=1, noise_px=0.3)
+
+
+def moved(track: Track, seen: Move) -> Track:
+    """The same track, its pixels and what is about them somewhere else."""
+    pixels = seen(track.pixels)
+    slopes = np.stack([seen(track.pixels + step) - pixels for step in np.eye(2)], axis=2)
+    return replace(track, pixels=pixels, covariances=slopes @ track.covariances @ np.swapaxes(slopes, 1, 2))
+
+
+def stitched(world: made.World) -> made.World:
+    """As a camera shows it whose halves are turned against one another; the seam is in the middle of the view."""
+    view = world.facts.views["face"]
+
+    def seen(pixels: Floats) -> Floats:
+        true = view.rig_rays(pixels)
+        rays = true
+        for _ in range(4):
+            turn = np.einsum("p,npi->ni", OFF, turns(rays, rear_share(rays, SEAM_AHEAD, BLEND_DEG), SEAM_AHEAD))
+            rays = Rotation.from_rotvec(-turn).apply(true)
+        return pinhole.project(rays @ view.rig_from_view, view.camera)
+
+    return replace(world, tracks=[moved(track, seen) for track in world.tracks])
+
+
+def constrained(world: made.World, calibration: Calibration | None) -> Problem:
+    start = made.begin(world)
+    own = constrain(world.tracks, world.facts, start, settings=GridSettings(world.rack.lowest, 0.002))
+    return merge(gauge(world.facts, start, made.references(world), calibration=calibration), own)
+
+
+def solved(world: made.World, calibration: Calibration | None) -> Solution:
+    return solve(constrained(world, calibration))
+
+
+def error(world: made.World, solution: Solution) -> float:
+    x, y, _, _ = made.errors(world, solution)
+    return float(np.abs(np.concatenate([x, y])).mean())
+
+
+def test_halves_turned_against_one_another_are_found(small: made.World) -> None:
+    spoilt = stitched(small)
+    plain = solved(spoilt, None)
+    found = solved(spoilt, Calibration(Stitching(blend_deg=BLEND_DEG), front_deg=SEAM_AHEAD))
+    for name, value in zip(("pitch", "yaw", "roll"), np.degrees(OFF), strict=False):
+        sigma = float(found.report[f"calibration rear {name}, sigma deg"])
+        assert sigma < 0.05
+        assert float(found.report[f"calibration rear {name}, deg"]) == pytest.approx(value, abs=max(3 * sigma, 0.02))
+    assert error(small, found) < 0.7 * error(small, plain)
+    assert float(found.report["residual_scale_uncalibrated"]) > 1.5 * float(found.report["residual_scale"])
+    assert found.warnings[0].startswith("calibration: rear pitch +0.")
+
+
+def test_what_the_footage_does_not_tell_stays_at_zero_and_is_named(small: made.World) -> None:
+    """The view looks along the front lens's axis and sees nothing of the rear half."""
+    found = solved(small, Calibration(Stitching(1.0, 0.003)))
+    assert abs(float(found.report["calibration rear scale, percent"])) < 1e-6
+    assert float(found.report["calibration rear scale, sigma percent"]) == pytest.approx(0.3, rel=0.01)
+    assert float(found.report["calibration rear yaw, sigma deg"]) == pytest.approx(1.0, rel=0.05)
+    assert any("hardly tells" in warning and "rear yaw" in warning for warning in found.warnings)
+    assert error(small, found) < 1.1 * error(small, solved(small, None))
+
+
+def test_a_read_out_time_is_found(small: made.World) -> None:
+    plain = solved(small, None)
+    used, poses = plain.trajectory.frames, plain.trajectory.world_from_rig
+    speeds, rates = velocities(poses, small.facts.frames.stamps_s[used])
+    view = small.facts.views["face"]
+
+    def late(track: Track) -> Track:
+        at = np.searchsorted(used, track.frames)
+        own = np.swapaxes(poses[at, :3, :3], 1, 2)
+        place = plain.of("shelves")[track.name].position
+        depths = (np.einsum("nij,nj->ni", own, place - poses[at, :3, 3]) @ view.rig_from_view)[:, 2:]
+        ahead = np.einsum("nij,nj->ni", own, speeds[at])
+
+        def seen(pixels: Floats) -> Floats:
+            rays = view.rig_rays(pixels)
+            points = depths / (rays @ view.rig_from_view)[:, 2:] * rays
+            share = read_out_share(rays, 0.0, "rows")[:, None]
+            points = points - READ_OUT_S * share * (np.cross(rates[at], points) + ahead)
+            return pinhole.project(points @ view.rig_from_view, view.camera)
+
+        return moved(track, seen)
+
+    found = solved(replace(small, tracks=[late(track) for track in small.tracks]), Calibration(None, Shutter()))
+    sigma = float(found.report["calibration read-out, sigma ms"])
+    assert sigma < 5.0
+    assert float(found.report["calibration read-out, ms"]) == pytest.approx(1e3 * READ_OUT_S, abs=3 * sigma)
+
+
+def test_without_a_term_nothing_changes(small: made.World) -> None:
+    plain, empty = solved(small, None), solved(small, Calibration())
+    assert np.array_equal(plain.covariance.points, empty.covariance.points)
+    for name, landmark in plain.of("shelves").items():
+        assert np.array_equal(landmark.position, empty.of("shelves")[name].position)
+    assert plain.report == empty.report
+    assert not any("calibrat" in name for name in plain.report)
+
+
+@pytest.mark.parametrize("axis", ["rows", "columns"])
+def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: str) -> None:
+    view = small.facts.views["face"]
+    rng = np.random.default_rng(3)
+    pixels = rng.uniform([0, 0], [639, 479], (200, 2))
+    lenses = Lenses(*(np.tile(part, (200, *np.ones(np.ndim(part), int))) for part in lens(view)))
+    points = rng.uniform(1, 3, (200, 1)) * view.rig_rays(pixels)
+    scene = Scene(points, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)))
+
+    def at(values: Floats) -> tuple[Floats, Floats]:
+        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis)(pixels)
+
+    values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 1.0])
+    _, moves = at(values)
+    for number, step in enumerate(1e-6 * np.eye(6)):
+        slope = (at(values - step)[0] - at(values + step)[0]) / 2e-6
+        np.testing.assert_allclose(slope, moves[:, :, number], rtol=0.01, atol=0.5)
+
+
+def lens(view: ViewSpec) -> tuple[Floats, Floats, Floats]:
+    return view.rig_from_view, np.diag(view.camera)[:2], view.camera[:2, 2]
+
+
+def test_velocities_of_a_camera_that_turns_as_it_goes() -> None:
+    stamps = np.array([0.0, 0.1, 0.2, 0.4])
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, 0, 3] = 1.5 * stamps
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(stamps, [0.0, 0.3, 0.0])).as_matrix()
+    speeds, rates = velocities(poses, stamps)
+    np.testing.assert_allclose(speeds, np.tile([1.5, 0, 0], (4, 1)), atol=1e-9)
+    np.testing.assert_allclose(rates, np.tile([0, 0.3, 0], (4, 1)), atol=1e-9)
+    assert not velocities(poses, np.zeros(4))[0].any()
+
+
+@pytest.mark.parametrize("make", [lambda: Stitching(turn_sigma_deg=0.0), lambda: Shutter(sigma_s=-1.0)])
+def test_sigmas_are_positive(make: Callable[[], object]) -> None:
+    with pytest.raises(SolveError, match="greater than 0"):
+        make()
