@@ -17,6 +17,7 @@ from savmap.graph import (
     gauge,
     marker_constraints,
     merge,
+    motion_constraints,
     published_start,
     solve,
     solve_rows,
@@ -26,7 +27,7 @@ from savmap.observe import Observations, observe, pass_names
 from savmap.rooms import Room
 from savmap.site import Footage, Pass
 from savmap.stages.attitude import attitudes
-from savmap.types import Floats, RowMap, Structure, Track, Trajectory
+from savmap.types import Floats, Flow, RowMap, Structure, Track, Trajectory
 
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
@@ -35,8 +36,8 @@ DISTANCE_M = 1.5
 
 @dataclass(frozen=True)
 class Row:
-    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, and what of the
-    camera is to be estimated."""
+    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, what of the camera is
+    to be estimated, and whether points of any kind may help with its motion."""
 
     name: str
     passes: Sequence[Pass]
@@ -44,16 +45,24 @@ class Row:
     travel_m: float | None = None
     path: Trajectory | None = None
     calibration: Calibration | None = None
+    appearance: bool = False
 
 
 @dataclass(frozen=True)
 class Followed:
-    """Tracks and constraints by room, those of the markers, and a note for each room or marker that was not found."""
+    """Tracks and constraints by room, those of markers and of points of no structure, a note for each room or marker that was
+    not found, and figures for the report."""
 
     tracks: Mapping[str, Sequence[Track]]
     constraints: Mapping[str, Constraints]
-    markers: tuple[Constraints, ...]
+    others: tuple[Constraints, ...]
     notes: tuple[str, ...]
+    report: Mapping[str, int]
+
+    @property
+    def every(self) -> tuple[Constraints, ...]:
+        """All constraints."""
+        return (*self.constraints.values(), *self.others)
 
 
 @dataclass(frozen=True)
@@ -89,13 +98,13 @@ def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
     """From a row's video to its factor graph."""
     references = row.references if row.path is None else References()
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
-    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted)
+    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
     start = first_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
-    problem = merge(frames, *followed.constraints.values(), *followed.markers)
+    problem = merge(frames, *followed.every)
     monitor.note(f"row {row.name}: {len(seen.facts.frames)} poses and {len(problem.keys)} points to solve for")
     return Posed(row, rooms, seen, followed, problem)
 
@@ -105,19 +114,20 @@ def finished(one: Posed, solution: Solution, monitor: Monitor) -> RowMap:
     for warning in solution.warnings:
         monitor.note(f"row {one.row.name}: {warning}")
     structures = described(one.rooms, one.seen, one.followed, solution)
-    return row_map(one.row, one.seen, solution, one.followed.notes, structures)
+    return row_map(one.row, one.seen, one.followed, solution, structures)
 
 
 def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
     """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
-    it; one of these that finds no structure is left out of the map with a note."""
+    it, and says which points of no structure may be believed; one of these rooms that finds no structure is left out of
+    the map with a note."""
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
     markers, notes = marked(row, seen, start, frames)
     path, attitudes = row.path, start.world_from_rig[:, :3, :3]
     for room in rooms:
         if path is None and constraints:
-            path = solve(merge(frames, *constraints.values(), *markers), SolveOptions(rounds=1)).trajectory
+            path = located(merge(frames, *constraints.values(), *markers))
         try:
             own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
@@ -127,7 +137,20 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
             continue
         tracks[room.name] = own
         constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
-    return Followed(tracks, constraints, markers, tuple(notes))
+    if row.path is not None or not seen.flows:
+        return Followed(tracks, constraints, markers, tuple(notes), {})
+    motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
+    return Followed(tracks, constraints, (*markers, motion), tuple(notes), counts)
+
+
+def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
+    """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
+    return motion_constraints(flows, path or located(problem), problem.used)
+
+
+def located(problem: Problem) -> Trajectory:
+    """Where the camera was, good enough to look for other things."""
+    return solve(problem, SolveOptions(rounds=1)).trajectory
 
 
 def marked(
@@ -201,8 +224,8 @@ def first_attitudes(row: Row) -> Mapping[str, Floats]:
 def row_map(
     row: Row,
     seen: Observations,
+    followed: Followed,
     solution: Solution,
-    notes: Sequence[str],
     structures: Mapping[str, tuple[Structure, ...]],
 ) -> RowMap:
     """The record that is written to disk."""
@@ -215,6 +238,7 @@ def row_map(
         references=tuple(solution.references),
         report={
             **solution.report,
-            **{f"note {n}": note for n, note in enumerate((*seen.notes, *notes, *solution.warnings), 1)},
+            **followed.report,
+            **{f"note {n}": note for n, note in enumerate((*seen.notes, *followed.notes, *solution.warnings), 1)},
         },
     )

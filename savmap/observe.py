@@ -13,18 +13,19 @@ from savmap.monitor import Monitor
 from savmap.rooms import Room
 from savmap.site import Pass
 from savmap.stages.aim import Manual, Scout
+from savmap.stages.flow import FlowWatch, NoFlow
 from savmap.stages.markers import Label, MarkerWatch, Marks
 from savmap.stages.render import Renderer
 from savmap.stages.segment import Segmenter
-from savmap.types import Aim, Detection, Feature, Floats, FrameTable, Panorama, RowFacts, View, ViewSpec
+from savmap.types import Aim, Detection, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewSpec
 
 MIN_FRAMES = 3
 
 
 @dataclass(frozen=True)
 class Observations:
-    """What was seen of a row: its facts, each room's features, the first attitude of every pass that is known, and the
-    markers."""
+    """What was seen of a row: its facts, each room's features, the first attitude of every pass that is known, the markers,
+    and points that were followed."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -32,6 +33,7 @@ class Observations:
     found_face: frozenset[str]
     notes: tuple[str, ...]
     marks: Marks
+    flows: Sequence[Flow] = ()
 
 
 class Eyes:
@@ -75,6 +77,10 @@ class PassAims:
         """The first aim's answer that is not empty."""
         answers = (getattr(aim, attribute) for aim in self.aims.values())
         return next((answer for answer in answers if answer is not None and np.any(answer)), None)
+
+    def knows_face(self, room: str) -> bool:
+        """Whether a room found the face."""
+        return self.aims[room].world_from_rig is not None
 
     def views(self) -> dict[tuple[str, str], ViewSpec]:
         """Views by (room, name as the room gave it), renamed so that a name is unique in the row."""
@@ -127,15 +133,16 @@ def observe(
     monitor: Monitor,
     attitudes: Mapping[str, Floats] | None = None,
     markers: Sequence[Label] = (),
+    appearance: bool = False,
 ) -> Observations:
     """Features of all rooms over all passes of a row.
 
-    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for.
-    Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
+    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
+    appearance: whether to follow points of any kind in the views of the face. Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
     eyes, renderer = Eyes(rooms), Renderer()
     known = dict(attitudes or {})
-    walk = Walk(rooms, eyes, renderer, MarkerWatch(markers))
+    walk = Walk(rooms, eyes, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
     for name, one in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: aiming the views")
         aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))
@@ -148,14 +155,17 @@ def observe(
         frozenset(walk.found_face),
         tuple(walk.notes),
         walk.watch.marks,
+        walk.flow.flows,
     )
 
 
 class Walk:
     """Gathers what the rooms see as passes are walked through."""
 
-    def __init__(self, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, watch: MarkerWatch) -> None:
-        self.rooms, self.eyes, self.renderer, self.watch = rooms, eyes, renderer, watch
+    def __init__(
+        self, rooms: Sequence[Room], eyes: Eyes, renderer: Renderer, watch: MarkerWatch, flow: FlowWatch
+    ) -> None:
+        self.rooms, self.eyes, self.renderer, self.watch, self.flow = rooms, eyes, renderer, watch, flow
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -187,7 +197,7 @@ class Walk:
         self.travel[aimed.name] = travel if isinstance(travel, int) else 0
         if isinstance(attitude, np.ndarray):
             self.attitudes[aimed.name] = attitude
-        self.found_face |= {room for room, aim in aimed.aims.items() if aim.world_from_rig is not None}
+        self.found_face |= {room for room in aimed.aims if aimed.knows_face(room)}
         self.notes += [note for aim in aimed.aims.values() for note in aim.notes]
         if report.skipped:
             self.notes.append(f"{aimed.clip.path}: {report.text()}")
@@ -199,6 +209,8 @@ class Walk:
         specs = aimed.views()
         for spec in dict.fromkeys(specs.values()):
             view = self.renderer.render(panorama, spec)
+            if any(spec == own and aimed.knows_face(room) for (room, _), own in specs.items()):
+                self.flow.look(view)
             for room in self.rooms:
                 if spec in [own for (name, _), own in specs.items() if name == room.name]:
                     self.features[room.name] += room.extract(view, self.eyes.see(room, view), panorama)

@@ -53,6 +53,7 @@ def map_drive(job: Job, names: Sequence[str], monitor: Monitor) -> dict[str, Row
             known.travel_m,
             earlier_path(job, name),
             calibration_of(job.site.calibration),
+            job.site.appearance,
         )
 
     maps = map_rows([(row(name), rooms_for(job, name)) for name in names], monitor)

@@ -146,6 +146,7 @@ class Site(Strict):
     plugins: Mapping[str, Mapping[str, Any]] = {}
     references: ReferenceSection = ReferenceSection()
     calibration: CalibrationSection = CalibrationSection()
+    appearance: bool = False
     survey: Path | None = None
     joint: bool = True
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]

@@ -8,6 +8,7 @@ from savmap import engine, job, observe
 from savmap.graph import KnownMarker, References, gauge
 from savmap.io.clip import Clip
 from savmap.site import Site
+from savmap.stages.flow import NoFlow
 from savmap.stages.markers import MarkerWatch, Marks
 from savmap.stages.render import Renderer
 from savmap.types import FrameTable, RowFacts, Trajectory
@@ -18,7 +19,7 @@ MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 
 
 def test_every_frame_that_is_walked_through_is_looked_at() -> None:
-    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]))
+    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
     aimed = observe.PassAims("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         walk._frame(marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1)), aimed)

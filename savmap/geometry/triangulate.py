@@ -23,3 +23,12 @@ def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Float
         distance = np.linalg.norm(np.einsum("nij,nj->ni", across, point - origins), axis=1)
         weights = 1 / (distance + 0.05)
     return point
+
+
+def nearest_points(origins: Floats, directions: Floats) -> Floats:
+    """The points (n, 3) nearest to k rays each: from origins (k, 3) along unit directions (n, k, 3). Along parallel rays:
+    anywhere."""
+    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
+    right = np.einsum("nkij,kj->ni", across, origins)
+    points: Floats = np.linalg.solve(across.sum(axis=1) + 1e-9 * np.eye(3), right[..., None])[..., 0]
+    return points

@@ -1,5 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
+from savmap.graph.appearance import motion_constraints
 from savmap.graph.calibration import Calibration, Shutter, Stitching
 from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
 from savmap.graph.keys import KeySpace, frame_key
@@ -40,6 +41,7 @@ __all__ = [
     "known_length",
     "marker_constraints",
     "merge",
+    "motion_constraints",
     "observe",
     "pin",
     "published_start",

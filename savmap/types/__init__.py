@@ -6,7 +6,7 @@ at integer coordinates.
 """
 
 from savmap.types.common import Axis, Floats, Ints, Place
-from savmap.types.pictures import Aim, Detection, Feature, Panorama, View, ViewSpec
+from savmap.types.pictures import Aim, Detection, Feature, Flow, Panorama, View, ViewSpec
 from savmap.types.rows import FrameTable, ReferenceUse, RowFacts, RowMap, SiteMap, Structure, Track, Trajectory
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Detection",
     "Feature",
     "Floats",
+    "Flow",
     "FrameTable",
     "Ints",
     "Panorama",

@@ -1,13 +1,13 @@
 """Records of what is looked at and what is seen in one frame."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
-from savmap.types.common import Axis, Floats, require
+from savmap.types.common import Axis, Floats, Ints, require
 
 
 @dataclass(frozen=True)
@@ -131,3 +131,19 @@ class Feature:
         require(
             bool(np.isfinite(self.pixels).all() and np.isfinite(self.covariance).all()), self, "numbers must be finite"
         )
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Points of any kind, followed through neighbouring frames (k,) of a view: pixels (n, k, 2)."""
+
+    frames: Ints
+    spec: ViewSpec
+    pixels: Floats
+
+    def __post_init__(self) -> None:
+        require(self.pixels.shape[1:] == (len(self.frames), 2), self, "pixels must be (n, frames, 2)")
+
+    def take(self, chosen: NDArray[np.bool_]) -> "Flow":
+        """Those of its points where a mask (n,) is true."""
+        return replace(self, pixels=self.pixels[chosen])

@@ -1,0 +1,60 @@
+"""Points are followed to where the picture moves, through whole windows only; what does not come back is dropped."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.stages.flow import STRIDE, WINDOW, FlowWatch, NoFlow
+from savmap.types import View, ViewSpec
+
+SPEC = ViewSpec("face", 0.0, hfov_deg=90.0, width=320, height=240)
+STEP = np.array([4.0, -2.0])
+
+
+def wall() -> NDArray[np.uint8]:
+    rough = np.random.default_rng(3).integers(0, 255, (320, 400, 3)).astype(np.uint8)
+    return cv2.GaussianBlur(rough, (0, 0), 2.0).astype(np.uint8)
+
+
+def view(frame: int, steps: int) -> View:
+    """The wall, moved by `steps` steps."""
+    left, top = (np.array([40, 40]) - steps * STEP).astype(int)
+    return View(SPEC, frame, frame / 15, np.ascontiguousarray(wall()[top : top + 240, left : left + 320]))
+
+
+def test_points_go_as_the_picture_goes() -> None:
+    watch = FlowWatch()
+    for frame in range(WINDOW + STRIDE):
+        watch.look(view(frame, frame))
+    first, second = watch.flows
+    assert first.frames.tolist() == list(range(WINDOW))
+    assert second.frames[0] == STRIDE
+    assert len(first.pixels) > 50
+    assert np.abs(np.diff(first.pixels, axis=1) - STEP).max() < 0.3
+    assert np.median(np.abs(np.diff(first.pixels, axis=1) - STEP)) < 0.05
+
+
+def test_a_frame_that_was_left_out_begins_anew() -> None:
+    watch = FlowWatch()
+    for frame in (0, 1, 2, 4, 5, 6):
+        watch.look(view(frame, frame))
+    assert watch.flows == ()
+
+
+def test_what_shows_something_else_in_between_is_dropped() -> None:
+    watch = FlowWatch()
+    for frame in range(WINDOW):
+        shown = view(frame, frame)
+        if frame == 2:
+            shown.image[:, :160] = np.random.default_rng(4).integers(0, 255, (240, 160, 3))
+        watch.look(shown)
+    (flow,) = watch.flows
+    assert len(flow.pixels) > 20
+    assert (flow.pixels[:, 2, 0] > 140).all()
+
+
+def test_nothing_is_followed_where_none_is_wanted() -> None:
+    watch = NoFlow()
+    for frame in range(WINDOW):
+        watch.look(view(frame, frame))
+    assert watch.flows == ()

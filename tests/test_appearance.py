@@ -1,0 +1,33 @@
+"""Points of no structure are followed in the views of the face, where the site file asks for it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from savmap import observe
+from savmap.io.video import Clip
+from savmap.site import Site
+from savmap.stages.flow import WINDOW, FlowWatch
+from savmap.stages.markers import MarkerWatch
+from savmap.stages.render import Renderer
+from savmap.types import Aim, Panorama, ViewSpec
+
+FACE, CEILING = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
+
+
+def test_only_the_views_of_the_face_are_looked_at() -> None:
+    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([]), FlowWatch())
+    aims = {"racks": Aim((FACE,), np.eye(3)), "lamps": Aim((CEILING,))}
+    aimed = observe.PassAims("pass 1", Clip(Path("none")), aims)
+    rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
+    picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
+    for frame in range(WINDOW):
+        walk._frame(Panorama(frame, frame / 15, picture), aimed)
+    assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
+    assert len(walk.flow.flows[0].pixels) > 50
+
+
+def test_the_site_file_has_a_switch() -> None:
+    rows = {"A": {"passes": [{"video": "a.mp4"}]}}
+    assert not Site.model_validate({"rows": rows}).appearance
+    assert Site.model_validate({"rows": rows, "appearance": True}).appearance
