@@ -100,6 +100,7 @@ def main() -> None:
     timed(Room, "track", "track")
     timed(Room, "constrain", "constrain")
     timed(engine, "solve", "solve")
+    timed(engine, "solve_rows", "solve")
     timed(run, "write_results", "write")
     with tempfile.TemporaryDirectory() as folder:
         job = job_for(arguments.site, None, Path(folder))

@@ -20,11 +20,12 @@ from savmap.graph import (
     motion_constraints,
     published_start,
     solve,
+    solve_rows,
 )
 from savmap.monitor import Monitor
-from savmap.observe import Observations, observe
+from savmap.observe import Observations, observe, pass_names
 from savmap.rooms import Room
-from savmap.site import Pass
+from savmap.site import Footage, Pass
 from savmap.stages.attitude import attitudes
 from savmap.types import Floats, Flow, RowMap, Structure, Track, Trajectory
 
@@ -64,8 +65,37 @@ class Followed:
         return (*self.constraints.values(), *self.others)
 
 
-def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
-    """The map of one row. Raises SavmapError's kinds with what is wrong and what to do."""
+@dataclass(frozen=True)
+class Posed:
+    """A row as a problem for the graph, and what it was made of."""
+
+    row: Row
+    rooms: Sequence[Room]
+    seen: Observations
+    followed: Followed
+    problem: Problem
+
+    @property
+    def moments(self) -> list[tuple[Footage, float]]:
+        """Which picture each frame is: the same in every row that is seen in it."""
+        footage = {name: one.footage for name, one in zip(pass_names(self.row.passes), self.row.passes, strict=True)}
+        table = self.seen.facts.frames
+        return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
+
+
+def map_rows(rows: Sequence[tuple[Row, Sequence[Room]]], monitor: Monitor) -> list[RowMap]:
+    """Maps of rows, solved together where they are seen in the same frames. Raises SavmapError's kinds with what is wrong and
+    what to do."""
+    posed = [pose(row, rooms, monitor) for row, rooms in rows]
+    everywhere = {room.name for _, rooms in rows for room in rooms}.difference(*(one.seen.found_face for one in posed))
+    if len(posed) > 1:
+        monitor.note(f"rows {' and '.join(one.row.name for one in posed)} share a pass: solving them together")
+    solutions = solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere)
+    return [finished(one, solution, monitor) for one, solution in zip(posed, solutions, strict=True)]
+
+
+def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
+    """From a row's video to its factor graph."""
     references = row.references if row.path is None else References()
     wanted = [(marker.dictionary, marker.number) for marker in references.markers]
     seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
@@ -74,12 +104,17 @@ def map_row(row: Row, rooms: Sequence[Room], monitor: Monitor) -> RowMap:
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
-    points = sum(len(constraints.keys) for constraints in followed.every)
-    monitor.note(f"row {row.name}: solving for {len(seen.facts.frames)} poses and {points} points")
-    solution = solve(merge(frames, *followed.every))
+    problem = merge(frames, *followed.every)
+    monitor.note(f"row {row.name}: {len(seen.facts.frames)} poses and {len(problem.keys)} points to solve for")
+    return Posed(row, rooms, seen, followed, problem)
+
+
+def finished(one: Posed, solution: Solution, monitor: Monitor) -> RowMap:
+    """The map of a solved row."""
     for warning in solution.warnings:
-        monitor.note(f"row {row.name}: {warning}")
-    return row_map(row, seen, followed, solution, described(rooms, seen, followed, solution))
+        monitor.note(f"row {one.row.name}: {warning}")
+    structures = described(one.rooms, one.seen, one.followed, solution)
+    return row_map(one.row, one.seen, one.followed, solution, structures)
 
 
 def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:

@@ -28,28 +28,41 @@ def run(job: Job) -> Iterator[str]:
     require_ready(job)
     prepare(job.output)
     with Console(job.output / "savmap.log") as console:
-        rows = {name: map_one(job, name, console) for name in job.site.rows}
-        site_map = SiteMap(rows, made_by(job))
+        rows = {name: row for names in drives(job) for name, row in map_drive(job, names, console).items()}
+        site_map = SiteMap({name: rows[name] for name in job.site.rows}, made_by(job))
         yield from write_results(job, site_map)
         yield from scored(job)
 
 
-def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
-    """The map of one of the job's rows."""
-    from savmap.engine import Row, map_row
+def drives(job: Job) -> Sequence[Sequence[str]]:
+    """Rows by name in groups that are mapped together; each alone where its camera path is known."""
+    return job.site.drives() if job.earlier is None else [[name] for name in job.site.rows]
+
+
+def map_drive(job: Job, names: Sequence[str], monitor: Monitor) -> dict[str, RowMap]:
+    """Maps by name of rows that share passes."""
+    from savmap.engine import Row, map_rows
     from savmap.references import calibration_of, references_of
 
-    known = job.site.row_references(name)
-    row = Row(
-        name,
-        job.site.rows[name].passes,
-        references_of(known),
-        known.travel_m,
-        earlier_path(job, name),
-        calibration_of(job.site.calibration),
-        job.site.appearance,
-    )
-    return map_row(row, rooms_for(job, name), monitor)
+    def row(name: str) -> Row:
+        known = job.site.row_references(name)
+        return Row(
+            name,
+            job.site.rows[name].passes,
+            references_of(known),
+            known.travel_m,
+            earlier_path(job, name),
+            calibration_of(job.site.calibration),
+            job.site.appearance,
+        )
+
+    maps = map_rows([(row(name), rooms_for(job, name)) for name in names], monitor)
+    return dict(zip(names, maps, strict=True))
+
+
+def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
+    """The map of one of the job's rows, by itself."""
+    return map_drive(job, [name], monitor)[name]
 
 
 def earlier_path(job: Job, name: str) -> Trajectory | None:

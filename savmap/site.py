@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
+Footage = tuple[Path, float, float | None, float]
 Sigma = Annotated[float, Field(gt=0, le=10)]
 
 
@@ -93,6 +94,11 @@ class Pass(Strict):
     side: Literal["left", "right"] | None = None
     views: Mapping[str, ViewSection] = {}
 
+    @property
+    def footage(self) -> Footage:
+        """What passes have in common that are the same frames, whichever face they look at."""
+        return self.video, self.start_s, self.end_s, self.fps
+
 
 class PanoramaSection(Strict):
     """How far the panorama's rear half may be turned against the front half about each axis, degrees, and by what part each
@@ -142,12 +148,23 @@ class Site(Strict):
     calibration: CalibrationSection = CalibrationSection()
     appearance: bool = False
     survey: Path | None = None
+    joint: bool = True
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]
 
     @field_validator("plugins", mode="before")
     @classmethod
     def _empty_sections(cls, value: object) -> object:
         return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value
+
+    def drives(self) -> list[list[str]]:
+        """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
+        groups = list[list[str]]()
+        for name, row in self.rows.items():
+            own = {one.footage for one in row.passes} if self.joint else set()
+            near = [group for group in groups if any(own & {p.footage for p in self.rows[n].passes} for n in group)]
+            groups = [group for group in groups if group not in near]
+            groups.append([*(other for group in near for other in group), name])
+        return groups
 
     def row_references(self, name: str) -> ReferenceSection:
         """The site's references with the row's own laid over them."""

@@ -8,6 +8,7 @@ from savmap.errors import SiteError
 from savmap.graph import Calibration, KnownMarker, Shutter, Stitching
 from savmap.io.sitefile import load_site
 from savmap.references import calibration_of, references_of
+from savmap.site import Site
 
 GOOD = """\
 plugins:
@@ -92,6 +93,28 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_key_within_a_list_is_named_by_its_place(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match=r"site.yaml:8: `rows.A.passes\[0\].side`: input should be 'left' or 'right'"):
         load_site(write(tmp_path, GOOD.replace("side: left", "side: up")))
+
+
+@pytest.mark.parametrize(
+    ("extra", "expected"),
+    [
+        ({}, [["A", "B"], ["C"]]),
+        ({"joint": False}, [["A"], ["B"], ["C"]]),
+    ],
+)
+def test_rows_of_one_drive_stand_together(extra: dict[str, object], expected: list[list[str]]) -> None:
+    rows = {
+        "A": {"passes": [{"video": "one.mp4", "side": "left"}]},
+        "B": {"passes": [{"video": "two.mp4"}, {"video": "one.mp4", "side": "right"}]},
+        "C": {"passes": [{"video": "one.mp4", "fps": 5.0}]},
+    }
+    assert Site.model_validate({"rows": rows, **extra}).drives() == expected
+
+
+def test_a_pass_may_join_rows_that_share_none_themselves() -> None:
+    passes = {"A": ["one.mp4"], "B": ["two.mp4"], "C": ["two.mp4", "one.mp4"]}
+    rows = {name: {"passes": [{"video": video} for video in videos]} for name, videos in passes.items()}
+    assert Site.model_validate({"rows": rows}).drives() == [["A", "B", "C"]]
 
 
 def test_nothing_of_the_camera_is_estimated_unless_asked_for(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
 from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import published_start
+from savmap.graph.together import solve_rows
 
 __all__ = [
     "PUBLISHED",
@@ -46,5 +47,6 @@ __all__ = [
     "published_start",
     "reference",
     "solve",
+    "solve_rows",
     "tie",
 ]

@@ -57,6 +57,16 @@ def _calibration(camera: Floats) -> gtsam.Cal3_S2:
     return gtsam.Cal3_S2(camera[0, 0], camera[1, 1], 0.0, camera[0, 2], camera[1, 2])
 
 
+def whole_graph(
+    problem: Problem, at: Estimate, observations: Observations, inflation: float, huber: float | None
+) -> gtsam.NonlinearFactorGraph:
+    """All factors of a problem, those of `observations` last; `at`, `inflation` and `huber` as below and above."""
+    graph = other_factors(problem, at)
+    for factor in observation_factors(observations, inflation, huber):
+        graph.push_back(factor)
+    return graph
+
+
 def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
     """All but the observations: relations, frames, references, and the plugins' own. `at` gives the motion to keep near to."""
     graph = gtsam.NonlinearFactorGraph()
@@ -81,13 +91,13 @@ def relation_factor(relation: Relation) -> gtsam.NonlinearFactor:
             relation.a, relation.b, relation.value, gtsam.noiseModel.Isotropic.Sigma(1, relation.sigma)
         )
     value = relation.value * np.eye(3)[relation.column]
-    noise = _along(relation.column, relation.sigma)
+    noise = along(relation.column, relation.sigma)
     if relation.b is None:
         return gtsam.PriorFactorPoint3(relation.a, value, noise)
     return gtsam.BetweenFactorPoint3(relation.a, relation.b, value, noise)
 
 
-def _along(axis: int, sigma: float) -> gtsam.noiseModel.Diagonal:
+def along(axis: int, sigma: float) -> gtsam.noiseModel.Diagonal:
     return gtsam.noiseModel.Diagonal.Precisions(np.eye(3)[axis] / sigma**2)
 
 
@@ -138,7 +148,7 @@ def _heights(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
         yield gtsam.PriorFactorPoint3(mast, np.array([0.0, height.value_m, 0.0]), noise)
         for chunk in problem.passes(height.passes):
             for frame in problem.used[chunk].tolist():
-                yield gtsam.BetweenFactorPoint3(mast, centre_key(frame), np.zeros(3), _along(1, height.sway_m))
+                yield gtsam.BetweenFactorPoint3(mast, centre_key(frame), np.zeros(3), along(1, height.sway_m))
 
 
 def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:

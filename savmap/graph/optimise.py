@@ -1,7 +1,7 @@
 """The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without what does not fit, until that is settled."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import gtsam
@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csc_array
 from savmap.errors import SolveError
 from savmap.graph.calibrated import calibrated
 from savmap.graph.covariance import Covariance, Shared, covariance
-from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
+from savmap.graph.factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.observations import Observations
@@ -48,29 +48,47 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 @dataclass(frozen=True)
 class State:
     """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and by
-    what factor observations' variances are larger than they were thought to be."""
+    what factor observations' variances are larger than they were thought to be; `notes` of the start for the user,
+    and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
     estimate: Estimate
     fit: Fit
     inflation: float
+    notes: tuple[str, ...] = ()
+    first_scale: float = 0.0
+
+    @property
+    def kept(self) -> Observations:
+        """The observations that fit."""
+        return self.problem.observations.take(self.fit.kept)
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     """Solve, reject, repeat; then covariances. Raises SolveError if scale or place are not observable, if references
     contradict one another, or if the graph cannot be solved."""
+    return concluded(settled(problem, options))
+
+
+def settled(problem: Problem, options: SolveOptions | None = None) -> State:
+    """The optimum, of the observations that fit it. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
-    row = problem.frames.facts.name
     begin = _likeliest(starts(problem, chosen.start), chosen)
     first, *later = _rounds(begin.problem, begin.estimate, chosen)
     last = later[-1] if later else first
     if not last.fit.kept.any():
-        raise SolveError(f"row {row}: no observation fits the solution")
-    joint = _covariance(last, last.inflation, None)
-    found = calibrated(problem.frames.calibration, last.bias, joint, first.fit.scale, last.fit.scale)
-    notes = (*begin.notes, *found.notes)
-    return conclude(last.problem, last.estimate, last.fit, joint, last.inflation, last.bias, notes, found.report)
+        raise SolveError(f"row {problem.frames.facts.name}: no observation fits the solution")
+    return replace(last, notes=begin.notes, first_scale=first.fit.scale)
+
+
+def concluded(state: State, joint: Covariance | None = None) -> Solution:
+    """What an optimum says, with its covariance or the `joint` one of several rows. Raises SolveError if references contradict
+    one another grossly."""
+    joint = joint or _covariance(state, state.inflation, None)
+    found = calibrated(state.problem.frames.calibration, state.bias, joint, state.first_scale, state.fit.scale)
+    notes = (*state.notes, *found.notes)
+    return conclude(state.problem, state.estimate, state.fit, joint, state.inflation, state.bias, notes, found.report)
 
 
 def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
@@ -92,9 +110,7 @@ def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
 
 def _cost(state: State, inflation: float) -> float:
     """Half the sum of squared residuals, in standard deviations, of all references and of all observations by Huber's loss."""
-    graph = other_factors(state.problem, state.estimate)
-    for factor in observation_factors(state.problem.observations, inflation, HUBER):
-        graph.push_back(factor)
+    graph = whole_graph(state.problem, state.estimate, state.problem.observations, inflation, HUBER)
     return float(graph.error(values_of(state.problem, state.estimate)))
 
 
@@ -103,10 +119,12 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     huber = HUBER if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.observations), dtype=bool)
     bias, weight = np.zeros(len(problem.observations.shared.prior)), 1.0
+    row = f"row {problem.frames.facts.name}"
     for number in range(options.rounds):
         freed = problem.without(bias, estimate.poses, estimate.points)
-        factors = observation_factors(freed.observations.take(kept), weight, huber)
-        estimate = _optimise(freed, estimate, factors, options.max_iterations, FINE if number else ROUGH)
+        graph = whole_graph(freed, estimate, freed.observations.take(kept), weight, huber)
+        values = minimum(graph, values_of(freed, estimate), row, options.max_iterations, FINE if number else ROUGH)
+        estimate = estimate_of(freed, values, estimate)
         freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
         persistence = correlation(freed, fit)
@@ -129,35 +147,34 @@ def _bias_step(state: State, huber: float | None) -> Floats:
     return np.zeros(len(state.bias)) if near.all() else joint.step
 
 
-def _optimise(
-    problem: Problem, estimate: Estimate, factors: list[gtsam.NonlinearFactor], iterations: int, change: float
-) -> Estimate:
-    graph = other_factors(problem, estimate)
-    for factor in factors:
-        graph.push_back(factor)
+def minimum(
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, row: str, iterations: int = 50, change: float = FINE
+) -> gtsam.Values:
+    """Levenberg-Marquardt from some values. Raises SolveError, naming the row, if the graph cannot be solved."""
     settings = gtsam.LevenbergMarquardtParams()
     settings.setMaxIterations(iterations)
     settings.setRelativeErrorTol(change)
     try:
-        values = gtsam.LevenbergMarquardtOptimizer(graph, values_of(problem, estimate), settings).optimize()
+        return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-        raise SolveError(f"row {problem.frames.facts.name}: the graph cannot be solved ({reason})") from error
-    return estimate_of(problem, values, estimate)
+        raise SolveError(f"{row}: the graph cannot be solved ({reason})") from error
 
 
 def _covariance(state: State, inflation: float, huber: float | None) -> Covariance:
-    problem, estimate = state.problem, state.estimate
-    observations = problem.observations.take(state.fit.kept)
-    graph = other_factors(problem, estimate)
-    for factor in observation_factors(observations, inflation, huber):
-        graph.push_back(factor)
-    used = problem.used.tolist()
+    graph = whole_graph(state.problem, state.estimate, state.kept, inflation, huber)
+    used = state.problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
+    values = values_of(state.problem, state.estimate)
+    return covariance(graph, values, frames, centres, shared_biases(state, inflation, huber))
+
+
+def shared_biases(state: State, inflation: float, huber: float | None) -> Shared:
+    """The biases of the kept observations."""
     errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
-    columns = _bias_columns(observations, errors, inflation, huber)
-    shared = Shared(columns, state.bias, observations.shared.prior, observations.shared.free)
-    return covariance(graph, values_of(problem, estimate), frames, centres, shared)
+    columns = _bias_columns(state.kept, errors, inflation, huber)
+    shared = state.problem.observations.shared
+    return Shared(columns, state.bias, shared.prior, shared.free)
 
 
 def _bias_columns(observations: Observations, errors: Floats, inflation: float, huber: float | None) -> csc_array:

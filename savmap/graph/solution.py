@@ -31,7 +31,9 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Solution:
-    """Trajectory, landmarks by room and name, the references as they were used, and what is worth telling the user."""
+    """Trajectory, landmarks by room and name, the references as they were used, and what is worth telling the user.
+
+    `off`: how many standard deviations each reference, by name, is off what the rest says."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -41,6 +43,7 @@ class Solution:
     report: Mapping[str, float | int | str]
     keys: Mapping[str, Mapping[str, int]]
     covariance: Covariance
+    off: Mapping[str, float]
 
     def of(self, room: str) -> Mapping[str, Landmark]:
         """Landmarks of a room by name."""

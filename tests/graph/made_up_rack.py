@@ -19,7 +19,7 @@ from savmap.graph import (
     published_start,
     solve,
 )
-from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory
+from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
 
 NOMINAL = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
@@ -79,24 +79,44 @@ def world(
     rng = np.random.default_rng(seed)
     truth = rack(rng, sections, levels, bridge)
     poses = path(rng, float(truth.uprights[-1, 1]), frames)
+    return seen_from(truth, poses, rng, noise_px, outliers, misses, setback_m)
+
+
+def seen_from(
+    truth: Rack,
+    poses: Floats,
+    rng: np.random.Generator,
+    noise_px: float = 0.7,
+    outliers: float = 0.0,
+    misses: float = 0.2,
+    setback_m: float = 0.0,
+    view: ViewSpec = VIEW,
+    name: str = "A",
+) -> World:
+    """A rack seen from poses of the rig (n, 4, 4) in its frame, in one view."""
+    frames = len(poses)
     table = FrameTable(np.arange(frames) / 7.0, ("one",) * frames)
-    facts = RowFacts("A", table, {VIEW.name: VIEW}, {"one": 1})
+    facts = RowFacts(name, table, {view.name: view}, {"one": 1})
+    turn = np.eye(4)
+    turn[:3, :3] = view.rig_from_view
     seen: dict[str, list[tuple[int, Floats, Floats]]] = {}
     places: dict[str, tuple[str, dict[str, int | str]]] = {}
     for frame, pose in enumerate(poses):
-        for name, label, place, pixel, covariance in sightings(truth, pose, noise_px, misses, setback_m, rng):
+        for point, label, place, pixel, covariance in sightings(truth, pose @ turn, noise_px, misses, setback_m, rng):
             if rng.random() < outliers:
                 pixel = pixel + rng.normal(0, 30, 2)
-            places[name] = label, place
-            seen.setdefault(name, []).append((frame, pixel, covariance))
-    tracks = [_track(name, *places[name], seen[name]) for name in sorted(seen) if len(seen[name]) > 2]
+            places[point] = label, place
+            seen.setdefault(point, []).append((frame, pixel, covariance))
+    tracks = [_track(point, *places[point], seen[point], view) for point in sorted(seen) if len(seen[point]) > 2]
     return World(truth, poses, tracks, facts, rng)
 
 
-def _track(name: str, label: str, place: dict[str, int | str], seen: Sequence[tuple[int, Floats, Floats]]) -> Track:
+def _track(
+    name: str, label: str, place: dict[str, int | str], seen: Sequence[tuple[int, Floats, Floats]], view: ViewSpec
+) -> Track:
     frames, pixels, covariances = zip(*seen, strict=True)
     return Track(
-        name, label, place, np.array(frames), (VIEW.name,) * len(seen), np.array(pixels), np.array(covariances)
+        name, label, place, np.array(frames), (view.name,) * len(seen), np.array(pixels), np.array(covariances)
     )
 
 
