@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped
 
+from savmap.errors import SavmapError
 from savmap.graph import Solution
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
@@ -68,7 +69,11 @@ def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> di
     for seed in range(first, first + rows):
         one = made(1000 + seed, errors, sections=sections)
         known = given(one, np.random.default_rng([seed, 8]))
-        row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+        try:
+            row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+        except SavmapError as error:
+            print(f"  row {seed} is left out: {error}", flush=True)
+            continue
         if any(row.score.missing.values()) or any(row.score.spurious.values()):
             continue
         for kind, error, sigma in figures(one.survey, row.tracks, row.solution):

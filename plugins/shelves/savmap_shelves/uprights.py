@@ -11,7 +11,7 @@ from savmap_shelves.odometry import at_horizon
 from savmap_shelves.sightings import Catalogue, Tangents, visible
 
 LEAST_AT_END = 0.3
-NARROW = 0.8
+NARROW = 0.75
 
 
 @dataclass(frozen=True)
