@@ -71,8 +71,8 @@ def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> di
         known = given(one, np.random.default_rng([seed, 8]))
         try:
             row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
-        except SavmapError as error:
-            print(f"  row {seed} is left out: {error}", flush=True)
+        except SavmapError as refusal:
+            print(f"  row {seed} is left out: {refusal}", flush=True)
             continue
         if any(row.score.missing.values()) or any(row.score.spurious.values()):
             continue
