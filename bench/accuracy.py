@@ -19,6 +19,7 @@ from uncertainty import figures
 from savmap.errors import SavmapError
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.graph import PUBLISHED, SolveOptions
+from savmap.io.files import write_text
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, published
@@ -98,8 +99,7 @@ def main() -> None:
     error, maps = error_cm(clean, PARTS)
     tell("all parts, noise only", error)
     tell("bound of that", bound_cm(maps))
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

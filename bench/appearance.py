@@ -14,7 +14,7 @@ import json
 import pickle
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +24,14 @@ from peers import misplaced
 from savmap.engine import Followed, Row, first_path, follow, located
 from savmap.evaluation import score_json
 from savmap.graph import Frames, Problem, Solution, gauge, merge, motion_constraints, solve
+from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.io.video import panoramas
 from savmap.job import job_for, rooms_for
 from savmap.monitor import Quiet
 from savmap.observe import Observations, clip_of, observe
-from savmap.references import references_of
 from savmap.rooms import Room
+from savmap.run import row_of
 from savmap.stages.flow import FlowWatch
 from savmap.stages.render import Renderer
 from savmap.types import Flow, Trajectory
@@ -86,8 +87,8 @@ def case_of(site: Path, keep: Path) -> Case:
     """See and follow the first pass of a site's first row; what is seen is kept in a folder and used again."""
     job = job_for(site, ["shelves"], keep)
     name = next(iter(job.site.rows))
-    known = job.site.row_references(name)
-    row = Row(name, job.site.rows[name].passes[:1], references_of(known), known.travel_m)
+    row = row_of(job, name)
+    row = replace(row, passes=row.passes[:1])
     rooms = rooms_for(job, name)
     seen = looked(row, rooms, keep / f"{site.parent.name}.pickle")
     start = first_path(row, seen)
@@ -165,8 +166,7 @@ def main() -> None:
             results[site.parent.name] = dict(ways(case_of(site, keep), arguments.sigmas))
             show(site.parent.name, results[site.parent.name])
     show("mean", means(results))
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

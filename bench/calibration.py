@@ -19,6 +19,7 @@ from observed_rows import Mapped, given, made, mapped, tracked
 
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.graph import Calibration, Shutter, Stitching
+from savmap.io.files import write_text
 from savmap.sim.observations import MaskErrors
 from savmap.sim.optics import Optics
 from savmap.types import Floats
@@ -125,8 +126,7 @@ def main() -> None:
     for name in arguments.case or CASES:
         results[name] = run_case(CASES[name], arguments.rows, arguments.sections)
         print(line(name, results[name]), flush=True)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

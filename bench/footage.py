@@ -24,11 +24,12 @@ from savmap.engine import Row, first_path
 from savmap.errors import SavmapError
 from savmap.evaluation import Score, mean_absolute_error
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
-from savmap.io.sitefile import load_site
+from savmap.io.files import write_text
 from savmap.io.survey import read_survey
+from savmap.job import job_for
 from savmap.observe import Observations, observe
-from savmap.references import references_of
 from savmap.rooms import open_room
+from savmap.run import row_of
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.types import Track
@@ -55,10 +56,10 @@ class Looked:
 
 def look(site_file: Path, subpixel: bool, console: Console) -> Looked:
     """Watch a site's first row through the shelves plugin."""
-    site = load_site(site_file)
+    job = job_for(site_file, ["shelves"], site_file.parent)
+    site = job.site
     name = next(iter(site.rows))
-    known = site.row_references(name)
-    row = Row(name, site.rows[name].passes, references_of(known), known.travel_m)
+    row = row_of(job, name)
     settings = site.row_config(name, "shelves")
     room = open_room("shelves", {**settings, "subpixel": subpixel})
     seen = observe(name, row.passes, [room], console)
@@ -90,7 +91,7 @@ def bounds_cm(looked: Looked) -> tuple[float, float]:
     return persisting * scale / float(np.sqrt(inflation)), persisting
 
 
-def row_of(score: Score) -> dict[str, Any]:
+def figures_of(score: Score) -> dict[str, Any]:
     """Figures of one map, cm."""
     mean = {name: 100 * float(np.mean(score.errors[name])) for name in ("V element", "H element")}
     return {
@@ -111,7 +112,7 @@ def ways(site_file: Path, console: Console) -> Iterator[tuple[str, dict[str, Any
     )
     for name, (looked, settings, options) in zip(WAYS, plans, strict=True):
         try:
-            found = row_of(evaluate(describe(looked.tracks, solved(looked, settings, options)), looked.survey))
+            found = figures_of(evaluate(describe(looked.tracks, solved(looked, settings, options)), looked.survey))
         except SavmapError as error:
             yield name, {"error": str(error)}
             continue
@@ -159,8 +160,7 @@ def main() -> None:
             for name, found in ways(site, console):
                 own[name] = found
                 print(line(name, found), flush=True)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped, tracke
 from savmap.errors import SavmapError
 from savmap.evaluation import Evaluation, Score, as_table, pool, score_json
 from savmap.graph import PUBLISHED
+from savmap.io.files import write_text
 from savmap.sim.observations import PAPER
 from savmap_shelves.constraints import GridSettings, published
 
@@ -101,8 +102,7 @@ def main() -> None:
     every: Mapping[str, Score] = {name: pool(own) for name, own in scores.items() if own}
     print(as_table(Evaluation(every)).split("\nAll rows")[0])
     total = {name: score_json(own) for name, own in every.items()}
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps({"all": total, "rows": results}, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps({"all": total, "rows": results}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

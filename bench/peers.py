@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap import run
+from savmap.io.files import write_text
 from savmap.io.video import Clip, panoramas
 from savmap.job import job_for, prepare
 from savmap.monitor import Quiet
@@ -166,8 +167,7 @@ def main() -> None:
             print(f"{site.parent.name}: savmap takes {result['time_ratio']:.2f} of the peer's time")
             for name in ("savmap", "pycolmap"):
                 print(f"  {name:9s}", json.dumps(result[name]), flush=True)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 def made(base: Path) -> list[Path]:

@@ -16,6 +16,7 @@ import yaml
 
 from savmap import run
 from savmap.errors import SavmapError
+from savmap.io.files import write_text
 from savmap.job import job_for
 from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
@@ -87,8 +88,7 @@ def main() -> None:
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
     print(f"{whole} of {arguments.count} rows without a missing or spurious element")
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ import av
 import savmap.engine as engine
 import savmap.observe as observe
 from savmap import run
+from savmap.io.files import write_text
 from savmap.job import job_for
 from savmap.rooms import Room
 from savmap.stages.render import Renderer
@@ -118,8 +119,7 @@ def main() -> None:
     for stage in SECONDS:
         print(f"{stage:26s} {SECONDS[stage]:8.2f} s   peak so far {PEAK_MB[stage]:7.0f} MB")
     print(f"{names[0]:26s} {sum(seconds):8.2f} s   whole / bound = {result['ratio']:.1f}")
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(result, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped
 
 from savmap.errors import SavmapError
 from savmap.graph import Solution
+from savmap.io.files import write_text
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings, grid_of
@@ -105,8 +106,7 @@ def main() -> None:
         results[name] = {kind: summary(values) for kind, values in found.items()}
         cells = (f"{own['spread']:8.2f} {100 * own['within_95']:5.1f} %" for own in results[name].values())
         print(f"{name:18}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    arguments.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from savmap.rooms import Room, open_room
 from savmap.types import RowMap, SiteMap, Trajectory
 
 if TYPE_CHECKING:
+    from savmap.engine import Row
     from savmap.evaluation import Evaluation
     from savmap.report.drawing import Drawing
 
@@ -41,23 +42,27 @@ def drives(job: Job) -> Sequence[Sequence[str]]:
 
 def map_drive(job: Job, names: Sequence[str], monitor: Monitor) -> dict[str, RowMap]:
     """Maps by name of rows that share passes."""
-    from savmap.engine import Row, map_rows
+    from savmap.engine import map_rows
+
+    maps = map_rows([(row_of(job, name), rooms_for(job, name)) for name in names], monitor)
+    return dict(zip(names, maps, strict=True))
+
+
+def row_of(job: Job, name: str) -> "Row":
+    """What the job says of one of its rows."""
+    from savmap.engine import Row
     from savmap.references import calibration_of, references_of
 
-    def row(name: str) -> Row:
-        known = job.site.row_references(name)
-        return Row(
-            name,
-            job.site.rows[name].passes,
-            references_of(known),
-            known.travel_m,
-            earlier_path(job, name),
-            calibration_of(job.site.calibration),
-            job.site.appearance,
-        )
-
-    maps = map_rows([(row(name), rooms_for(job, name)) for name in names], monitor)
-    return dict(zip(names, maps, strict=True))
+    known = job.site.row_references(name)
+    return Row(
+        name,
+        job.site.rows[name].passes,
+        references_of(known),
+        known.travel_m,
+        earlier_path(job, name),
+        calibration_of(job.site.calibration),
+        job.site.appearance,
+    )
 
 
 def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
