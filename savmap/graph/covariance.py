@@ -36,7 +36,8 @@ class Shared:
 class Covariance:
     """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places.
 
-    `shared` (k, k): covariance of the shared unknowns; `step` (k,): what would bring these to their optimum.
+    `shared` (k, k): covariance of the shared unknowns; `step` (k,): what would bring these to their optimum. `followed`
+    (3m, c): how far the points follow each shared unknown that is not estimated, a standard deviation off: part of `points`.
     """
 
     keys: tuple[int, ...]
@@ -44,12 +45,30 @@ class Covariance:
     places: Floats
     shared: Floats
     step: Floats
+    followed: Floats
 
     def of(self, keys: list[int]) -> Floats:
         """Joint covariance (3n, 3n) of some variables."""
-        slots = np.concatenate([3 * self.keys.index(key) + np.arange(3) for key in keys])
+        slots = self._slots(keys)
         joint: Floats = self.points[np.ix_(slots, slots)]
         return joint
+
+    def considered(self, keys: list[int]) -> Floats:
+        """The part (3n, 3n) of their joint covariance that comes from shared unknowns which are not estimated."""
+        followed = self.followed[self._slots(keys)]
+        part: Floats = followed @ followed.T
+        return part
+
+    def _slots(self, keys: list[int]) -> Ints:
+        return np.concatenate([3 * self.keys.index(key) + np.arange(3) for key in keys])
+
+
+@dataclass(frozen=True)
+class Covariances:
+    """One for testing references, and one for the standard deviations that are told."""
+
+    tested: Covariance
+    told: Covariance
 
 
 def covariance(
@@ -81,13 +100,13 @@ def covariance(
         schur[:, part] -= cross.T @ columns
         solved[:, part] = columns[wanted]
     right = gradient[outer] - cross.T @ near.solve(gradient[inner])
-    joint, step = _joint((schur + schur.T) / 2, right, shared)
+    joint, step, followed = _joint((schur + schur.T) / 2, right, shared)
     alone = np.concatenate(
         [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
     )
     places = alone + np.einsum("ij,ij->i", solved @ joint, solved)
     points, biases = joint[:count, :count], joint[count:, count:]
-    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3), biases, step[count:])
+    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3), biases, step[count:], followed[:count])
 
 
 def _information(
@@ -116,8 +135,9 @@ def _information(
     return csc_matrix(whole.T @ whole), np.asarray(whole.T @ right), slots
 
 
-def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats]:
-    """Covariance (n, n) of all unknowns, shared ones last, and the step (n,) to their optimum.
+def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats, Floats]:
+    """Covariance (n, n) of all unknowns, shared ones last, the step (n,) to their optimum, and how far (n, c) they follow
+    each shared one that is not free, a standard deviation off.
 
     Shared ones that are not free keep their prior, and the others' estimates follow them.
     """
@@ -129,14 +149,12 @@ def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[F
     own = _inverse(information[np.ix_(free, free)])
     joint[np.ix_(free, free)] = own
     step[free] = own @ right[free]
+    followed = np.zeros((len(information), int(fixed.sum())))
     if shared is not None and fixed.any():
-        prior = np.diag(shared.prior[~shared.free] ** 2)
-        follow = -own @ information[np.ix_(free, fixed)]
-        joint[np.ix_(free, free)] += follow @ prior @ follow.T
-        joint[np.ix_(free, fixed)] = follow @ prior
-        joint[np.ix_(fixed, free)] = prior @ follow.T
-        joint[np.ix_(fixed, fixed)] = prior
-    return joint, step
+        prior = np.diag(shared.prior[~shared.free])
+        followed[free], followed[fixed] = -own @ information[np.ix_(free, fixed)] @ prior, prior
+        joint += followed @ followed.T
+    return joint, step, followed
 
 
 def _inverse(matrix: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from savmap.errors import SolveError
 from savmap.graph import scale
 from savmap.graph.constraints import Relation
-from savmap.graph.covariance import Covariance
+from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.doubt import gross
 from savmap.graph.keys import mast_key
 from savmap.graph.problem import Problem
@@ -19,7 +19,6 @@ from savmap.types import Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA, GROSS_SIGMA = 3.0, 5.0
 LEAST_SPARE = 1e-6
-TELLING_SPARE = 0.015
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
@@ -29,13 +28,11 @@ LEAST_APART_M = 0.01
 
 @dataclass(frozen=True)
 class Verdict:
-    """A reference's use, what its value would be if it had not been given, how many standard deviations it is off, and
-    whether the rest knows it well enough to tell by itself."""
+    """A reference's use, what its value would be if it had not been given, and how many standard deviations it is off."""
 
     use: ReferenceUse
     otherwise: float
     off: float
-    telling: bool
 
     @property
     def gross(self) -> bool:
@@ -47,7 +44,7 @@ def conclude(
     problem: Problem,
     estimate: Estimate,
     fit: Fit,
-    covariance: Covariance,
+    covariances: Covariances,
     inflation: float,
     bias: Floats,
     notes: tuple[str, ...] = (),
@@ -55,7 +52,8 @@ def conclude(
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    verdicts = [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
+    tested, covariance = covariances.tested, covariances.told
+    verdicts = [*_heights(problem, estimate, tested), *_relations(problem, estimate, tested)]
     _refuse_contradiction(problem, verdicts)
     share = 1.0 - float(fit.kept.mean())
     scale_sigma = _scale_sigma(problem, estimate, covariance)
@@ -146,45 +144,67 @@ def _heights(problem: Problem, estimate: Estimate, covariance: Covariance) -> It
         zip(problem.frames.references.camera_heights, estimate.heights, strict=True)
     ):
         name = " ".join(("camera height", *height.passes))
-        variance = covariance.of([mast_key(number)])[1, 1]
-        yield _verdict(name, height.value_m, height.sigma_m, float(solved), float(variance))
+        measured = Measured(float(solved), np.eye(3)[1], covariance, [mast_key(number)])
+        yield _verdict(name, height.value_m, height.sigma_m, measured)
 
 
 def _relations(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[Verdict]:
     for relation in problem.relations:
         if relation.name:
-            solved, variance = _solved(problem, relation, estimate, covariance)
-            yield _verdict(relation.name, relation.value, relation.sigma, solved, variance)
+            yield _verdict(
+                relation.name, relation.value, relation.sigma, _solved(problem, relation, estimate, covariance)
+            )
 
 
-def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance: Covariance) -> tuple[float, float]:
+def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance: Covariance) -> "Measured":
     at = estimate.points[problem.index(relation.a)]
     if relation.b is None:
         axis = relation.column
-        return float(at[axis]), float(covariance.of([relation.a])[axis, axis])
+        return Measured(float(at[axis]), np.eye(3)[axis], covariance, [relation.a])
     span = estimate.points[problem.index(relation.b)] - at
     along = span / np.linalg.norm(span) if relation.axis is None else np.eye(3)[relation.column]
-    slope = np.concatenate([-along, along])
-    return float(along @ span), float(slope @ covariance.of([relation.a, relation.b]) @ slope)
+    return Measured(float(along @ span), np.concatenate([-along, along]), covariance, [relation.a, relation.b])
 
 
-def _verdict(name: str, value: float, sigma: float, solved: float, variance: float) -> Verdict:
-    """Baarda's test: a residual's own variance is the reference's less the solution's.
+@dataclass(frozen=True)
+class Measured:
+    """What the solution says of a reference: its value, and its derivative (3n,) to points by `keys` (n)."""
 
-    Where the rest hardly speaks of what the reference says, it cannot be tested. Where it says much less (`telling`), the
-    small difference of two variances is not sure: such a reference is named only beside another one that is off.
+    value: float
+    slope: Floats
+    covariance: Covariance
+    keys: list[int]
+
+    @property
+    def considered(self) -> float:
+        """The variance that comes from what was not estimated."""
+        return float(self.slope @ self.covariance.considered(self.keys) @ self.slope)
+
+    @property
+    def estimated(self) -> float:
+        """The variance beside that."""
+        return float(self.slope @ self.covariance.of(self.keys) @ self.slope) - self.considered
+
+
+def _verdict(name: str, value: float, sigma: float, solved: Measured) -> Verdict:
+    """Baarda's test: a residual's own variance is the reference's less the solution's, and with it what the solution follows
+    of that which was not estimated.
+
+    The residual is but a part of what the rest deviates: the share that the reference leaves it. Where the rest hardly
+    speaks of what the reference says, it cannot be tested.
     """
-    spare = max(1.0 - variance / sigma**2, LEAST_SPARE)
-    use = ReferenceUse(name, value, sigma, solved)
-    if sigma / float(np.sqrt(spare)) > max(VAGUE_M, VAGUE_SHARE * abs(value)):
-        return Verdict(use, solved, 0.0, False)
-    off = abs(solved - value) / (sigma * float(np.sqrt(spare)))
-    return Verdict(use, value + (solved - value) / spare, off, spare > TELLING_SPARE)
+    share = max(1.0 - solved.estimated / sigma**2, LEAST_SPARE)
+    spread = float(np.sqrt(share * sigma**2 + solved.considered))
+    residual = solved.value - value
+    use = ReferenceUse(name, value, sigma, solved.value)
+    if spread / share > max(VAGUE_M, VAGUE_SHARE * abs(value)):
+        return Verdict(use, solved.value, 0.0)
+    return Verdict(use, value + residual / share, abs(residual) / spread)
 
 
 def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
     gross = [verdict for verdict in verdicts if verdict.gross]
-    if gross and any(verdict.telling and verdict.off > WARN_SIGMA for verdict in verdicts):
+    if gross:
         told = "; ".join(_told(verdict) for verdict in sorted(gross, key=lambda v: -v.off)[:3])
         raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
 
@@ -207,9 +227,7 @@ def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -
 def _warnings(verdicts: list[Verdict], share: float, scale_sigma: float) -> Iterator[str]:
     if scale_sigma > VAGUE_SCALE:
         yield f"the references give the scale to +-{scale_sigma:.1%} only: a known length would help"
-    off = [verdict for verdict in verdicts if verdict.off > WARN_SIGMA]
-    if any(verdict.telling for verdict in off):
-        yield from map(_told, off)
+    yield from (_told(verdict) for verdict in verdicts if verdict.off > WARN_SIGMA)
     if share > MANY_REJECTED:
         yield f"{share:.0%} of the observations did not fit and were left out"
 

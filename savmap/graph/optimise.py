@@ -11,13 +11,13 @@ from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
 from savmap.graph.calibrated import calibrated
-from savmap.graph.covariance import Covariance, Shared, covariance
+from savmap.graph.covariance import Covariance, Covariances, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.finish import conclude
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
-from savmap.graph.residuals import Fit, correlation, fit_of
+from savmap.graph.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, Start, starts
 from savmap.types import Floats
@@ -47,17 +47,26 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 
 @dataclass(frozen=True)
 class State:
-    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and by
-    what factor observations' variances are larger than they were thought to be; `notes` of the start for the user,
-    and the residuals' scale of the first round."""
+    """How far the solve has come: the problem freed of the `bias` (k,) px found so far, the estimate, what fits it, and how
+    errors persist; `notes` of the start for the user, and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
     estimate: Estimate
     fit: Fit
-    inflation: float
+    persistence: Persistence
     notes: tuple[str, ...] = ()
     first_scale: float = 0.0
+
+    @property
+    def inflation(self) -> float:
+        """By what factor observations' variances are larger than they were thought to be, in the solve and its tests."""
+        return self.fit.scale**2 * self.persistence.weighed
+
+    @property
+    def told(self) -> "State":
+        """With the factor for the standard deviations that are told instead."""
+        return replace(self, persistence=replace(self.persistence, weighed=self.persistence.told))
 
     @property
     def kept(self) -> Observations:
@@ -82,13 +91,14 @@ def settled(problem: Problem, options: SolveOptions | None = None) -> State:
     return replace(last, notes=begin.notes, first_scale=first.fit.scale)
 
 
-def concluded(state: State, joint: Covariance | None = None) -> Solution:
-    """What an optimum says, with its covariance or the `joint` one of several rows. Raises SolveError if references contradict
-    one another grossly."""
-    joint = joint or _covariance(state, state.inflation, None)
-    found = calibrated(state.problem.frames.calibration, state.bias, joint, state.first_scale, state.fit.scale)
+def concluded(state: State, joint: Covariances | None = None) -> Solution:
+    """What an optimum says, with its covariances or the `joint` ones of several rows. Raises SolveError if references
+    contradict one another grossly."""
+    joint = joint or Covariances(_covariance(state, None), _covariance(state.told, None))
+    found = calibrated(state.problem.frames.calibration, state.bias, joint.told, state.first_scale, state.fit.scale)
     notes = (*state.notes, *found.notes)
-    return conclude(state.problem, state.estimate, state.fit, joint, state.inflation, state.bias, notes, found.report)
+    inflation = state.told.inflation
+    return conclude(state.problem, state.estimate, state.fit, joint, inflation, state.bias, notes, found.report)
 
 
 def _likeliest(ways: list[Start], options: SolveOptions) -> Start:
@@ -127,11 +137,10 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
         estimate = estimate_of(freed, values, estimate)
         freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
-        persistence = correlation(freed, fit)
-        weight = fit.scale**2 * persistence
-        state = State(freed, bias, estimate, fit, weight)
+        state = State(freed, bias, estimate, fit, persistence(freed, fit))
+        weight = state.inflation
         yield state
-        huber = None if huber is None else HUBER / float(np.sqrt(persistence))
+        huber = None if huber is None else HUBER / float(np.sqrt(state.persistence.weighed))
         step = _bias_step(state, huber) if number + 1 < options.rounds else np.zeros(len(bias))
         if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
@@ -142,7 +151,7 @@ def _bias_step(state: State, huber: float | None) -> Floats:
     """What would bring the free biases (k,) to their optimum; zeros where that is near."""
     if not state.problem.observations.shared.free.any():
         return np.zeros(len(state.bias))
-    joint = _covariance(state, state.inflation, huber)
+    joint = _covariance(state, huber)
     near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
     return np.zeros(len(state.bias)) if near.all() else joint.step
 
@@ -161,16 +170,17 @@ def minimum(
         raise SolveError(f"{row}: the graph cannot be solved ({reason})") from error
 
 
-def _covariance(state: State, inflation: float, huber: float | None) -> Covariance:
-    graph = whole_graph(state.problem, state.estimate, state.kept, inflation, huber)
+def _covariance(state: State, huber: float | None) -> Covariance:
+    graph = whole_graph(state.problem, state.estimate, state.kept, state.inflation, huber)
     used = state.problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     values = values_of(state.problem, state.estimate)
-    return covariance(graph, values, frames, centres, shared_biases(state, inflation, huber))
+    return covariance(graph, values, frames, centres, shared_biases(state, huber))
 
 
-def shared_biases(state: State, inflation: float, huber: float | None) -> Shared:
+def shared_biases(state: State, huber: float | None) -> Shared:
     """The biases of the kept observations."""
+    inflation = state.inflation
     errors = state.fit.errors[state.fit.kept] / np.sqrt(inflation)
     columns = _bias_columns(state.kept, errors, inflation, huber)
     shared = state.problem.observations.shared

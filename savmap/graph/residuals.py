@@ -15,6 +15,7 @@ LAGS = 30
 LEAST_RATE = 0.05
 LEAST_LEFT = 0.4
 MOST_INFLATION = 30.0
+TURNS = 5
 
 
 @dataclass(frozen=True)
@@ -45,18 +46,33 @@ def _unknowns(problem: Problem) -> int:
     return frames + max(3 * len(problem.keys) - sum(not relation.name for relation in problem.relations), 0)
 
 
-def correlation(problem: Problem, fit: Fit) -> float:
-    """Factor (>= 1) by which errors that persist from frame to frame raise variances: 1 + 2 (r_1 + r_2 + ...).
+@dataclass(frozen=True)
+class Persistence:
+    """Factors (>= 1) by which errors that persist from frame to frame raise variances: one for the solve and its tests, and
+    one for the standard deviations that are told."""
 
-    r_k are the errors' autocorrelations over k frames, summed until they vanish (Geyer's initial sequence). Residuals show
-    less of them than there is, for each point's place has taken up the mean of its errors: n observations whose mean is
-    taken away lose I / n in every r_k.
+    weighed: float = 1.0
+    told: float = 1.0
+
+
+def persistence(problem: Problem, fit: Fit) -> Persistence:
+    """1 + 2 (r_1 + r_2 + ...), with r_k the errors' autocorrelations over k frames, summed until they vanish (Geyer's initial
+    sequence).
+
+    Residuals show less of them than there is, for each point's place has taken up the mean of its errors: n observations
+    whose mean is taken away lose I / n in every r_k, I being the factor itself. What is told allows for that lag by lag, in turns;
+    the factor for tests, which residuals of a contradiction must not hide behind, does so for their sum alone.
     """
     rates, count = _autocorrelation(problem, fit)
     lags = int(np.argmax(np.append(rates, 0.0) < LEAST_RATE))
     total = 2 * float(rates[:lags].sum())
-    taken_up = max(1 + (total - 2 * lags) / count, LEAST_LEFT)
-    return min((1 + total) / taken_up, MOST_INFLATION)
+    weighed = min((1 + total) / max(1 + (total - 2 * lags) / count, LEAST_LEFT), MOST_INFLATION)
+    told = 1.0
+    for _ in range(TURNS):
+        raised = rates * max(1 - told / count, LEAST_LEFT) + told / count
+        lags = int(np.argmax(np.append(raised, 0.0) < LEAST_RATE))
+        told = 1 + 2 * float(raised[:lags].sum())
+    return Persistence(weighed, min(max(told, weighed), MOST_INFLATION))
 
 
 def _autocorrelation(problem: Problem, fit: Fit) -> tuple[Floats, float]:

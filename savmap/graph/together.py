@@ -14,7 +14,7 @@ from scipy.sparse import block_diag, csc_array
 
 from savmap.errors import SolveError
 from savmap.graph.carry import carried_factor, carried_key, carried_values, row_of, values_of_row
-from savmap.graph.covariance import Covariance, Shared, covariance
+from savmap.graph.covariance import Covariance, Covariances, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_factors, values_of
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.markers import ROOM as MARKERS
@@ -70,10 +70,11 @@ class Together:
             for row, (own, problem) in enumerate(zip(self.states, problems, strict=True))
         ]
         _require_pictures_fit(self.states, found)
-        parts = _parts(found, self._covariance(found, values))
+        tested = _parts(found, self._covariance(found, values))
+        told = _parts(found, self._covariance([state.told for state in found], values))
         solutions = [
-            concluded(replace(new, problem=own.problem), part)
-            for own, new, part in zip(self.states, found, parts, strict=True)
+            concluded(replace(new, problem=own.problem), Covariances(*parts))
+            for own, new, *parts in zip(self.states, found, tested, told, strict=True)
         ]
         _require_references_fit(self.states, solutions)
         return [replace(one, report={**one.report, "solved_together": self._names}) for one in solutions]
@@ -113,7 +114,7 @@ class Together:
     def _covariance(self, states: Sequence[State], values: gtsam.Values) -> Covariance:
         frames = [carried_key(frame_key(f), row) for row, s in enumerate(states) for f in s.problem.used.tolist()]
         places = [carried_key(centre_key(f), row) for row, s in enumerate(states) for f in s.problem.used.tolist()]
-        own = [shared_biases(state, state.inflation, None) for state in states]
+        own = [shared_biases(state, None) for state in states]
         shared = Shared(
             csc_array(block_diag([one.columns for one in own])),
             *(np.concatenate([getattr(one, name) for one in own]) for name in ("value", "prior", "free")),
@@ -151,6 +152,7 @@ def _parts(states: Sequence[State], whole: Covariance) -> list[Covariance]:
                 whole.places[places[row] : places[row + 1]],
                 whole.shared[bias, bias],
                 whole.step[bias],
+                whole.followed[slots],
             )
         )
     return parts
