@@ -6,7 +6,6 @@ decimals.
 
 import json
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,29 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.io.files import read_json, write_text
-from savmap.io.mapschema import FORMAT, VERSION, FrameEntry, MapFile, RowEntry, StructureEntry, ViewEntry
-from savmap.types import Floats, FrameTable, ReferenceUse, RowMap, SiteMap, Structure, Trajectory, ViewSpec
+from savmap.io.mapnumbers import FIGURE, SIGMA, UPPER, rounded, significant, symmetric
+from savmap.io.mapplaces import placement, placement_entry, tie, tie_entry
+from savmap.io.mapschema import (
+    FORMAT,
+    VERSION,
+    FrameEntry,
+    MapFile,
+    RowEntry,
+    StructureEntry,
+    ViewEntry,
+)
+from savmap.types import (
+    FrameTable,
+    ReferenceUse,
+    RowMap,
+    SiteMap,
+    Structure,
+    Trajectory,
+    ViewSpec,
+)
 from savmap.validation import checked
 
-_COORDINATE, _SIGMA, _QUATERNION, _FIGURE = 5, 6, 9, 6
-_UPPER = np.triu_indices(3)
+_COORDINATE, _QUATERNION = 5, 9
 _NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
 Entry = dict[str, Any]
@@ -43,13 +59,20 @@ def read_map(path: Path) -> SiteMap:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
-    return SiteMap(rows, entry.made_by)
+    placed = {name: placement(own) for name, own in entry.placed.items()}
+    return SiteMap(rows, entry.made_by, entry.failed, placed, tuple(tie(own) for own in entry.ties))
 
 
 def map_text(site: SiteMap) -> str:
     """The text of map.json: keys sorted, numbers rounded, arrays of numbers on one line. Raises OutputError on NaN."""
     rows = {name: _row_entry(row) for name, row in site.rows.items()}
     content = {"format": FORMAT, "version": VERSION, "units": "m", "made_by": dict(site.made_by), "rows": rows}
+    if site.failed:
+        content["failed"] = dict(site.failed)
+    if site.placed:
+        content["placed"] = {name: placement_entry(own) for name, own in site.placed.items()}
+    if site.ties:
+        content["ties"] = [tie_entry(own) for own in site.ties]
     try:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:
@@ -71,7 +94,7 @@ def _trajectory_entries(table: FrameTable, trajectory: Trajectory) -> list[Entry
     where = {int(frame): index for index, frame in enumerate(trajectory.frames)}
     return [
         {"frame": frame, "stamp_s": stamp, "pass": name, **_pose_entry(trajectory, where.get(frame))}
-        for frame, (stamp, name) in enumerate(zip(_rounded(table.stamps_s, _FIGURE), table.passes, strict=True))
+        for frame, (stamp, name) in enumerate(zip(rounded(table.stamps_s, FIGURE), table.passes, strict=True))
     ]
 
 
@@ -80,13 +103,13 @@ def _pose_entry(trajectory: Trajectory, index: int | None) -> Entry:
         return {"position_m": None, "orientation_xyzw": None, "sigma_m": None}
     pose = trajectory.world_from_rig[index]
     quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
-    sigma = None if trajectory.sigma_m is None else _rounded(trajectory.sigma_m[index], _SIGMA)
-    position = _rounded(pose[:3, 3], _COORDINATE)
-    return {"position_m": position, "orientation_xyzw": _rounded(quaternion, _QUATERNION), "sigma_m": sigma}
+    sigma = None if trajectory.sigma_m is None else rounded(trajectory.sigma_m[index], SIGMA)
+    position = rounded(pose[:3, 3], _COORDINATE)
+    return {"position_m": position, "orientation_xyzw": rounded(quaternion, _QUATERNION), "sigma_m": sigma}
 
 
 def _view_entry(spec: ViewSpec) -> Entry:
-    yaw, pitch, roll, hfov = _rounded((spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg), _FIGURE)
+    yaw, pitch, roll, hfov = rounded((spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg), FIGURE)
     size = {"width": int(spec.width), "height": int(spec.height)}
     return {"yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll, "hfov_deg": hfov, **size}
 
@@ -98,9 +121,9 @@ def _structure_entry(own: Structure) -> Entry:
         "vertices": [
             {
                 "label": label,
-                "position_m": _rounded(vertex, _COORDINATE),
-                "sigma_m": _rounded(np.sqrt(np.diag(covariance)), _SIGMA),
-                "covariance_m2": [_significant(value) for value in covariance[_UPPER]],
+                "position_m": rounded(vertex, _COORDINATE),
+                "sigma_m": rounded(np.sqrt(np.diag(covariance)), SIGMA),
+                "covariance_m2": [significant(value) for value in covariance[UPPER]],
             }
             for label, vertex, covariance in zip(own.vertex_labels, own.vertices, own.covariances, strict=True)
         ],
@@ -111,7 +134,7 @@ def _structure_entry(own: Structure) -> Entry:
 
 def _reference_entry(own: ReferenceUse) -> Entry:
     names = ("value", "sigma", "solved", "residual")
-    numbers = _rounded((own.value, own.sigma, own.solved, own.solved - own.value), _FIGURE)
+    numbers = rounded((own.value, own.sigma, own.solved, own.solved - own.value), FIGURE)
     return {"name": own.name, "unit": own.unit, **dict(zip(names, numbers, strict=True))}
 
 
@@ -155,29 +178,14 @@ def _structure(own: StructureEntry) -> Structure:
         id=own.id,
         label=own.label,
         vertices=np.array([vertex.position_m for vertex in own.vertices], dtype=np.float64).reshape(-1, 3),
-        covariances=np.array([_symmetric(vertex.covariance_m2) for vertex in own.vertices]).reshape(-1, 3, 3),
+        covariances=np.array([symmetric(vertex.covariance_m2) for vertex in own.vertices]).reshape(-1, 3, 3),
         vertex_labels=tuple(vertex.label for vertex in own.vertices),
         edges=np.array(own.edges, dtype=np.int64).reshape(-1, 2),
         attributes=own.attributes,
     )
 
 
-def _symmetric(upper: Iterable[float]) -> Floats:
-    full = np.zeros((3, 3))
-    full[_UPPER] = list(upper)
-    symmetric: Floats = full + np.triu(full, 1).T
-    return symmetric
-
-
-def _rounded(values: Floats | Iterable[float], decimals: int) -> list[float]:
-    return [round(float(value), decimals) + 0.0 for value in values]
-
-
-def _significant(value: float) -> float:
-    return float(f"{value:.6g}") + 0.0
-
-
 def _plain(value: float | int | str) -> float | int | str:
     if isinstance(value, str):
         return value
-    return int(value) if isinstance(value, int | np.integer) else round(float(value), _FIGURE) + 0.0
+    return int(value) if isinstance(value, int | np.integer) else round(float(value), FIGURE) + 0.0

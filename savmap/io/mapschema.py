@@ -87,6 +87,27 @@ class RowEntry(_Part):
     report: dict[str, Value]
 
 
+class PlacementEntry(_Part):
+    """Where a row's frame stands in the site's: origin at (x, 0, z), x axis turned by the heading about y, counter-clockwise as
+    seen from above."""
+
+    x_m: float
+    z_m: float
+    heading_deg: float
+    covariance: UpperTriangle = Field(description="xx, xz, xh, zz, zh, hh of x m, z m, heading degrees")
+
+
+class TieEntry(_Part):
+    """One thing that two rows see; residual b - a in the site's frame, null along axes that it does not tell."""
+
+    row_a: str
+    row_b: str
+    id_a: str
+    id_b: str
+    residual_m: tuple[float | None, float | None, float | None]
+    sigma_m: tuple[float | None, float | None, float | None]
+
+
 class MapFile(_Part):
     """A savmap map: metres and seconds."""
 
@@ -95,6 +116,9 @@ class MapFile(_Part):
     units: Literal["m"]
     made_by: dict[str, str] = Field(description="software and model versions, SHA-256 of models")
     rows: dict[str, RowEntry]
+    failed: dict[str, str] = Field(default={}, description="rows that could not be mapped, and why")
+    placed: dict[str, PlacementEntry] = Field(default={}, description="rows' places in the site's frame")
+    ties: list[TieEntry] = Field(default=[], description="things by which neighbouring rows hang together")
 
 
 def schema_text() -> str:

@@ -7,7 +7,18 @@ at integer coordinates.
 
 from savmap.types.common import Axis, Floats, Ints, Place
 from savmap.types.pictures import Aim, Detection, Feature, Flow, Panorama, View, ViewSpec
-from savmap.types.rows import FrameTable, ReferenceUse, RowFacts, RowMap, SiteMap, Structure, Track, Trajectory
+from savmap.types.rows import (
+    FrameTable,
+    Placement,
+    ReferenceUse,
+    RowFacts,
+    RowMap,
+    SiteMap,
+    Structure,
+    Tie,
+    Track,
+    Trajectory,
+)
 
 __all__ = [
     "Aim",
@@ -20,11 +31,13 @@ __all__ = [
     "Ints",
     "Panorama",
     "Place",
+    "Placement",
     "ReferenceUse",
     "RowFacts",
     "RowMap",
     "SiteMap",
     "Structure",
+    "Tie",
     "Track",
     "Trajectory",
     "View",

@@ -123,8 +123,47 @@ class RowMap:
 
 
 @dataclass(frozen=True)
+class Placement:
+    """Where a row stands in the site's frame (y up, metres): its origin at (x, 0, z), its x axis turned by `heading_deg` about y,
+    counter-clockwise as seen from above. `covariance` (3, 3) of x m, z m and heading in degrees."""
+
+    x_m: float
+    z_m: float
+    heading_deg: float
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")
+
+    @property
+    def site_from_row(self) -> Floats:
+        """Transform (4, 4)."""
+        turn = np.deg2rad(self.heading_deg)
+        cos, sin = np.cos(turn), np.sin(turn)
+        moved: Floats = np.array([[cos, 0, sin, self.x_m], [0, 1, 0, 0], [-sin, 0, cos, self.z_m], [0, 0, 0, 1]])
+        return moved
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A thing that two rows see, by their ids for it, with what is left between its two places in the site's frame: residual
+    (3,) m, and its standard deviation (3,) m; NaN along axes that the thing does not tell."""
+
+    row_a: str
+    row_b: str
+    id_a: str
+    id_b: str
+    residual_m: Floats
+    sigma_m: Floats
+
+
+@dataclass(frozen=True)
 class SiteMap:
-    """The rows that were mapped, by name, and what made them (software, models)."""
+    """The rows that were mapped, by name, and what made them (software, models); the rows that failed, and why; where rows
+    stand in the site's frame, and the things by which neighbouring rows hang together, where that is known."""
 
     rows: Mapping[str, RowMap]
     made_by: Mapping[str, str]
+    failed: Mapping[str, str] = field(default_factory=dict)
+    placed: Mapping[str, Placement] = field(default_factory=dict)
+    ties: tuple[Tie, ...] = ()

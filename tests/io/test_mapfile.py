@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import OutputError
 from savmap.io.mapfile import map_text, read_map, write_map
 from savmap.io.mapschema import schema_text
-from savmap.types import FrameTable, ReferenceUse, RowMap, SiteMap, Structure, Trajectory, ViewSpec
+from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory, ViewSpec
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "map.schema.json"
 
@@ -42,7 +42,11 @@ def site() -> SiteMap:
         references=(ReferenceUse("camera height", 3.055, 0.02, 3.0501),),
         report={"frames": 5, "rms_px": 0.41},
     )
-    return SiteMap({"A": row}, {"savmap": "0.1.0", "model things": "ab12"})
+    placed = {"A": Placement(1.5, -2.25, 180.0, np.diag([1e-4, 1e-4, 0.01]))}
+    lamp = Tie("A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan]))
+    return SiteMap(
+        {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,)
+    )
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
@@ -65,6 +69,17 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.edges, mapped.edges)
     np.testing.assert_allclose(read.vertices, mapped.vertices, atol=5.001e-6)
     np.testing.assert_allclose(read.covariances, mapped.covariances, rtol=1e-5)
+    assert found.failed == made.failed
+    np.testing.assert_allclose(found.placed["A"].site_from_row, made.placed["A"].site_from_row, atol=1e-6)
+    np.testing.assert_allclose(found.ties[0].residual_m, made.ties[0].residual_m)
+
+
+def test_a_row_stands_where_its_place_says() -> None:
+    placed = Placement(10.0, 5.0, 90.0, np.zeros((3, 3)))
+    along = placed.site_from_row @ [1.0, 2.0, 0.0, 1.0]
+    out_of_the_face = placed.site_from_row @ [0.0, 0.0, 1.0, 1.0]
+    np.testing.assert_allclose(along[:3], [10.0, 2.0, 4.0], atol=1e-12)
+    np.testing.assert_allclose(out_of_the_face[:3], [11.0, 0.0, 5.0], atol=1e-12)
 
 
 def test_bytes_are_the_same_each_time_and_after_reading(tmp_path: Path) -> None:
