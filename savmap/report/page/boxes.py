@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.evaluation import Evaluation, pool
 from savmap.report.page.figures import Figure, Label, Layer, Shape, ticks
+from savmap.report.page.numbers import MINUS, fixed
 from savmap.types import Floats
 
 _COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 46, 14, 300, 44, 32
@@ -76,8 +77,8 @@ class Scale:
         lowest, highest = min(own.low for own in every), max(own.high for own in every)
         room = 0.75 * max(highest - lowest, 0.1)
         beyond = np.concatenate([own.beyond for own in every])
-        self.low = max(lowest - room, min(lowest, beyond.min(initial=lowest))) - 0.04 * room
-        self.high = min(highest + room, max(highest, beyond.max(initial=highest))) + 0.04 * room
+        self.low = float(max(lowest - room, min(lowest, beyond.min(initial=lowest))) - 0.04 * room)
+        self.high = float(min(highest + room, max(highest, beyond.max(initial=highest))) + 0.04 * room)
 
     def __call__(self, value_cm: float) -> int:
         """Pixels from the top."""
@@ -101,17 +102,20 @@ def _column(middle: int, box: Box, y: Scale) -> dict[str, str]:
         "box": f"M{left} {y(box.third)}h{width}V{y(box.first)}h{-width}z",
         "median": f"M{left} {y(box.median)}h{width}",
         "mean": f"M{left} {y(box.mean)}h{width}",
-        "said": f"median {box.median:+.2f} cm, mean {box.mean:+.2f} cm, quartiles {box.first:+.2f} and {box.third:+.2f} cm",
+        "said": f"median {fixed(box.median, 2, True)} cm, mean {fixed(box.mean, 2, True)} cm, quartiles {fixed(box.first, 2, True)} and {fixed(box.third, 2, True)} cm",
     }
 
 
 def _grid(y: Scale, width: int) -> Layer:
-    lines = "".join(f"M{_LEFT} {y(value)}H{width}" for value in ticks(y.low, y.high, 6))
+    lines = "".join(f"M{_LEFT} {y(value)}H{width}" for value in ticks(y.low, y.high, 8))
     return Layer("grid", (Shape(lines), Shape(f"M{_LEFT} {y(0)}H{width}")) if y.low < 0 < y.high else (Shape(lines),))
 
 
 def _scale_labels(y: Scale) -> list[Label]:
-    return [Label(_LEFT - 6, y(value), f"{value + 0.0:g} cm", "scale") for value in ticks(y.low, y.high, 6)]
+    return [
+        Label(_LEFT - 6, y(value), f"{value + 0.0:g} cm".replace("-", MINUS), "scale")
+        for value in ticks(y.low, y.high, 8)
+    ]
 
 
 def _class_labels(errors: Mapping[str, Floats], boxes: Mapping[str, Box], y: Scale) -> list[Label]:
@@ -127,7 +131,7 @@ def _class_labels(errors: Mapping[str, Floats], boxes: Mapping[str, Box], y: Sca
 
 def _described(boxes: Mapping[str, Box]) -> str:
     each = (
-        f"{name}: median {box.median:+.2f}, mean {box.mean:+.2f}, quartiles {box.first:+.2f} and {box.third:+.2f}, whiskers {box.low:+.2f} and {box.high:+.2f}"
+        f"{name}: median {fixed(box.median, 2, True)}, mean {fixed(box.mean, 2, True)}, quartiles {fixed(box.first, 2, True)} and {fixed(box.third, 2, True)}, whiskers {fixed(box.low, 2, True)} and {fixed(box.high, 2, True)}"
         for name, box in boxes.items()
     )
     return "Truth minus estimate in centimetres. " + "; ".join(each) + "."

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from savmap.report.page.numbers import MINUS
 from savmap.types import Floats, Ints
 
 MM = 1000.0
@@ -69,9 +70,12 @@ def joined(points: Iterable[tuple[Floats, bool]]) -> str:
     return "".join(path(own, closed) for own, closed in points)
 
 
-def frame_of(points: Floats, margin: float) -> tuple[int, int, int, int]:
-    """Left, top, width, height around points (n, 2) with a margin on every side."""
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+def frame_of(points: Floats, margin: float, part: float = 0.0) -> tuple[int, int, int, int]:
+    """Left, top, width, height around points (n, 2) with a margin on every side; on the left and right of `part` of the width
+    if that is more."""
+    width = float(np.ptp(points[:, 0]))
+    room = np.array([max(margin, part * width), margin])
+    low, high = points.min(axis=0) - room, points.max(axis=0) + room
     left, top, width, height = (round(float(value)) for value in (*low, *(high - low)))
     return left, top, max(width, 1), max(height, 1)
 
@@ -93,10 +97,10 @@ def metre_grid(frame: tuple[int, int, int, int], flipped: bool) -> tuple[Layer, 
     """Lines over a frame in millimetres at round metres, and what stands at their ends; `flipped`: the second axis is up."""
     left, top, width, height = frame
     right, bottom, sign = left + width, top + height, -1 if flipped else 1
-    across, along = ticks(left / MM, right / MM, 12), ticks(top / MM, bottom / MM, max(2, round(12 * height / width)))
+    across, along = ticks(left / MM, right / MM, 12), ticks(top / MM, bottom / MM, max(4, round(12 * height / width)))
     lines = [f"M{round(x * MM)} {top}v{height}" for x in across] + [f"M{left} {round(y * MM)}h{width}" for y in along]
-    below = [Label(round(x * MM), bottom, f"{x:g} m", "tick x") for x in across]
-    beside = [Label(left, round(y * MM), f"{sign * y + 0.0:g} m", "tick y") for y in along]
+    below = [Label(round(x * MM), top, f"{x + 0.0:g} m".replace("-", MINUS), "tick x") for x in across]
+    beside = [Label(left, round(y * MM), f"{sign * y + 0.0:g} m".replace("-", MINUS), "tick y") for y in along]
     return Layer("grid", (Shape("".join(lines)),)), (*below, *beside)
 
 

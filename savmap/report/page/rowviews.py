@@ -64,7 +64,7 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
     bounds = np.concatenate([_bounds(drawings, across, axes[2]), *(flat(track) for track in cameras)])
     if picture == "face":
         bounds = np.concatenate([bounds, [[bounds[0, 0], 0.0]]])
-    frame = frame_of(bounds, MARGIN)
+    frame = frame_of(bounds, MARGIN, 0.03)
     grid, ticks = metre_grid(frame, flipped=axes[2] < 0)
     floor = Layer("floor", (Shape(f"M{frame[0]} 0h{frame[2]}"),))
     paths = [Layer("camera", tuple(Shape(path(flat(track)), "camera") for track in cameras))] if cameras else []

@@ -24,7 +24,7 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
         return None
     places |= _stacked([row for name, row in drawn.items() if name not in places], _reach(drawn, places))
     points = [_moved(own, places[name]) for name, row in drawn.items() for own in _outline(row)]
-    frame = frame_of(np.concatenate([*points, *(_origin(own)[None] for own in places.values())]), _MARGIN)
+    frame = frame_of(np.concatenate([*points, *(_origin(own)[None] for own in places.values())]), _MARGIN, 0.15)
     grid, marks = metre_grid(frame, flipped=False)
     layers = [layer for name, row in drawn.items() for layer in _row_layers(row, places[name])]
     ties = _tie_layer(site, places)
@@ -59,11 +59,13 @@ def _mapped(row: Summary) -> list[Drawing]:
 def _moved(points: Floats, place: Placement) -> Floats:
     """Points (n, 2) mm in the plan of points (n, 3) m in a row's frame."""
     turned: Floats = points @ place.site_from_row[:3, :3].T + place.site_from_row[:3, 3]
-    return MM * turned[:, [0, 2]]
+    flat: Floats = MM * turned[:, [0, 2]]
+    return flat
 
 
 def _origin(place: Placement) -> Floats:
-    return _moved(np.zeros((1, 3)), place)[0]
+    origin: Floats = _moved(np.zeros((1, 3)), place)[0]
+    return origin
 
 
 def _reach(drawn: Mapping[str, Summary], places: Mapping[str, Placement]) -> tuple[float, float]:
