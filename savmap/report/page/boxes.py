@@ -10,7 +10,7 @@ from savmap.report.page.figures import Figure, Label, Layer, Shape, ticks
 from savmap.report.page.numbers import MINUS, fixed
 from savmap.types import Floats
 
-_COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 46, 14, 300, 44, 32
+_COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 60, 14, 300, 44, 32
 _MOST_DOTS = 400
 
 
@@ -54,7 +54,7 @@ def box_plot(evaluation: Evaluation) -> Figure | None:
     )
     return Figure(
         id="box-plot",
-        title="Errors by class over all rows",
+        title="Errors by class over all rows: truth \u2212 estimate, cm",
         description=_described(boxes),
         frame=(0, 0, width, _TOP + _HEIGHT + _BELOW),
         layers=(_grid(scale, width), *layers),
@@ -113,8 +113,7 @@ def _grid(y: Scale, width: int) -> Layer:
 
 def _scale_labels(y: Scale) -> list[Label]:
     return [
-        Label(_LEFT - 6, y(value), f"{value + 0.0:g} cm".replace("-", MINUS), "scale")
-        for value in ticks(y.low, y.high, 8)
+        Label(_LEFT - 6, y(value), f"{value + 0.0:g}".replace("-", MINUS), "scale") for value in ticks(y.low, y.high, 8)
     ]
 
 
@@ -124,7 +123,7 @@ def _class_labels(errors: Mapping[str, Floats], boxes: Mapping[str, Box], y: Sca
         middle = _LEFT + _COLUMN * k + _COLUMN // 2
         hidden = int(np.sum((own < y.low) | (own > y.high)))
         found.append(Label(middle, _TOP + _HEIGHT + 18, name, "class"))
-        more = f"{len(own)} measures" + (f", {hidden} not shown" if hidden else "")
+        more = f"({len(own)}" + (f", {hidden} further off)" if hidden else ")")
         found.append(Label(middle, _TOP + _HEIGHT + 34, more, "class small"))
     return found
 

@@ -70,11 +70,10 @@ def joined(points: Iterable[tuple[Floats, bool]]) -> str:
     return "".join(path(own, closed) for own, closed in points)
 
 
-def frame_of(points: Floats, margin: float, part: float = 0.0) -> tuple[int, int, int, int]:
-    """Left, top, width, height around points (n, 2) with a margin on every side; on the left and right of `part` of the width
-    if that is more."""
-    width = float(np.ptp(points[:, 0]))
-    room = np.array([max(margin, part * width), margin])
+def frame_of(points: Floats, margin: float, parts: tuple[float, float]) -> tuple[int, int, int, int]:
+    """Left, top, width, height around points (n, 2) with a margin on every side; on the left and right, and above and below,
+    of these parts of the width where that is more."""
+    room = np.maximum(margin, np.ptp(points[:, 0]) * np.array(parts))
     low, high = points.min(axis=0) - room, points.max(axis=0) + room
     left, top, width, height = (round(float(value)) for value in (*low, *(high - low)))
     return left, top, max(width, 1), max(height, 1)

@@ -7,7 +7,7 @@ import numpy as np
 from savmap.report.drawing import Drawing, Picture
 from savmap.report.page.figures import MM, Figure, Label, Layer, Shape, frame_of, joined, metre_grid, path
 from savmap.report.page.summary import Summary
-from savmap.report.plots import drawn_in, seen
+from savmap.report.plots import drawn_in, seen, with_fixtures
 from savmap.types import Floats, RowMap
 
 MARGIN = 600.0
@@ -64,7 +64,7 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
     bounds = np.concatenate([_bounds(drawings, across, axes[2]), *(flat(track) for track in cameras)])
     if picture == "face":
         bounds = np.concatenate([bounds, [[bounds[0, 0], 0.0]]])
-    frame = frame_of(bounds, MARGIN, 0.03)
+    frame = frame_of(bounds, MARGIN, (0.03, 0.02))
     grid, ticks = metre_grid(frame, flipped=axes[2] < 0)
     floor = Layer("floor", (Shape(f"M{frame[0]} 0h{frame[2]}"),))
     paths = [Layer("camera", tuple(Shape(path(flat(track)), "camera") for track in cameras))] if cameras else []
@@ -81,7 +81,7 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
 
 
 def _bounds(drawings: Sequence[Drawing], across: int, sign: int) -> Floats:
-    own: Floats = MM * seen(drawings, across) * [1, sign]
+    own: Floats = MM * with_fixtures(seen(drawings, across), drawings, across) * [1, sign]
     return own
 
 

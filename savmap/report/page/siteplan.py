@@ -24,7 +24,7 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
         return None
     places |= _stacked([row for name, row in drawn.items() if name not in places], _reach(drawn, places))
     points = [_moved(own, places[name]) for name, row in drawn.items() for own in _outline(row)]
-    frame = frame_of(np.concatenate([*points, *(_origin(own)[None] for own in places.values())]), _MARGIN, 0.15)
+    frame = frame_of(np.concatenate([*points, *(_origin(own)[None] for own in places.values())]), _MARGIN, (0.15, 0.0))
     grid, marks = metre_grid(frame, flipped=False)
     layers = [layer for name, row in drawn.items() for layer in _row_layers(row, places[name])]
     ties = _tie_layer(site, places)
@@ -129,7 +129,7 @@ def _name(row: Summary, place: Placement) -> Label:
     along = place.site_from_row[0, 0]
     side = "end" if along > 0.4 else "start" if along < -0.4 else "middle"
     look = "failed" if row.row is None else "attention" if row.remarks else ""
-    return Label(x, z, shortened(row.name), f"name {side} {look}".strip(), f"#{row.anchor}")
+    return Label(x, z, shortened(row.name, 18), f"name {side} {look}".strip(), f"#{row.anchor}")
 
 
 def _tie_layer(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:

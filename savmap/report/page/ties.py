@@ -30,7 +30,7 @@ def tie_words(tie: Tie) -> str:
         for axis, value in zip(_AXES, tie.residual_m, strict=True)
         if not np.isnan(value)
     ]
-    return f"{tie.row_a}: {tie.id_a} = {tie.row_b}: {tie.id_b}, " + ", ".join(residuals) + f" ({worst(tie):.1f} \u03c3)"
+    return f"{tie.row_a}: {tie.id_a} = {tie.row_b}: {tie.id_b}, " + ", ".join(residuals) + f" ({worst(tie):.2f} \u03c3)"
 
 
 def pair_table(ties: Sequence[Tie]) -> Table:
@@ -66,7 +66,7 @@ def _pair(pair: tuple[str, str], ties: Sequence[Tie]) -> Line:
         Cell(" \u2013 ".join(pair)),
         number(len(ties), str(len(ties))),
         *(number(value, centimetres(value)) for value in axes),
-        number(largest, fixed(largest, 1)),
+        number(largest, fixed(largest, 2)),
         number(off, str(off)),
     )
     return Line(cells, "off" if off else "")
@@ -81,7 +81,7 @@ def _line(own: Tie, anchors: Mapping[str, str]) -> Line:
         Cell(own.id_b),
         rows[1],
         *(number(value, centimetres(value, True)) for value in axes),
-        number(worst(own), fixed(worst(own), 1)),
+        number(worst(own), fixed(worst(own), 2)),
     )
     return Line(cells, "off" if is_tie_off(own) else "")
 
