@@ -39,7 +39,7 @@ def write_plan_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> Non
     """The row from above, x against z, with the camera's path by pass. Raises OutputError."""
     shown = drawn_in(drawings, "plan")
     camera = row.trajectory.world_from_rig[:, :3, 3]
-    bounds = window(with_fixtures(np.concatenate([seen(shown, 2), camera[:, [0, 2]]]), shown, 2), MARGIN_M)
+    bounds = window(_with_fixtures(np.concatenate([seen(shown, 2), camera[:, [0, 2]]]), shown, 2), MARGIN_M)
     figure, axes = axes_for(bounds, (3.0, 8.5))
     axes.axhline(0, color="#868e96", linewidth=0.8, zorder=0)
     for drawing in shown:
@@ -140,8 +140,8 @@ def seen(drawings: Sequence[Drawing], across: int) -> Floats:
     return np.concatenate([*structure, *over])
 
 
-def with_fixtures(points: Floats, drawings: Sequence[Drawing], across: int) -> Floats:
-    """Points (n, 2) of x against axis `across` and those of fixtures that their window shows in part, so that none is cut through."""
+def _with_fixtures(points: Floats, drawings: Sequence[Drawing], across: int) -> Floats:
+    """Points (n, 2) and those of fixtures that their window shows in part, so that none is cut through."""
     left, right, _, _ = window(points, MARGIN_M)
     fixtures = [own.points[:, [0, across]] for own in drawings if own.tone == "fixture"]
     return np.concatenate([points, *(own for own in fixtures if own[:, 0].max() > left and own[:, 0].min() < right)])

@@ -10,7 +10,7 @@ from savmap.report.page.figures import Figure, Label, Layer, Shape, ticks
 from savmap.report.page.numbers import MINUS, fixed
 from savmap.types import Floats
 
-_COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 60, 14, 300, 44, 32
+_COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 60, 14, 300, 52, 32
 _MOST_DOTS = 400
 
 
@@ -124,7 +124,7 @@ def _class_labels(errors: Mapping[str, Floats], boxes: Mapping[str, Box], y: Sca
         hidden = int(np.sum((own < y.low) | (own > y.high)))
         found.append(Label(middle, _TOP + _HEIGHT + 18, name, "class"))
         more = f"({len(own)}" + (f", {hidden} further off)" if hidden else ")")
-        found.append(Label(middle, _TOP + _HEIGHT + 34, more, "class small"))
+        found.append(Label(middle, _TOP + _HEIGHT + 18, more, "class small"))
     return found
 
 

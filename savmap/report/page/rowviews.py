@@ -7,10 +7,10 @@ import numpy as np
 from savmap.report.drawing import Drawing, Picture
 from savmap.report.page.figures import MM, Figure, Label, Layer, Shape, frame_of, joined, metre_grid, path
 from savmap.report.page.summary import Summary
-from savmap.report.plots import drawn_in, seen, with_fixtures
+from savmap.report.plots import drawn_in, seen
 from savmap.types import Floats, RowMap
 
-MARGIN = 600.0
+MARGIN, PARTS = 600.0, (0.03, 0.02)
 _AXES: Mapping[Picture, tuple[int, tuple[str, str, int]]] = {"face": (1, ("x", "y", -1)), "plan": (2, ("x", "z", 1))}
 _SAID = {"survey": "survey", "mapped": "map", "off": "map, off by more than 5 cm or spurious"}
 _MOST_POSES = 120
@@ -61,10 +61,8 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
     across, axes = _AXES[picture]
     flat = Flat(across, axes[2])
     cameras = camera_paths(summary.row) if picture == "plan" else []
-    bounds = np.concatenate([_bounds(drawings, across, axes[2]), *(flat(track) for track in cameras)])
-    if picture == "face":
-        bounds = np.concatenate([bounds, [[bounds[0, 0], 0.0]]])
-    frame = frame_of(bounds, MARGIN, (0.03, 0.02))
+    floor_m = [np.zeros((1, 3))] if picture == "face" else []
+    frame = _frame(drawings, flat, [*cameras, *floor_m])
     grid, ticks = metre_grid(frame, flipped=axes[2] < 0)
     floor = Layer("floor", (Shape(f"M{frame[0]} 0h{frame[2]}"),))
     paths = [Layer("camera", tuple(Shape(path(flat(track)), "camera") for track in cameras))] if cameras else []
@@ -80,9 +78,14 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
     )
 
 
-def _bounds(drawings: Sequence[Drawing], across: int, sign: int) -> Floats:
-    own: Floats = MM * with_fixtures(seen(drawings, across), drawings, across) * [1, sign]
-    return own
+def _frame(drawings: Sequence[Drawing], flat: Flat, others: Sequence[Floats]) -> tuple[int, int, int, int]:
+    """Around the structure, what else (n, 3) must be seen, and every fixture that would be cut through."""
+    structure: Floats = MM * seen(drawings, flat.across) * [1, flat.sign]
+    points = np.concatenate([structure, *(flat(own) for own in others)])
+    left, _, width, _ = frame_of(points, MARGIN, PARTS)
+    fixtures = [flat(own.points) for own in drawings if own.tone == "fixture"]
+    cut = [own for own in fixtures if own[:, 0].max() > left and own[:, 0].min() < left + width]
+    return frame_of(np.concatenate([points, *cut]), MARGIN, PARTS)
 
 
 def _shapes(drawings: Sequence[Drawing], said: Mapping[str, str], flat: Flat) -> tuple[Shape, ...]:
