@@ -43,8 +43,8 @@ class Label:
 class Figure:
     """A picture of this frame (left, top, width, height), painted in the order of its layers; `legend` names looks.
 
-    `axes`: what the two axes are called and the sign of the second one, for the figures that can be zoomed; they are
-    drawn in millimetres. Others are in pixels.
+    `axes`: what the two axes are called and whether the second one points down the page (1) or up (-1), for the figures that
+    can be zoomed; they are drawn in millimetres. Others are in pixels.
     """
 
     id: str
@@ -95,11 +95,11 @@ def ticks(low: float, high: float, parts: int) -> list[float]:
 def metre_grid(frame: tuple[int, int, int, int], flipped: bool) -> tuple[Layer, tuple[Label, ...]]:
     """Lines over a frame in millimetres at round metres, and what stands at their ends; `flipped`: the second axis is up."""
     left, top, width, height = frame
-    right, bottom, sign = left + width, top + height, -1 if flipped else 1
+    right, bottom, down = left + width, top + height, -1 if flipped else 1
     across, along = ticks(left / MM, right / MM, 12), ticks(top / MM, bottom / MM, max(4, round(12 * height / width)))
     lines = [f"M{round(x * MM)} {top}v{height}" for x in across] + [f"M{left} {round(y * MM)}h{width}" for y in along]
     below = [Label(round(x * MM), top, f"{x + 0.0:g} m".replace("-", MINUS), "tick x") for x in across]
-    beside = [Label(left, round(y * MM), f"{sign * y + 0.0:g} m".replace("-", MINUS), "tick y") for y in along]
+    beside = [Label(left, round(y * MM), f"{down * y + 0.0:g} m".replace("-", MINUS), "tick y") for y in along]
     return Layer("grid", (Shape("".join(lines)),)), (*below, *beside)
 
 

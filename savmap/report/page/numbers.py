@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 
-MINUS, NOTHING = "\N{MINUS SIGN}", "\N{EN DASH}"
+MINUS, NOTHING = "\u2212", "\u2013"
 
 
 def fixed(value: float | None, decimals: int, plus: bool = False) -> str:
@@ -24,8 +24,9 @@ def duration(seconds: float) -> str:
     """Such as "2 h 04 min", "3 min 20 s" or "4.2 s"."""
     if seconds < 60:
         return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min {rest:02d} s"
+    if round(seconds) < 3600:
+        return f"{round(seconds) // 60} min {round(seconds) % 60:02d} s"
+    return f"{round(seconds / 60) // 60} h {round(seconds / 60) % 60:02d} min"
 
 
 def natural(names: Iterable[str]) -> list[str]:

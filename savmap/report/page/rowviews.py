@@ -10,7 +10,7 @@ from savmap.report.page.summary import Summary
 from savmap.report.plots import drawn_in, seen
 from savmap.types import Floats, RowMap
 
-MARGIN, PARTS = 600.0, (0.03, 0.02)
+MARGIN, PARTS = 900.0, (0.03, 0.02)
 _AXES: Mapping[Picture, tuple[int, tuple[str, str, int]]] = {"face": (1, ("x", "y", -1)), "plan": (2, ("x", "z", 1))}
 _SAID = {"survey": "survey", "mapped": "map", "off": "map, off by more than 5 cm or spurious"}
 _MOST_POSES = 120
@@ -44,14 +44,14 @@ def layers_of(drawings: Sequence[Drawing], said: Mapping[str, str], flat: "Flat"
 
 
 class Flat:
-    """From metres in a row's frame to a figure's millimetres: x against `across`, the latter times `sign`."""
+    """From metres in a row's frame to a figure's millimetres: x against `across`, the latter times `down`."""
 
-    def __init__(self, across: int, sign: int) -> None:
-        self.across, self.sign = across, sign
+    def __init__(self, across: int, down: int) -> None:
+        self.across, self.down = across, down
 
     def __call__(self, points: Floats) -> Floats:
         """Points (n, 2) of (n, 3)."""
-        return MM * points[:, [0, self.across]] * [1, self.sign]
+        return MM * points[:, [0, self.across]] * [1, self.down]
 
 
 def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure | None:
@@ -80,7 +80,7 @@ def _view(summary: Summary, said: Mapping[str, str], picture: Picture) -> Figure
 
 def _frame(drawings: Sequence[Drawing], flat: Flat, others: Sequence[Floats]) -> tuple[int, int, int, int]:
     """Around the structure, what else (n, 3) must be seen, and every fixture that would be cut through."""
-    structure: Floats = MM * seen(drawings, flat.across) * [1, flat.sign]
+    structure: Floats = MM * seen(drawings, flat.across) * [1, flat.down]
     points = np.concatenate([structure, *(flat(own) for own in others)])
     left, _, width, _ = frame_of(points, MARGIN, PARTS)
     fixtures = [flat(own.points) for own in drawings if own.tone == "fixture"]

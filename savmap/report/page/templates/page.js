@@ -113,8 +113,8 @@
     const start = () => {
       const own = fit(whole);
       if (whole.h < 0.45 * own.h && innerWidth < 700) {
-        const h = whole.h / 0.75, w = h * own.w / own.h;
-        return { x: whole.x, y: whole.y - (h - whole.h) / 2, w: Math.min(w, whole.w), h };
+        const w = Math.max(whole.h / 0.75 * own.w / own.h, whole.w / 3), h = w * own.h / own.w;
+        return { x: whole.x, y: whole.y - (h - whole.h) / 2, w, h };
       }
       return own;
     };
