@@ -185,7 +185,11 @@
     }));
     addEventListener("beforeprint", () => { view = whole; svg.setAttribute("viewBox", `${view.x} ${view.y} ${view.w} ${view.h}`); svg.style.setProperty("--u", view.w / 700); });
     addEventListener("afterprint", reset);
-    new ResizeObserver(() => { if (svg.clientWidth) { view = start(); show(); } }).observe(svg);
+    new ResizeObserver(() => {
+      if (!svg.clientWidth) return;
+      view = view === whole ? start() : { ...view, h: view.w * svg.clientHeight / svg.clientWidth };
+      show();
+    }).observe(svg);
   };
   all("figure > svg").forEach((svg) => {
     const title = svg.querySelector(":scope > title");
