@@ -6,6 +6,7 @@ whole or not at all, by one process alone; one that does not fit, or is damaged,
 
 import fcntl
 import hashlib
+import logging
 import os
 import re
 import shutil
@@ -18,6 +19,7 @@ from urllib.parse import quote
 from savmap.errors import OutputError
 from savmap.io.files import reason, write_bytes
 
+log = logging.getLogger("savmap")
 FOLDER = "stages"
 LEFT_BEHIND = re.compile(r"\..+\.\d+\.part|\.savmap-\w{8}")
 
@@ -61,16 +63,23 @@ def locked(folder: Path) -> Iterator[None]:
     run is at work in it."""
     try:
         place = os.open(folder, os.O_RDONLY)
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _sweep(folder)
-            yield
-        except BlockingIOError:
-            raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
-        finally:
-            os.close(place)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({reason(error)})") from error
+        raise OutputError(f"{folder}: cannot be opened ({reason(error)})") from error
+    try:
+        _lock(place, folder)
+        _sweep(folder)
+        yield
+    finally:
+        os.close(place)
+
+
+def _lock(place: int, folder: Path) -> None:
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
+    except OSError as error:
+        log.info("%s: cannot be locked (%s)", folder, reason(error))
 
 
 def _sweep(folder: Path) -> None:
