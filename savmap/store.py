@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.io.files import reason, write_bytes
+from savmap.io.where import is_url
 
 log = logging.getLogger("savmap")
 FOLDER = "stages"
@@ -59,8 +60,11 @@ def _head(fingerprint: str, body: bytes) -> bytes:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs out of an output folder, and sweep up what a killed one left there. Raises OutputError while another
-    run is at work in it."""
+    """Keep other runs out of an output folder, and sweep up what a killed one left there; a URL's is nobody's. Raises OutputError
+    while another run is at work in it."""
+    if is_url(folder):
+        yield
+        return
     try:
         place = os.open(folder, os.O_RDONLY)
     except OSError as error:
