@@ -4,6 +4,7 @@ Rows stand where the site file says, as well as it knows. Rows seen from one cam
 are matched where these place them and no other reading comes near, tie the rows in turn, and are left out again where they do not fit.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -21,7 +22,7 @@ ROUNDS = 3
 GAUGE_SIGMA = 1e-5
 REACH_M = 10.0
 OFF_SIGMA = 4.0
-BACK_DEG, LEAST_DEPTH_M = 10.0, 0.2
+BACK_DEG, LEAST_DEPTH_M, MOST_UNSURE_M = 10.0, 0.2, 0.8
 
 Ask = Callable[[str, Sequence[Structure]], Sequence[SharedThing]]
 Things = Mapping[str, Mapping[str, Sequence[SharedThing]]]
@@ -107,7 +108,8 @@ class Solver:
     def solve(self, found: Sequence[Found] = ()) -> Places:
         """Places with these matches; those of rows on one camera path are told by it already."""
         together = self.together
-        points = [own.tie(found) for own in found if own.rows not in together]
+        counts = Counter((own.rows, own.kind) for own in found)
+        points = [own.tie(counts[own.rows, own.kind]) for own in found if own.rows not in together]
         return solve_places(self.start, self.anchors, [one.tie for one in self.overlaps], points, self.square_rad)
 
     @property
@@ -136,9 +138,7 @@ class Solver:
         return places, found, notes
 
 
-def _matches(
-    things: Things, places: Places, tried: set[tuple[tuple[str, str], str]]
-) -> tuple[list[Found], list[str]]:
+def _matches(things: Things, places: Places, tried: set[tuple[tuple[str, str], str]]) -> tuple[list[Found], list[str]]:
     found, doubtful = list[Found](), list[str]()
     for a, b in combinations(things, 2):
         kinds = [kind for kind in things[a] if kind in things[b] and ((a, b), kind) not in tried]
@@ -156,7 +156,12 @@ def _matches(
     return found, doubtful
 
 
-def _near(things_a: Mapping[str, Sequence[SharedThing]], things_b: Mapping[str, Sequence[SharedThing]], a: Placement, b: Placement) -> bool:
+def _near(
+    things_a: Mapping[str, Sequence[SharedThing]],
+    things_b: Mapping[str, Sequence[SharedThing]],
+    a: Placement,
+    b: Placement,
+) -> bool:
     """Whether two rows' things come near enough on the floor to be worth a look."""
     low_a, high_a = _extent(things_a, a)
     low_b, high_b = _extent(things_b, b)
@@ -177,8 +182,9 @@ def _can_share(one: SharedThing, other: SharedThing, a_from_b: Placement) -> boo
     deepest = min((own.behind_m for own in (one, other) if own.behind_m is not None), default=None)
     if deepest is None:
         return True
-    middle = a_from_b.points(other.place[None])[0, 2]
-    return abs(a_from_b.heading_deg) > 180 - BACK_DEG and LEAST_DEPTH_M < -middle < deepest
+    depth = -a_from_b.points(other.place[None])[0, 2]
+    unsure = min(2 * float(np.sqrt(a_from_b.covariance[1, 1])), MOST_UNSURE_M)
+    return abs(a_from_b.heading_deg) > 180 - BACK_DEG and LEAST_DEPTH_M - unsure < depth < deepest + unsure
 
 
 def _chained(site_from_row: Floats) -> Placement:

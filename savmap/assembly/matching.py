@@ -1,7 +1,8 @@
 """Which things of one row are which of another: by where they should be, and only where no other reading is nearly as good.
 
 A line of like things fits as well, or nearly, when it slips by one. Every shift that lays some thing on another is therefore scored
-by its likelihood, and the best one is believed where it beats all that pair things otherwise, and no pairing at all, by far.
+by its likelihood, and the best one is believed where it is much likelier (`LEAST`, nats) than that the rows have nothing in common, and
+than any that pairs a thing otherwise (`MARGIN`): a line that slips by one loses one pair of things, 4.5 nats, which is not enough.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,9 @@ from savmap.types import Axis, Floats, Ints, Placement, SharedThing
 
 GATE = 4.0
 NEAR = 3.0
-MARGIN = 10.0
+LEAST = 10.0
+MARGIN = 6.0
+REFINED = 2
 FLOOR_SIGMA_M = 0.05
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -41,34 +44,33 @@ class Differences:
 def match(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Matching:
     """Pairs of things of one kind."""
     found = differences(things_a, things_b, a_from_b)
-    inverse = np.linalg.inv(found.covariance)
-    gate = np.linalg.inv(found.covariance + found.shift)
+    inverse, tight = _inverse(found.covariance), _inverse(found.shift)
+    gate = _inverse(found.covariance + found.shift)
     inside = _squares(found.between, gate) < GATE**2
     if not inside.any():
         return Matching()
-    tight = np.linalg.inv(found.shift)
     scored: dict[Pairs, float] = {}
     for shift in found.between[inside]:
         pairs = _nearest(found.between - shift, inverse)
+        for _ in range(REFINED):
+            pairs = _nearest(found.between - _fitted(pairs, found.between, inverse, tight), inverse)
         if pairs not in scored:
             scored[pairs] = _score(pairs, found.between, inverse, tight)
     best = max(scored, key=scored.__getitem__)
+    if scored[best] < LEAST:
+        return Matching()
     others = [score for pairs, score in scored.items() if _contradict(best, pairs)]
-    if scored[best] - max([0.0, *others]) < MARGIN:
-        return Matching(ambiguous=bool(others) and scored[best] >= MARGIN)
+    if scored[best] - max(others, default=0.0) < MARGIN:
+        return Matching(ambiguous=True)
     return Matching(best)
 
 
 def told_axes(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing]) -> tuple[Axis, ...]:
     """The axes that all things of both rows tell."""
-    return tuple(
-        axis for axis in ("x", "y", "z") if all(axis in thing.axes for thing in (*things_a, *things_b))
-    )
+    return tuple(axis for axis in ("x", "y", "z") if all(axis in thing.axes for thing in (*things_a, *things_b)))
 
 
-def differences(
-    things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement
-) -> Differences:
+def differences(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Differences:
     """How far things are from one another, and how well that is known."""
     told = [AXES[axis] for axis in told_axes(things_a, things_b)]
     turn = a_from_b.site_from_row[:3, :3]
@@ -90,6 +92,10 @@ def differences(
     )
 
 
+def _inverse(covariances: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(covariances), dtype=np.float64)
+
+
 def _squares(differences: Floats, inverse: Floats) -> Floats:
     squares: Floats = np.einsum("nmi,nmij,nmj->nm", differences, inverse, differences)
     return squares
@@ -100,9 +106,7 @@ def _nearest(differences: Floats, inverse: Floats) -> Pairs:
     squares = _squares(differences, inverse)
     to_b: Ints = squares.argmin(axis=1)
     to_a: Ints = squares.argmin(axis=0)
-    return tuple(
-        (i, j) for i, j in enumerate(to_b.tolist()) if int(to_a[j]) == i and squares[i, j] < NEAR**2
-    )
+    return tuple((i, j) for i, j in enumerate(to_b.tolist()) if int(to_a[j]) == i and squares[i, j] < NEAR**2)
 
 
 def _score(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> float:
@@ -110,11 +114,19 @@ def _score(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> flo
     if not pairs:
         return 0.0
     rows, columns = np.array(pairs).T
-    weights, off = inverse[rows, columns], between[rows, columns]
-    shift = np.linalg.solve(weights.sum(axis=0) + tight, np.einsum("nij,nj->i", weights, off))
-    left = off - shift
-    squares = np.einsum("ni,nij,nj->n", left, weights, left)
+    shift = _fitted(pairs, between, inverse, tight)
+    left = between[rows, columns] - shift
+    squares = np.einsum("ni,nij,nj->n", left, inverse[rows, columns], left)
     return float((NEAR**2 - squares).sum() - shift @ tight @ shift) / 2
+
+
+def _fitted(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> Floats:
+    """The shift (k,) that suits the pairs and the rows' places best."""
+    rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    weights = inverse[rows, columns]
+    pull = np.einsum("nij,nj->i", weights, between[rows, columns])
+    shift: Floats = np.linalg.solve(weights.sum(axis=0) + tight, pull)
+    return shift
 
 
 def _contradict(one: Pairs, other: Pairs) -> bool:

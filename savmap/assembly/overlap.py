@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -18,6 +19,7 @@ UNKNOWN_SIGMA_M = 0.02
 TURN_SIGMA_RAD = float(np.radians(0.2))
 MEDIAN_SQUARE = 0.4549
 
+Bools = NDArray[np.bool_]
 Recordings = Mapping[str, Mapping[str, Hashable]]
 
 
@@ -41,7 +43,7 @@ class Path:
     poses: Floats
     sigma_m: Floats
 
-    def at(self, stamps_s: Floats) -> "tuple[Floats, Path]":
+    def at(self, stamps_s: Floats) -> "tuple[Bools, Path]":
         """Which of the times (m,) lie between located frames no further apart than `LONGEST_GAP_S`, as a mask, and the path there."""
         after = np.clip(np.searchsorted(self.stamps_s, stamps_s - SAME_S), 0, len(self.stamps_s) - 1)
         before = np.maximum(after - 1, 0)

@@ -44,26 +44,22 @@ class Found:
         both: Floats = self.in_a.covariance + turn @ self.in_b.covariance @ turn.T
         return both
 
-    def tie(self, among: Sequence["Found"], share: float = COMMON) -> PointTie:
-        """The tie on the floor. Errors of things of one kind in one row have a part in common, of variance `share`: however
-        many there are, their mean is no better known than that."""
-        count = sum(own.rows == self.rows and own.kind == self.kind for own in among)
+    def tie(self, count: int = 1) -> PointTie:
+        """The tie on the floor, one of `count`. Errors of things of one kind in one row have a part in common, of variance `COMMON`:
+        however many there are, their mean is no better known than that."""
         floor = [axis for axis in self.axes if axis != AXES["y"]]
-        covariance = self.covariance[np.ix_(floor, floor)] * (1 + (count - 1) * share)
+        covariance = self.covariance[np.ix_(floor, floor)] * (1 + (count - 1) * COMMON)
         return PointTie(self.a, self.b, self.in_a.place, self.in_b.place, np.eye(3)[floor], covariance)
 
     def off_sigma(self, places: Places) -> float:
         """What is left, in standard deviations."""
-        tie = self.tie(())
-        return self._off(tie, places)
-
-    def _off(self, tie: PointTie, places: Places) -> float:
+        tie = self.tie()
         left = residual(tie, places.relative(self.a, self.b))
         return float(np.sqrt(left @ np.linalg.solve(tie.covariance, left)))
 
     def told(self, places: Places) -> str:
         """What is left, for a line to the user."""
-        left = residual(self.tie(()), places.relative(self.a, self.b))
+        left = residual(self.tie(), places.relative(self.a, self.b))
         return f"{np.linalg.norm(left):.2f} m, {self.off_sigma(places):.0f} standard deviations,"
 
     def shown(self, places: Places) -> Tie:

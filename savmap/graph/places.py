@@ -129,7 +129,10 @@ def _solved(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Mappi
         placed[name] = pose
     joint = turns @ joint @ turns.T
     return Places(
-        {name: _place(pose, joint[3 * n : 3 * n + 3, 3 * n : 3 * n + 3]) for n, (name, pose) in enumerate(placed.items())},
+        {
+            name: _place(pose, joint[3 * n : 3 * n + 3, 3 * n : 3 * n + 3])
+            for n, (name, pose) in enumerate(placed.items())
+        },
         joint,
     )
 

@@ -8,7 +8,19 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, SharedThing, Structure, Track, Trajectory, View
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    SharedThing,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+)
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 
