@@ -50,7 +50,7 @@ def assembled(
     tied to no other and has no place of its own stays without. Raises PluginError for a plugin that fails.
     """
     rows = site_map.rows
-    known = {name: place for name, place in priors.items() if name in rows}
+    known = {name: _no_better(place) for name, place in priors.items() if name in rows}
     found = list(overlaps(rows, recordings))
     anchors = known or gauge_of(rows, found)
     start = reached(rows, anchors, found)
@@ -185,6 +185,11 @@ def _can_share(one: SharedThing, other: SharedThing, a_from_b: Placement) -> boo
     depth = -a_from_b.points(other.place[None])[0, 2]
     unsure = min(2 * float(np.sqrt(a_from_b.covariance[1, 1])), MOST_UNSURE_M)
     return abs(a_from_b.heading_deg) > 180 - BACK_DEG and LEAST_DEPTH_M - unsure < depth < deepest + unsure
+
+
+def _no_better(place: Placement) -> Placement:
+    """A place that is not known better than anything can be."""
+    return replace(place, covariance=place.covariance + GAUGE_SIGMA**2 * np.eye(3))
 
 
 def _chained(site_from_row: Floats) -> Placement:

@@ -12,18 +12,19 @@ def site_lines(site: SiteMap) -> Iterator[str]:
     no row is placed."""
     if not site.placed:
         return
-    yield f"{'row':>10}{'x m':>10}{'z m':>10}{'heading':>10}{'sigma: x, z cm':>16}{'deg':>7}"
+    wide = 2 * max(map(len, site.placed)) + 4
+    yield f"{'row':>{wide}}{'x m':>10}{'z m':>10}{'heading':>10}{'sigma: x, z cm':>16}{'deg':>7}"
     for name, place in site.placed.items():
         x, z, turn = np.sqrt(np.diag(place.covariance))
-        where = f"{place.x_m:10.3f}{place.z_m:10.3f}{place.heading_deg:10.3f}"
-        yield f"{name:>10}{where}{100 * x:10.1f}{100 * z:6.1f}{turn:7.3f}"
+        where = "".join(f"{round(value, 3) + 0.0:10.3f}" for value in (place.x_m, place.z_m, place.heading_deg))
+        yield f"{name:>{wide}}{where}{100 * x:10.1f}{100 * z:6.1f}{turn:7.3f}"
     left = [name for name in site.rows if name not in site.placed]
     if left:
         yield f"not placed: {', '.join(left)} (no place was given, and nothing ties them to a row that has one)"
     if site.ties:
-        yield f"{'rows':>10}  {'tied by':<16}{'n':>4}{'x':>8}{'y':>8}{'z':>8}{'largest':>9}   apart, cm (rms); sigmas"
+        yield f"{'rows':>{wide}}  {'tied by':<16}{'n':>4}{'x':>8}{'y':>8}{'z':>8}{'largest':>9}   apart, cm (rms); sigmas"
         for (a, b, kind), ties in grouped(site.ties).items():
-            yield f"{a + ', ' + b:>10}  {kind:<16}{len(ties):4d}{_figures(ties)}"
+            yield f"{a + ', ' + b:>{wide}}  {kind:<16}{len(ties):4d}{_figures(ties)}"
 
 
 def grouped(ties: tuple[Tie, ...]) -> dict[tuple[str, str, str], list[Tie]]:

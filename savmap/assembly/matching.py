@@ -18,6 +18,7 @@ LEAST = 10.0
 MARGIN = 6.0
 REFINED = 2
 FLOOR_SIGMA_M = 0.05
+LEAST_SIGMA_M = 0.001
 AXES = {"x": 0, "y": 1, "z": 2}
 
 Pairs = tuple[tuple[int, int], ...]
@@ -85,7 +86,8 @@ def differences(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing]
         [lever[:, 2], np.zeros(len(raw)), -lever[:, 0]], axis=1
     )
     shift = a_from_b.covariances(middle, np.diag([0.0, FLOOR_SIGMA_M**2, 0.0])[None])[0]
-    covariance = own_a[:, None] + (own_b + swing[:, :, None] * swing[:, None, :])[None]
+    least = LEAST_SIGMA_M**2 * np.eye(3)
+    covariance = own_a[:, None] + (own_b + swing[:, :, None] * swing[:, None, :])[None] + least
     grid = np.ix_(told, told)
     return Differences(
         (places_b[None] - places_a[:, None])[:, :, told], covariance[:, :, grid[0], grid[1]], shift[grid]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.assembly.matching import AXES
+from savmap.assembly.matching import AXES, LEAST_SIGMA_M
 from savmap.assembly.overlap import Overlap
 from savmap.graph.places import Places, PointTie, residual
 from savmap.types import Floats, Placement, SharedThing, Tie
@@ -42,7 +42,7 @@ class Found:
         """Of what is between the two places (3, 3), in a's frame."""
         turn = self.a_from_b.site_from_row[:3, :3]
         both: Floats = self.in_a.covariance + turn @ self.in_b.covariance @ turn.T
-        return both
+        return both + LEAST_SIGMA_M**2 * np.eye(3)
 
     def tie(self, count: int = 1) -> PointTie:
         """The tie on the floor, one of `count`. Errors of things of one kind in one row have a part in common, of variance `COMMON`:

@@ -19,7 +19,7 @@ from made_up_site import (
 )
 
 from savmap.assembly import assembled, site_lines
-from savmap.types import Placement, SiteMap
+from savmap.types import Placement, SiteMap, Trajectory
 
 NO_DRIVES: dict[str, dict[str, str]] = {}
 CHI2_999 = 16.3
@@ -195,6 +195,29 @@ def test_a_place_that_was_given_wrongly_is_named_and_bends_no_other_aisle() -> N
     left = {name: off(place, truth(3)[name]) for name, place in placed.items()}
     assert max(np.abs(left[name][:2]).max() for name in ("1L", "1R", "3L", "3R")) < 0.15
     assert left["2R"] - left["2L"] == pytest.approx([0, 0, 0], abs=0.05)
+
+
+def test_what_is_known_exactly_is_no_trouble() -> None:
+    site_map = site(1, np.random.default_rng(12), noise=Noise(0.0, 0.0, 0.0))
+    found = assembled(site_map, truth(1), NO_DRIVES, ask)
+    assert found.notes == ()
+    assert len(found.site_map.ties) == 7
+    assert off(found.site_map.placed["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_rows_without_anything_in_them_keep_the_places_they_were_given() -> None:
+    site_map = site(1, np.random.default_rng(13))
+    empty = {
+        name: replace(
+            own, structures={"made up": ()}, trajectory=Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+        )
+        for name, own in site_map.rows.items()
+    }
+    known = priors(truth(1), np.random.default_rng(13))
+    found = assembled(SiteMap(empty, {}), known, one_drive_an_aisle(list(empty)), ask, square_deg=None).site_map
+    assert found.ties == ()
+    assert found.placed["1R"].x_m == pytest.approx(known["1R"].x_m)
+    assert found.placed["1R"].covariance == pytest.approx(known["1R"].covariance, rel=1e-3, abs=1e-9)
 
 
 def test_a_whole_site_is_assembled_in_no_time() -> None:
