@@ -1,6 +1,6 @@
 """A whole site at observation level, from start to site map: 46 rows of 15 sections, 23 aisles, racks with two faces.
 
-    python bench/site46.py [--rows 46] [--sections 15] [--frames-a-section 12] [--jobs 2] [-o bench/results/site46]
+    python bench/site46.py [--rows 46] [--sections 15] [--frames-a-section 20] [--jobs 2] [-o bench/results/site46]
 
 Each row is mapped by the program's own tracking, constraints and solve from masks' edges with the errors of `PAPER`, with references
 off by their own sigmas (camera height 2 cm, lowest edges 2 mm, length 3 mm, two widths 1 mm). The rows are put into one frame
@@ -194,7 +194,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=46)
     parser.add_argument("--sections", type=int, default=15)
-    parser.add_argument("--frames-a-section", type=int, default=12)
+    parser.add_argument("--frames-a-section", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "site46")
     arguments = parser.parse_args()

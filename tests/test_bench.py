@@ -47,11 +47,11 @@ def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.Captur
     import site46
     from site_rows import Task
 
-    results = [site46.one_row(Task(number, 4, 8)) for number in range(2)]
+    results = [site46.one_row(Task(number, 3, 8)) for number in range(2)]
     score = site46.pool(own.score for own in results)
     assembly, seconds = site46.site_of(results)
     figures = site46.told(results, score, assembly, seconds)
     assert figures["counts"]["missing or spurious"] == 0
     assert figures["places"]["across an aisle x m"] < 0.1
-    assert [tie.id_a for tie in assembly.site_map.ties[:2]] == ["40 frames", "light 1"]
+    assert [tie.id_a for tie in assembly.site_map.ties[:2]] == ["32 frames", "light 1"]
     assert "736 vertical and 4920 horizontal" in capsys.readouterr().out
