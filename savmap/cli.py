@@ -38,6 +38,9 @@ def map_(
             min=0, help="Rows mapped at a time, each in a process of its own (0: in this one; default: as fits)."
         ),
     ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="A Dask scheduler whose workers map the rows, such as tcp://host:8786.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
@@ -49,7 +52,7 @@ def map_(
     from savmap.mapping import Way
 
     job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
-    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh)):
+    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
         typer.echo(line)
 
 
