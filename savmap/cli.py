@@ -1,5 +1,6 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -18,6 +19,9 @@ app = typer.Typer(
 )
 INTERRUPTED = 130
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
+Sets = Annotated[
+    list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
+]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 
 
@@ -32,12 +36,15 @@ def map_(
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
+    sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video."""
     from savmap import run
+    from savmap.io.overrides import overrides_of
     from savmap.job import job_for
 
-    job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
+    overrides = overrides_of(sets or [], os.environ)
+    job = job_for(source, _names(plugins), output, camera_height, side, trajectory, overrides)
     for line in run.preview(job) if preview else run.run(job):
         typer.echo(line)
 

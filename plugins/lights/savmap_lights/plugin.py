@@ -28,6 +28,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.onnx"
     Config = Settings
+    scale_settings = ()
 
     def __init__(self, config: Settings) -> None:
         self.config = config

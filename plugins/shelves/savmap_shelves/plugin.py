@@ -48,6 +48,7 @@ class Shelves:
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.onnx"
     Config = Settings
+    scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
 
     def __init__(self, config: Settings) -> None:
         self.config = config
