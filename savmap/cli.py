@@ -96,6 +96,14 @@ def plugins_() -> None:
 
 
 @app.command()
+def schema(name: Annotated[str, typer.Argument(metavar="site|map", help="Which kind of file.")]) -> None:
+    """Print the JSON Schema of site files or maps."""
+    from savmap import tools
+
+    typer.echo(tools.schema(name), nl=False)
+
+
+@app.command()
 def simulate(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file.")],
     output: Output = Path("simulated"),

@@ -131,7 +131,9 @@ class Site(Strict):
     """A deployment: rows, the plugins that look at them with their settings, references common to all rows."""
 
     format: Literal["savmap-site"] = "savmap-site"
+    """What kind of file this is."""
     version: Literal[1] = 1
+    """Of the format."""
     plugins: Mapping[str, Settings] = {}
     """Which plugins look at the rows, with their settings for all rows. Default: all that are installed."""
     references: ReferenceSection = ReferenceSection()

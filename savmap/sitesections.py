@@ -21,39 +21,53 @@ class Known(Strict):
     """A number the user knows, with its standard deviation, both in metres."""
 
     value: Metres
+    """Metres."""
     sigma: Sigma
+    """Its standard deviation."""
 
 
 class CameraHeight(Strict):
     """Height of the camera above the floor, in metres (a value above 50 is taken for a wrong unit)."""
 
     value: Annotated[float, Field(gt=0.1, lt=50)]
+    """Metres."""
     sigma: Sigma = 0.02
+    """Its standard deviation."""
 
 
 class Length(Known):
     """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
 
     between: tuple[str, str]
+    """Labels of the two edges, such as "upright 1 / left"."""
     axis: Literal["x", "y"] = "x"
+    """Along the aisle, or upwards."""
 
 
 class SurveyedPoint(Strict):
     """A labelled vertex whose coordinate along one axis is known."""
 
     vertex: str
+    """Its label, such as "section 1 / beam 1 / lower left"."""
     axis: Literal["x", "y", "z"]
+    """Along the aisle, upwards, or out of the face."""
     value: Metres
+    """Metres."""
     sigma: Sigma
+    """Its standard deviation."""
 
 
 class Marker(Strict):
     """An AprilTag or ArUco marker somewhere in the footage; its size is the side of its black square."""
 
     dictionary: Annotated[str, Field(pattern=r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$")]
+    """AprilTag: tag16h5, tag25h9, tag36h10, tag36h11; ArUco: 4x4_50 to 7x7_1000."""
     id: Annotated[int, Field(ge=0)]
+    """Its number in the dictionary."""
     size_m: Annotated[float, Field(gt=0.01, lt=5)]
+    """The side of its black square as measured on the print."""
     sigma_m: Annotated[float, Field(gt=0, le=0.1)] = 0.0005
+    """Standard deviation of size_m."""
 
 
 class ReferenceSection(Strict):
@@ -90,23 +104,30 @@ class ViewSection(Strict):
     hfov_deg: Annotated[float, Field(gt=20, lt=170)] = 120.0
     """From the left border of the picture to the right one."""
     width: Annotated[int, Field(ge=64, le=8192)] = 640
+    """Pixels."""
     height: Annotated[int, Field(ge=64, le=8192)] = 480
+    """Pixels."""
 
 
 class PanoramaSection(Strict):
-    """How far the panorama's rear half may be turned against the front half about each axis, degrees, and by what part each
-    lens's scale may be off: standard deviations. The halves are blended over `blend_deg`."""
+    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each lens's scale
+    may be off."""
 
     turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
+    """Standard deviation of each of the three angles."""
     scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
+    """Standard deviation of each lens's scale."""
     blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
+    """Over how many degrees the halves are blended."""
 
 
 class ShutterSection(Strict):
-    """Standard deviation of the read-out time, seconds, and whether it runs over the panorama's rows or each half's columns."""
+    """The panorama's read-out time, from its first row (or column) to the last."""
 
     sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
+    """Standard deviation of the read-out time."""
     axis: Literal["rows", "columns"] = "rows"
+    """From the top of the panorama down, or across each half to the right."""
 
 
 def _switched(value: object) -> object:
@@ -160,8 +181,9 @@ class LayoutSection(Strict):
     begins_with: Literal["aisle", "rack"] = "aisle"
     """What is between the first row and the second: an aisle, or the racks' backs."""
     x_m: Annotated[float, Field(gt=-1e5, lt=1e5)] = 0.0
-    """Where the first corner of the layout stands in the site's frame."""
+    """Where the layout's corner stands in the site's frame."""
     z_m: Annotated[float, Field(gt=-1e5, lt=1e5)] = 0.0
+    """Where the layout's corner stands in the site's frame; on a plan with x to the right, z runs down the sheet."""
     heading_deg: Angle = 0.0
     """Turn of the whole layout, counter-clockwise as seen from above."""
     sigma_m: Sigma = 0.3
