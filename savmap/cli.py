@@ -50,6 +50,19 @@ def map_(
 
 
 @app.command()
+def init(
+    videos: Annotated[list[Path] | None, typer.Argument(metavar="[VIDEO]...", help="A row is made for each.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Write a commented site file to start from."""
+    from savmap import starter
+
+    for line in starter.start(videos or [], output, force):
+        typer.echo(line)
+
+
+@app.command()
 def demo(output: Output = Path("out/demo")) -> None:
     """Map the footage that ships with savmap and score it."""
     from savmap import run
