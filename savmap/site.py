@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from savmap.sitedefaults import completed, side_from_direction, without_video
 from savmap.sitesections import (
@@ -52,19 +52,6 @@ Side = Literal["left", "right"]
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
 USUAL_FPS = 15.0
-LONGEST_NAME = 60
-NOT_IN_NAMES = set('/\\:*?"<>|')
-
-
-def _row_name(name: str) -> str:
-    if not name.strip() or len(name) > LONGEST_NAME or name.startswith("."):
-        raise ValueError(f"a row's name is part of file names: 1 to {LONGEST_NAME} characters, no dot first")
-    if NOT_IN_NAMES & set(name) or not name.isprintable():
-        raise ValueError(f"a row's name is part of file names: it cannot hold {' '.join(sorted(NOT_IN_NAMES))}")
-    return name
-
-
-RowName = Annotated[str, AfterValidator(_row_name)]
 
 
 class Pass(Strict):
@@ -154,7 +141,7 @@ class Site(Strict):
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None
     """Where rows stand that are regularly spaced."""
-    rows: Annotated[Mapping[RowName, Row], Field(min_length=1)]
+    rows: Annotated[Mapping[str, Row], Field(min_length=1)]
     """The rows by name."""
 
     @model_validator(mode="before")
