@@ -32,6 +32,7 @@ class Lights:
     model = Path(__file__).parent / "model" / "lights.onnx"
     Config = Settings
     scale_settings = ()
+    after_pixels = ("line",)
 
     def __init__(self, config: Settings) -> None:
         self.config = config

@@ -59,6 +59,7 @@ class Shelves:
     model = Path(__file__).parent / "model" / "shelves.onnx"
     Config = Settings
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
+    after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 
     def __init__(self, config: Settings) -> None:
         self.config = config
