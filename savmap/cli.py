@@ -74,6 +74,24 @@ def init(
 
 
 @app.command()
+def check(
+    source: Annotated[Path, typer.Argument(metavar="SITE", help="A site file.")] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Write a picture of the chosen views of each pass.")] = True,
+    sets: Sets = None,
+) -> None:
+    """Say what is wrong with a site file, and what a run will take."""
+    from savmap import check as checking
+    from savmap.io.overrides import overrides_of
+
+    overrides = overrides_of(sets or [], os.environ)
+    for line in checking.check(source, _names(plugins), output, overrides, pictures, trajectory):
+        typer.echo(line)
+
+
+@app.command()
 def demo(output: Output = Path("out/demo")) -> None:
     """Map the footage that ships with savmap and score it."""
     from savmap import run

@@ -5,7 +5,7 @@ the others follow towards +z. A face looks towards +z (heading 0) or back (headi
 face is an aisle, the one behind it a rack. A row that is turned round has its origin at the far end, hence needs its length.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def placements(site: Site) -> dict[str, Placement]:
 
     Raises SiteError where `layout` does not fit the rows.
     """
-    for location, text in misplaced(site):
+    for location, text in misplaced(site.layout, with_places(site)):
         raise SiteError(f"{'.'.join(map(str, location))}: {text}")
     regular = _regular(site, site.layout) if site.layout else {}
     own = {name: row.place for name, row in site.rows.items() if row.place is not None}
@@ -31,29 +31,32 @@ def placements(site: Site) -> dict[str, Placement]:
     return {name: {**regular, **given}[name] for name in site.rows if name in regular or name in given}
 
 
-def misplaced(site: Site) -> Iterator[tuple[Location, str]]:
-    """What in `layout` does not fit the rows: the key, and what is wrong with it."""
-    layout = site.layout
+def with_places(site: Site) -> dict[str, bool]:
+    """Rows by name, and whether each has a place of its own."""
+    return {name: row.place is not None for name, row in site.rows.items()}
+
+
+def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterator[tuple[Location, str]]:
+    """What in `layout` does not fit the rows: the key, and what is wrong with it. rows: whether each has a place of its own."""
     if layout is None:
         return
-    known = f"the site's rows are {', '.join(site.rows)}"
+    known = f"the site's rows are {', '.join(rows)}"
     named: list[tuple[Location, str]] = [
         *((("layout", "rows", n), name) for n, name in enumerate(layout.rows or ()) if name is not None),
         *((("layout", "lengths_m", name), name) for name in layout.lengths_m),
     ]
-    yield from ((location, f"there is no row `{name}`; {known}") for location, name in named if name not in site.rows)
+    yield from ((location, f"there is no row `{name}`; {known}") for location, name in named if name not in rows)
     twice = {name for name in layout.rows or () if name is not None and (layout.rows or ()).count(name) > 1}
     yield from ((("layout", "rows"), f"row `{name}` is given twice") for name in sorted(twice))
-    for number, name in enumerate(_order(site, layout)):
-        turned = name in site.rows and site.rows[name].place is None and _looks_back(layout, number)
-        if turned and _length(layout, name) is None:
+    for number, name in enumerate(_order(layout, rows)):
+        if not rows.get(name, True) and _looks_back(layout, number) and _length(layout, name) is None:
             text = f"row `{name}` is turned round, so that its origin is at its far end: give `length_m`"
             yield ("layout",), text
 
 
-def _order(site: Site, layout: LayoutSection) -> tuple[str, ...]:
+def _order(layout: LayoutSection, rows: Iterable[str]) -> tuple[str, ...]:
     """Names of rows in order; empty for a face that is not mapped."""
-    return tuple(name or "" for name in (tuple(site.rows) if layout.rows is None else layout.rows))
+    return tuple(name or "" for name in (rows if layout.rows is None else layout.rows))
 
 
 def _looks_back(layout: LayoutSection, number: int) -> bool:
@@ -68,7 +71,7 @@ def _regular(site: Site, layout: LayoutSection) -> dict[str, Placement]:
     corner = _placement(layout.x_m, layout.z_m, layout.heading_deg, layout.sigma_m, layout.sigma_deg)
     found: dict[str, Placement] = {}
     depth = 0.0
-    for number, name in enumerate(_order(site, layout)):
+    for number, name in enumerate(_order(layout, site.rows)):
         back = _looks_back(layout, number)
         if name and site.rows[name].place is None:
             x_m = (_length(layout, name) or 0.0) if back else 0.0

@@ -34,7 +34,7 @@ def _of_plugin(site: Site, name: str, places: Places) -> Iterator[SavmapError]:
         try:
             config.model_validate(site.row_config(row, name))
         except ValidationError as error:
-            yield from map(SiteError, explained(error, config, places, partial(_given, site, row, name)))
+            yield from map(SiteError, explained(error, config, places, partial(_given, site, row, name)).values())
 
 
 def _given(site: Site, row: str, plugin: str, location: Location) -> Location:

@@ -1,6 +1,6 @@
 """Reading site files: YAML with errors that name file, line, key and a remedy."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,12 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import SiteError
-from savmap.io.overrides import Override, applied
+from savmap.io.overrides import Location, Override, applied
 from savmap.io.siteplaces import Places, explained, given_twice, lines_of
-from savmap.placing import misplaced
-from savmap.site import Pass, Row, Site
+from savmap.placing import misplaced, with_places
+from savmap.site import LayoutSection, Pass, Row, Site
+
+Problems = Sequence[tuple[Location, str]]
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Draft:
     content: Mapping[str, Any]
     places: Places
     folder: Path
-    doubles: tuple[str, ...] = ()
+    doubles: Problems = ()
 
 
 def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
@@ -46,7 +48,7 @@ def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
     if not isinstance(content, dict):
         raise SiteError(f"{path}: a site file is a mapping with at least `rows:` (see docs/site-file.md)")
     doubles = tuple(
-        f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}"
+        (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in given_twice(node)
     )
     return draft_of(content, Places(str(path), lines_of(node)), path.parent, overrides, doubles)
@@ -57,28 +59,55 @@ def draft_of(
     places: Places,
     folder: Path,
     overrides: Iterable[Override] = (),
-    doubles: tuple[str, ...] = (),
+    doubles: Problems = (),
 ) -> Draft:
     """A draft with overrides applied. Raises SiteError where one does not fit."""
     changed, overridden = applied(content, overrides)
     return Draft(changed, Places(places.where, places.lines, overridden), folder, doubles)
 
 
-def problems_in(draft: Draft) -> list[str]:
-    """Everything that is wrong with a draft, a line each."""
+def problems_in(draft: Draft) -> Problems:
+    """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
+    found: Problems = []
     try:
         site = Site.model_validate(draft.content)
+        layout, rows = site.layout, with_places(site)
     except ValidationError as error:
-        return [*draft.doubles, *explained(error, Site, draft.places)]
-    wrong = [f"{draft.places.of(location)}: `{location[-1]}`: {text}" for location, text in misplaced(site)]
-    return [*draft.doubles, *wrong]
+        found = list(explained(error, Site, draft.places).items())
+        layout, rows = _layout_alone(draft.content)
+    wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in misplaced(layout, rows)]
+    return [*draft.doubles, *found, *wrong]
+
+
+def _layout_alone(content: Mapping[str, Any]) -> tuple[LayoutSection | None, dict[str, bool]]:
+    """The layout of a site with which other things are wrong, and its rows, with whether they have a place."""
+    rows = content.get("rows")
+    try:
+        layout = LayoutSection.model_validate(content.get("layout"))
+    except ValidationError:
+        return None, {}
+    named = rows.items() if isinstance(rows, Mapping) else ()
+    return layout, {str(name): isinstance(row, Mapping) and row.get("place") is not None for name, row in named}
 
 
 def site_of(draft: Draft) -> Site:
     """The site, its paths resolved. Raises SiteError for the first of its problems."""
-    for problem in problems_in(draft):
+    for _, problem in problems_in(draft):
         raise SiteError(problem)
     return _resolve(Site.model_validate(draft.content), draft.folder)
+
+
+def sound_part(draft: Draft) -> Site | None:
+    """The site without its layout and the rows that something is wrong with; None where that leaves nothing, or where anything
+    is wrong that concerns all rows."""
+    wrong = [location for location, _ in problems_in(draft) if location[:1] != ("layout",)]
+    broken = {str(location[1]) for location in wrong if location[:1] == ("rows",) and len(location) > 1}
+    rows = draft.content.get("rows")
+    if not isinstance(rows, Mapping) or any(at[:1] != ("rows",) or len(at) < 2 for at in wrong):
+        return None
+    kept = {name: row for name, row in rows.items() if str(name) not in broken}
+    content = {key: value for key, value in draft.content.items() if key != "layout"}
+    return _resolve(Site.model_validate({**content, "rows": kept}), draft.folder) if kept else None
 
 
 def validated(model: type[BaseModel], values: Mapping[str, Any], where: str) -> BaseModel:
@@ -86,7 +115,7 @@ def validated(model: type[BaseModel], values: Mapping[str, Any], where: str) -> 
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise SiteError(explained(error, model, Places(where))[0]) from None
+        raise SiteError(next(iter(explained(error, model, Places(where)).values()))) from None
 
 
 def _read(path: Path) -> str:

@@ -69,8 +69,9 @@ def given_twice(node: yaml.Node | None, location: Location = ()) -> Iterator[tup
 
 def explained(
     error: ValidationError, model: type[BaseModel], places: Places, at: Callable[[Location], Location] = tuple
-) -> list[str]:
-    """A line for each problem of a validation error, unknown keys first. `at`: where in the site a key of the model stands."""
+) -> dict[Location, str]:
+    """A line for each problem of a validation error, by its place in the site, unknown keys first. `at`: where in the site a key
+    of the model stands."""
     problems = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
     found: dict[Location, ErrorDetails] = {}
     for one in problems:
@@ -79,7 +80,7 @@ def explained(
         )
         if not follows:
             found.setdefault(places.given(at(one["loc"])), one)
-    return [_explained(one, location, model, places) for location, one in found.items()]
+    return {location: _explained(one, location, model, places) for location, one in found.items()}
 
 
 def _explained(problem: ErrorDetails, location: Location, model: type[BaseModel], places: Places) -> str:
@@ -94,7 +95,8 @@ def _explained(problem: ErrorDetails, location: Location, model: type[BaseModel]
     text = text[:1].lower() + text[1:]
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}"
-    return f"{place}: `{key}`: {text} (it is {problem['input']!r}; lengths are metres, times seconds)"
+    units = "; lengths are metres, times seconds" if isinstance(problem["input"], int | float) else ""
+    return f"{place}: `{key}`: {text} (it is {problem['input']!r}{units})"
 
 
 def _lines(node: yaml.Node, location: Location, above: frozenset[int]) -> Iterator[tuple[Location, int]]:
