@@ -100,16 +100,18 @@ def _looked(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[Sa
 
 def _seen(job: Job, one: Footage, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems with the pictures of a pass, and a line with where its views are drawn."""
+    from savmap.engine import first_attitudes
     from savmap.io.video import scout_frames
     from savmap.observe import Eyes, clip_of
     from savmap.preview import picture_name, preview
-    from savmap.stages.render import Renderer
+    from savmap.work import row_of
 
     what = f"row {one.row}, {one.name}: {one.frames} frames"
     try:
         if pictures:
             rooms, path = rooms_for(job, one.row), job.output / picture_name(one.row, one.name)
-            keys = preview(one.name, one.one, rooms, Eyes(rooms), Renderer(), path).keys
+            attitude = first_attitudes(row_of(job, one.row)).get(one.name)
+            keys = preview(one.name, one.one, rooms, Eyes(rooms), path, attitude).keys
             what += f", views in {path}"
         else:
             keys, _ = scout_frames(clip_of(one.one))

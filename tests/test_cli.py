@@ -38,6 +38,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["simulate", "broken.yaml"], 3, "broken.yaml: cannot be read as a scene file"),
         (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),
         (["map", "late.yaml", "--set", "rows.A.fsp=5"], 3, "--set rows.A.fsp: unknown key `rows.A.fsp`: did you mean"),
+        (["check", "late.yaml", "--no-pictures"], 4, "late.yaml: 2 problems, listed above"),
         (["schema", "sites"], 3, "there is one for `site` and one for `map`"),
         (["map", "--frobnicate"], 2, "No such option"),
     ],
