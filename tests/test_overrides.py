@@ -46,11 +46,14 @@ def test_options_set_keys_that_are_there_and_new_ones(tmp_path: Path) -> None:
     assert found.joint is False
 
 
-def test_values_are_yaml_and_names_with_dots_are_quoted(tmp_path: Path) -> None:
-    found = site(tmp_path, 'rows."b.1".place={x_m: 1, z_m: 2, heading_deg: 180}', "plugins.shelves.model=null")
+def test_values_are_yaml_null_takes_away_and_names_with_dots_are_quoted(tmp_path: Path) -> None:
+    found = site(
+        tmp_path, 'rows."b.1".place={x_m: 1, z_m: 2, heading_deg: 180}', "plugins.shelves.threshold=null", "rows.A="
+    )
     assert found.rows["b.1"].place is not None
     assert found.rows["b.1"].place.heading_deg == 180
-    assert found.plugins["shelves"] == {"threshold": 0.4, "model": None}
+    assert found.plugins["shelves"] == {}
+    assert list(found.rows) == ["b.1"]
 
 
 def test_variables_find_rows_whatever_their_case(tmp_path: Path) -> None:
@@ -91,6 +94,7 @@ def test_the_command_line_counts_more_than_the_environment(tmp_path: Path) -> No
             {},
             "--set rows.A.passes[1].direction: `rows.A.passes[1]`: a face on the right",
         ),
+        (["rows.A.passes[1].video=null"], {}, "--set rows.A.passes[1].video: `rows.A.passes[1].video` is missing"),
         (["layout.aisle_m=3"], {}, "--set layout.aisle_m: `layout.rack_m` is missing"),
     ],
 )

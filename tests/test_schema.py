@@ -8,7 +8,10 @@ import pytest
 import yaml
 
 from savmap import tools
+from savmap.io.sitefile import read_draft, site_of
 from savmap.io.siteschema import schema_text
+from savmap.placing import placements
+from savmap.settings import settings_problems
 
 ROOT = Path(__file__).parent.parent
 SCHEMA = ROOT / "docs" / "site.schema.json"
@@ -33,6 +36,16 @@ def test_the_command_prints_both() -> None:
 
 def test_the_example_is_valid() -> None:
     assert errors(EXAMPLE) == []
+
+
+def test_the_site_file_of_the_documentation_is_valid(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "site-file.md").read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
+    assert errors(yaml.safe_load(text)) == []
+    (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
+    draft = read_draft(tmp_path / "site.yaml")
+    site = site_of(draft)
+    assert list(settings_problems(site, list(site.plugins), draft.places)) == []
+    assert placements(site)["A"].heading_deg == 0
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Single keys of a site file set from outside: by `--set rows.A.fps=5`, and by variables such as SAVMAP__ROWS__A__FPS=5.
 
-The command line counts more than the environment, and both more than the file. Values are YAML.
+The command line counts more than the environment, and both more than the file. Values are YAML; null takes a key away.
 """
 
 import copy
@@ -76,7 +76,7 @@ def _value(place: str, text: str) -> Any:
 
 
 def _set(content: dict[str, Any], one: Override) -> Location:
-    """Set one value in `content`; the location of its key."""
+    """Set one value in `content`, or take its key away where it is null; the location of the key."""
     location: Location = ()
     inside: Any = content
     for key in one.keys[:-1]:
@@ -86,7 +86,10 @@ def _set(content: dict[str, Any], one: Override) -> Location:
             inside[own] = {}
         inside = inside[own]
     last = _key(inside, one.keys[-1], location, one)
-    inside[last] = one.value
+    if one.value is None and isinstance(inside, MutableMapping):
+        inside.pop(last, None)
+    else:
+        inside[last] = one.value
     return _within(location, inside, last)
 
 
