@@ -10,6 +10,7 @@ from savmap.io.overrides import Location
 from savmap.io.siteplaces import Places
 from savmap.io.survey import read_survey
 from savmap.io.video import expected_frames, probe
+from savmap.io.where import is_url
 from savmap.job import Job, prepare, rooms_for
 from savmap.observe import MIN_FRAMES, Eyes, clip_of, pass_names
 from savmap.settings import tells_scale
@@ -144,7 +145,8 @@ def _footage(job: Job, found: Footage) -> SavmapError | Footage:
 
 def output(job: Job) -> Iterator[SavmapError]:
     """Whether the output folder can be written; one that is not there is not left behind."""
-    new = [folder for folder in (job.output, *job.output.parents) if not folder.exists()]
+    folders = () if is_url(job.output) else (job.output, *job.output.parents)
+    new = [folder for folder in folders if not folder.exists()]
     try:
         prepare(job.output)
     except OutputError as error:

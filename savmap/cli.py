@@ -42,6 +42,9 @@ def map_(
             min=0, help="Rows mapped at a time, each in a process of its own (0: in this one; default: as fits)."
         ),
     ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="A Dask scheduler whose workers map the rows, such as tcp://host:8786.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
@@ -56,7 +59,7 @@ def map_(
 
     overrides = overrides_of(sets or [], os.environ)
     job = job_for(source, _names(plugins), output, camera_height, side, trajectory, overrides)
-    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh)):
+    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
         typer.echo(line)
 
 

@@ -1,6 +1,6 @@
 """The only walk over pixels: every frame decoded once, in order; every view rendered and segmented once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,6 +123,13 @@ def aim_pass(
 def pass_names(passes: Sequence[Pass]) -> list[str]:
     """Names of a row's passes, in order."""
     return [f"pass {number}" for number in range(1, len(passes) + 1)]
+
+
+def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
+    """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
+    one time are one picture, whichever pass they belong to."""
+    where = [(one.video, one.fps) if one.video.is_dir() else one.video for one in passes]
+    return dict(zip(pass_names(passes), where, strict=True))
 
 
 def observe(

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from savmap.io.where import Where
 from savmap.sitedefaults import completed, side_from_direction, without_video
 from savmap.sitesections import (
     CalibrationSection,
@@ -59,8 +60,8 @@ class Pass(Strict):
 
     model_config = ConfigDict(json_schema_extra=without_video)
 
-    video: Path
-    """A panoramic video or a folder of pictures. Default: the row's, or the site's."""
+    video: Where
+    """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or the site's."""
     start_s: Annotated[float, Field(ge=0)] = 0.0
     """Where in the video the pass begins."""
     end_s: float | None = None
@@ -91,7 +92,7 @@ class Row(Strict):
 
     passes: Annotated[tuple[Pass, ...], Field(min_length=1)]
     """One or more drives past the face."""
-    video: Path | None = None
+    video: Where | None = None
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none."""
@@ -129,14 +130,14 @@ class Site(Strict):
     """What of the camera is estimated with the map; nothing if not given."""
     appearance: bool = False
     """Whether points of any kind help with the camera's motion; edges alone if not."""
-    video: Path | None = None
+    video: Where | None = None
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none (15)."""
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
-    survey: Path | None = None
-    """What a surveyor measured: scores are printed, and drawn under the map."""
+    survey: Where | None = None
+    """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None

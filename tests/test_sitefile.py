@@ -172,3 +172,12 @@ def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> Non
         load_site(write(tmp_path, GOOD.replace("  A:\n", "  A:\n    fps: 0\n")))
     with pytest.raises(SiteError, match=r"site.yaml:1: `views.face.hfov_deg`"):
         load_site(write(tmp_path, "views: {face: {yaw_deg: 0, hfov_deg: 500}}\n" + GOOD))
+
+
+def test_urls_stay_as_they_are(tmp_path: Path) -> None:
+    pytest.importorskip("upath")
+    text = GOOD.replace("a.mp4", "memory://drives/a.mp4").replace("rows:", "survey: file:///s/survey.json\nrows:")
+    site = load_site(write(tmp_path, text))
+    assert str(site.rows["A"].passes[0].video) == "memory://drives/a.mp4"
+    assert site.survey == Path("/s/survey.json")
+    assert '"memory://drives/a.mp4"' in site.model_dump_json()

@@ -80,6 +80,11 @@ def _tracks_nothing(room: Room) -> Iterator[str]:
         yield "track([]) must give no tracks"
 
 
+def _shares_nothing(room: Room) -> Iterator[str]:
+    """Without structures, nothing is shared with other rows."""
+    yield from _problem(lambda: room.shared([]) == [], "shared([]) must give []")
+
+
 def _network(room: Room) -> list[str]:
     from savmap.stages.segment import Segmenter
 
@@ -95,7 +100,7 @@ def _network(room: Room) -> list[str]:
     ]
 
 
-CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing)
+CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing, _shares_nothing)
 
 
 def _problem(holds: Callable[[], bool], otherwise: str) -> Iterator[str]:

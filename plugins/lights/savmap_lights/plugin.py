@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import SolveError
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
 
 
 class Settings(BaseModel):
@@ -73,6 +73,12 @@ class Lights:
         from savmap_lights.describe import describe
 
         return describe(tracks, solution, self.name)
+
+    @hookimpl
+    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+        from savmap_lights.shared import shared
+
+        return shared(structures)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:

@@ -8,7 +8,19 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    SharedThing,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+)
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 
@@ -109,6 +121,12 @@ class Shelves:
         from savmap_shelves.describe import describe
 
         return describe(tracks, solution, room=self.name)
+
+    @hookimpl
+    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+        from savmap_shelves.shared import shared
+
+        return shared(structures)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
