@@ -1,6 +1,6 @@
 """What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -141,6 +141,19 @@ def _footage(job: Job, found: Footage) -> SavmapError | Footage:
         text = f"{one.video}: {frames} frames in the range of {found.name} are too few to map from"
         return placed(StructureError(text), job.places, found.location)
     return replace(found, frames=frames)
+
+
+def twins(footage: Sequence[Footage]) -> Iterator[str]:
+    """Passes of different rows that show the same face: the same frames, looked at in the same way."""
+    first: dict[object, Footage] = {}
+    for one in footage:
+        views = one.one.model_dump_json(include={"views"})
+        other = first.setdefault((one.one.footage, one.one.side, views), one)
+        if other.row != one.row:
+            yield (
+                f"row {one.row}, {one.name}: the same frames, side and views as row {other.row}, {other.name}; "
+                "is it the same face?"
+            )
 
 
 def output(job: Job) -> Iterator[SavmapError]:
