@@ -1,5 +1,6 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -18,6 +19,9 @@ app = typer.Typer(
 )
 INTERRUPTED = 130
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
+Sets = Annotated[
+    list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
+]
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 
 
@@ -44,15 +48,49 @@ def map_(
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
+    sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
     not done again."""
     from savmap import run
+    from savmap.io.overrides import overrides_of
     from savmap.job import job_for
     from savmap.mapping import Way
 
-    job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
+    overrides = overrides_of(sets or [], os.environ)
+    job = job_for(source, _names(plugins), output, camera_height, side, trajectory, overrides)
     for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
+        typer.echo(line)
+
+
+@app.command()
+def init(
+    videos: Annotated[list[Path] | None, typer.Argument(metavar="[VIDEO]...", help="A row is made for each.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Write a commented site file to start from."""
+    from savmap import starter
+
+    for line in starter.start(videos or [], output, force):
+        typer.echo(line)
+
+
+@app.command()
+def check(
+    source: Annotated[Path, typer.Argument(metavar="SITE", help="A site file.")] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Write a picture of the chosen views of each pass.")] = True,
+    sets: Sets = None,
+) -> None:
+    """Say what is wrong with a site file, and what a run will take."""
+    from savmap import check as checking
+    from savmap.io.overrides import overrides_of
+
+    overrides = overrides_of(sets or [], os.environ)
+    for line in checking.check(source, _names(plugins), output, overrides, pictures, trajectory):
         typer.echo(line)
 
 
@@ -100,6 +138,14 @@ def plugins_() -> None:
 
     for line in tools.plugin_lines():
         typer.echo(line)
+
+
+@app.command()
+def schema(name: Annotated[str, typer.Argument(metavar="site|map", help="Which kind of file.")]) -> None:
+    """Print the JSON Schema of site files or maps."""
+    from savmap import tools
+
+    typer.echo(tools.schema(name), nl=False)
 
 
 @app.command()

@@ -32,7 +32,7 @@ def seen_print(job: Job, name: str) -> str:
         passes=[_pass(one) for one in job.site.rows[name].passes],
         rooms=[_room(room, pixels_only=True) for room in rooms_for(job, name)],
         markers=[marker.model_dump(mode="json") for marker in known.markers],
-        appearance=job.site.appearance,
+        appearance=job.site.row_appearance(name),
         earlier=_file(job.earlier),
     )
 
@@ -43,7 +43,7 @@ def solved_print(job: Job, seen: Mapping[str, str]) -> str:
         seen=dict(seen),
         rooms={name: [_room(room, pixels_only=False) for room in rooms_for(job, name)] for name in seen},
         references={name: job.site.row_references(name).model_dump(mode="json") for name in seen},
-        calibration=job.site.calibration.model_dump(mode="json"),
+        calibration={name: job.site.row_calibration(name).model_dump(mode="json") for name in seen},
     )
 
 

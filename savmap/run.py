@@ -134,11 +134,14 @@ def scores_table(evaluation: "Evaluation") -> str:
 
 def preview(job: Job) -> Iterator[str]:
     """Write pictures of the views that the aim chooses; yields a line for each."""
-    from savmap.observe import preview as write_previews
+    from savmap.engine import first_attitudes
+    from savmap.preview import previews
+    from savmap.work import row_of
 
     prepare(job.output)
     for name, row in job.site.rows.items():
-        for path in write_previews(row.passes, rooms_for(job, name), job.output):
+        attitudes = first_attitudes(row_of(job, name))
+        for path in previews(name, row.passes, rooms_for(job, name), job.output, attitudes):
             yield f"row {name}: wrote {path}"
 
 
