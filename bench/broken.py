@@ -37,7 +37,6 @@ OPTIONS: Mapping[str, dict[str, str]] = {
     "libx264": {"preset": "ultrafast", "bf": "2", "threads": "1"},
     "libx265": {"preset": "ultrafast", "x265-params": "log-level=none:pools=none:frame-threads=1"},
     "libvpx-vp9": {"deadline": "realtime", "cpu-used": "8", "threads": "1"},
-    "mpeg4": {"qscale": "3"},
 }
 PIXELS: Mapping[str, str] = {"mjpeg": "yuvj420p"}
 
@@ -72,7 +71,7 @@ def encode(
         stream = container.add_stream(codec, rate=RATE, options=dict(OPTIONS.get(codec, {})))
         stream.width, stream.height = size
         stream.pix_fmt = pixels or PIXELS.get(codec, "yuv420p")
-        stream.gop_size = 12
+        stream.gop_size, stream.bit_rate = 12, 4_000_000
         stream.codec_context.time_base = Fraction(1, 9000) if stamps else Fraction(1, RATE)
         for index in range(count):
             frame = av.VideoFrame.from_ndarray(picture(index, *size), format="rgb24")

@@ -89,14 +89,14 @@ def _dangling(folder: Path, rng: np.random.Generator) -> Path:
 
 def _enormous_video(folder: Path, rng: np.random.Generator) -> Path:
     """A real video of pictures far too large, all of one colour and so small as a file."""
-    codec, suffix, size = [("libx264", "mp4", (16384, 8192)), ("ffv1", "mkv", (22000, 11000)), ("mpeg4", "avi", (8190, 4095))][
+    codec, suffix, size = [("libx264", "mp4", (16384, 8192)), ("mjpeg", "mkv", (20000, 10000)), ("mpeg4", "avi", (8190, 4095))][
         int(rng.integers(3))
     ]
     path = folder / f"enormous.{suffix}"
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=30, options={"preset": "ultrafast"} if codec == "libx264" else {})
         stream.width, stream.height = size
-        stream.pix_fmt = "gray" if codec == "ffv1" else "yuv420p"
+        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
         frame = av.VideoFrame(*size, stream.pix_fmt)
         for plane in frame.planes:
             plane.update(bytes(plane.buffer_size))

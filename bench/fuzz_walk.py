@@ -64,8 +64,7 @@ def walk(path: Path) -> Found:
         require("\n" not in str(error) and str(path) in str(error), f"unclear: {error}")
         return Found("refused", str(error))
     require(report.used == count, f"{count} frames came, {report.used} are reported")
-    lost = report.skipped or report.short_s > 0
-    return Found("reported" if lost else "whole", report.text(), count, report.skipped, smeared)
+    return Found("whole" if report.complete else "reported", report.text(), count, report.skipped, smeared)
 
 
 def part(path: Path, info: VideoInfo) -> None:

@@ -67,7 +67,7 @@ class DecodeReport:
     def text(self) -> str:
         """One line for the log."""
         line = f"{self.decoded} frames decoded, {self.skipped} damaged frames skipped, {self.used} used"
-        gap = f"; {self.gap_s:.1f} s are missing in its midst" if self.gap_s > 0 else ""
+        gap = f"; no frame for {self.gap_s:.1f} s" if self.gap_s > 0 else ""
         return line + gap + (f"; the file ends {self.short_s:.1f} s early" if self.short_s > 0 else "")
 
 

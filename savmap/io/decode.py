@@ -10,7 +10,7 @@ import av
 import av.error
 import numpy as np
 from av.container import InputContainer
-from av.video.frame import VideoFrame
+from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
@@ -97,7 +97,7 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             if follows and stamp >= end_s - INSTANT_S:
                 break
             repeated += stamp in good
-            if follows and stamp >= start_s - INSTANT_S and _is_good(frame, info):
+            if follows and stamp >= start_s - INSTANT_S and _fits(frame, info):
                 report.decoded += 1
                 good.add(stamp)
                 yield stamp, _converter(frame, reformatter)
@@ -123,14 +123,14 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image
                 frames, entry = _frames(container, stream, set()), ahead
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
-                if stamp >= wanted - INSTANT_S and _is_good(frame, info):
+                if stamp >= wanted - INSTANT_S and _fits(frame, info):
                     found.append((stamp, _converter(frame, reformatter)()))
                     break
     return found
 
 
-def _is_good(frame: VideoFrame, info: VideoInfo) -> bool:
-    return not frame.is_corrupt and (frame.width, frame.height) == (info.width, info.height)
+def _fits(frame: VideoFrame, info: VideoInfo) -> bool:
+    return (frame.width, frame.height) == (info.width, info.height)
 
 
 def _pts(stamp_s: float, stream: VideoStream) -> int:
@@ -156,8 +156,12 @@ def _configure(stream: VideoStream, info: VideoInfo) -> None:
 
 
 def _frames(container: InputContainer, stream: VideoStream, expected: set[float]) -> Iterator[VideoFrame]:
-    """Decoded frames; the times of the packets read go into `expected`."""
+    """Sound frames; the times of the packets read go into `expected`.
+
+    What follows a frame that is damaged or lost is predicted from it: the next sound one is the next that stands by itself.
+    """
     packets = container.demux(stream)
+    sound = True
     while True:
         try:
             packet = next(packets)
@@ -170,9 +174,11 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
         try:
             frames = packet.decode()
         except av.error.FFmpegError:
+            sound = False
             continue
-        for frame in frames:
-            if isinstance(frame, VideoFrame) and frame.pts is not None:
+        for frame in (frame for frame in frames if isinstance(frame, VideoFrame)):
+            sound = not frame.is_corrupt and (sound or frame.key_frame or frame.pict_type == PictureType.I)
+            if sound and frame.pts is not None:
                 yield frame
 
 

@@ -1,7 +1,8 @@
 """A folder of pictures taken as a video."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -54,10 +55,22 @@ def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
         data = path.read_bytes()
         if data.startswith(JPEG_START) and JPEG_END not in data[-1024:]:
             return None
-        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        with _unspoken():
+            bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     except (cv2.error, OSError):
         return None
     return None if bgr is None else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+@contextmanager
+def _unspoken() -> Iterator[None]:
+    """Without what OpenCV prints of a damaged picture."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
 
 
 def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:

@@ -96,7 +96,7 @@ def scout_frames(
     read = read_at if info.codec == "images" else decode_at
     found = [
         Panorama(round((stamp - start) * clip.fps), stamp, _shrunk(image, max_height))
-        for stamp, image in read(info, wanted)
+        for stamp, image in read(info, wanted) or read(info, [start])
     ]
     if not found:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
