@@ -26,7 +26,9 @@ def _sound(folder: Path, rng: np.random.Generator) -> Path:
         stream = container.add_stream(codec, rate=44100)
         layout = av.AudioFrame.from_ndarray(rng.integers(-99, 99, (1, 44100), np.int16), format="s16", layout="mono")
         layout.sample_rate = 44100
-        resampled = av.AudioResampler(stream.codec_context.format, "mono", 44100, stream.codec_context.frame_size or None)
+        resampled = av.AudioResampler(
+            stream.codec_context.format, "mono", 44100, stream.codec_context.frame_size or None
+        )
         for frame in [*resampled.resample(layout), *resampled.resample(None)]:
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
@@ -52,7 +54,15 @@ def _playlist(folder: Path, rng: np.random.Generator) -> Path:
 
 
 def _noise(folder: Path, rng: np.random.Generator) -> Path:
-    heads = [b"", b"\0\0\1\xba", b"\0\0\1\xb3", b"RIFF\xff\xff\xff\xffAVI LIST", b"\x1a\x45\xdf\xa3", b"\0\0\0\1\x67", b"G"]
+    heads = [
+        b"",
+        b"\0\0\1\xba",
+        b"\0\0\1\xb3",
+        b"RIFF\xff\xff\xff\xffAVI LIST",
+        b"\x1a\x45\xdf\xa3",
+        b"\0\0\0\1\x67",
+        b"G",
+    ]
     return put(folder, "noise.mp4", heads[int(rng.integers(len(heads)))] + rng.bytes(int(rng.integers(1, 400_000))))
 
 
@@ -62,7 +72,14 @@ def _zero_length(folder: Path, rng: np.random.Generator) -> Path:
 
 def _sparse(folder: Path, rng: np.random.Generator) -> Path:
     """Forty gigabytes of nothing, after some header or a whole video."""
-    heads = [b"", base("libx264", "mp4"), base("libx264", "ts"), base("libx264", "mkv"), base("mpeg4", "avi"), b"\0\0\1\xba"]
+    heads = [
+        b"",
+        base("libx264", "mp4"),
+        base("libx264", "ts"),
+        base("libx264", "mkv"),
+        base("mpeg4", "avi"),
+        b"\0\0\1\xba",
+    ]
     head = heads[int(rng.integers(len(heads)))]
     path = put(folder, f"sparse.{rng.choice(['mp4', 'ts', 'mkv'])}", head)
     os.truncate(path, 40 * 2**30)
@@ -89,14 +106,16 @@ def _dangling(folder: Path, rng: np.random.Generator) -> Path:
 
 def _enormous_video(folder: Path, rng: np.random.Generator) -> Path:
     """A real video of pictures far too large, all of one colour and so small as a file."""
-    codec, suffix, size = [("libx264", "mp4", (16384, 8192)), ("mjpeg", "mkv", (20000, 10000)), ("mpeg4", "avi", (8190, 4095))][
-        int(rng.integers(3))
-    ]
+    codec, suffix, size = [
+        ("libx264", "mp4", (12288, 6144)),
+        ("png", "mov", (20000, 10000)),
+        ("mpeg4", "avi", (8190, 4095)),
+    ][int(rng.integers(3))]
     path = folder / f"enormous.{suffix}"
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=30, options={"preset": "ultrafast"} if codec == "libx264" else {})
         stream.width, stream.height = size
-        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        stream.pix_fmt = "gray" if codec == "png" else "yuv420p"
         frame = av.VideoFrame(*size, stream.pix_fmt)
         for plane in frame.planes:
             plane.update(bytes(plane.buffer_size))

@@ -133,9 +133,15 @@ def main() -> None:
     print(*table(done), sep="\n")
     rng = np.random.default_rng(arguments.seed)
     chosen = rng.permutation(len(done))[: arguments.commands]
-    wrong = {f"{done[i].kind} {done[i].number}": commanded(done[i].kind, done[i].number, arguments.seed) for i in chosen}
+    wrong = {
+        f"{done[i].kind} {done[i].number}": commanded(done[i].kind, done[i].number, arguments.seed) for i in chosen
+    }
     bad = {name: what for name, what in wrong.items() if what}
-    print(f"command line: {len(wrong)} files, {len(bad)} wrong", *(f"{name}: {what}" for name, what in bad.items()), sep="\n")
+    print(
+        f"command line: {len(wrong)} files, {len(bad)} wrong",
+        *(f"{name}: {what}" for name, what in bad.items()),
+        sep="\n",
+    )
     content = {"cases": [asdict(case) for case in done], "commands": wrong}
     write_text(arguments.output, json.dumps(content, indent=1) + "\n")
     sys.exit(1 if bad or any(case.found.outcome == "failed" for case in done) else 0)

@@ -40,17 +40,17 @@ class Found:
     peak_mb: float = 0.0
 
 
-class Wrong(Exception):
+class WrongError(Exception):
     """Frames that break the contract of `panoramas`."""
 
 
 def require(holds: bool, what: str) -> None:
     if not holds:
-        raise Wrong(what)
+        raise WrongError(what)
 
 
 def walk(path: Path) -> Found:
-    """Probe, scout, all frames to the end, and a part of the clip. Raises Wrong, and whatever savmap lets through."""
+    """Probe, scout, all frames to the end, and a part of the clip. Raises WrongError, and whatever savmap lets through."""
     try:
         info = probe(path)
         report = DecodeReport()
@@ -82,10 +82,8 @@ def scouted(found: Iterable[Panorama], info: VideoInfo) -> None:
         require(math.isfinite(one.stamp_s) and one.stamp_s >= 0, f"scouted at {one.stamp_s} s")
 
 
-def gone_through(
-    frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float
-) -> tuple[int, int]:
-    """How many panoramas there are, and how many of them are smeared. Wrong: numbers, order, times or shapes."""
+def gone_through(frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float) -> tuple[int, int]:
+    """How many panoramas there are, and how many of them are smeared. WrongError: numbers, order, times or shapes."""
     last, count, smeared = -math.inf, 0, 0
     for count, one in enumerate(frames, start=1):
         require(one.frame == first + count - 1, f"frame {one.frame} is number {first + count - 1}")
@@ -125,7 +123,7 @@ def child(path: Path, results: Path) -> None:
     began = time.monotonic()
     try:
         found = walk(path)
-    except Wrong as error:
+    except WrongError as error:
         found = Found("failed", f"wrong: {error}")
     except BaseException as error:
         found = Found("failed", f"{type(error).__name__}: {error} {traceback.format_exc()}")

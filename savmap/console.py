@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
@@ -10,8 +10,27 @@ from typing import TypeVar
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from savmap.errors import OutputError
+from savmap.io.files import reason
+
 Item = TypeVar("Item")
 log = logging.getLogger("savmap")
+
+
+class LogFile(logging.FileHandler):
+    """A log file. One that cannot be written any more, because the disk is full, falls silent: results matter more.
+
+    Raises OutputError where it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            super().__init__(path, mode="w", encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
+        """Nothing: what cannot be logged is lost."""
 
 
 class Console:
@@ -19,7 +38,7 @@ class Console:
 
     def __init__(self, log_file: Path) -> None:
         self.terminal = Terminal(stderr=True, highlight=False)
-        self.handler = logging.FileHandler(log_file, mode="w", encoding="utf-8")
+        self.handler = LogFile(log_file)
         self.handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
 
     def __enter__(self) -> "Console":
@@ -33,7 +52,8 @@ class Console:
         if error is not None:
             log.error(str(error), exc_info=error)
         log.removeHandler(self.handler)
-        self.handler.close()
+        with suppress(OSError):
+            self.handler.close()
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         """The items with a progress bar."""

@@ -59,16 +59,25 @@ def _head(fingerprint: str, body: bytes) -> bytes:
 def locked(folder: Path) -> Iterator[None]:
     """Keep other runs out of an output folder, and sweep up what a killed one left there. Raises OutputError while another
     run is at work in it."""
+    place = _lock(folder)
+    try:
+        yield
+    finally:
+        os.close(place)
+
+
+def _lock(folder: Path) -> int:
     try:
         place = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _sweep(folder)
-            yield
-        except BlockingIOError:
-            raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
-        finally:
+            return place
+        except BaseException:
             os.close(place)
+            raise
+    except BlockingIOError:
+        raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written ({reason(error)})") from error
 

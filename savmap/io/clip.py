@@ -73,6 +73,8 @@ class DecodeReport:
 
 def check_shape(path: Path, width: int, height: int) -> None:
     """VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
+    if not width or not height:
+        raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")
     if width != 2 * height or height < 2:
         raise VideoError(f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video")
     if width > MOST_WIDTH:

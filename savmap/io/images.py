@@ -1,7 +1,7 @@
 """A folder of pictures taken as a video."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from PIL import Image as Pillow
 
 from savmap.errors import VideoError
 from savmap.io.clip import DecodeReport, Image, Source, VideoInfo, check_shape
+from savmap.io.files import write_bytes
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
@@ -29,7 +30,7 @@ def probe_folder(folder: Path, fps: float) -> VideoInfo:
         raise VideoError(f"{folder}: the folder holds no pictures ({', '.join(sorted(SUFFIXES))})")
     size = next((size for path in paths if (size := picture_size(path)) is not None), None)
     if size is None:
-        raise VideoError(f"{folder}: none of the {len(paths)} pictures can be read")
+        raise VideoError(f"{folder}: none of the {len(paths)} pictures can be read: they are damaged, or far too large")
     check_shape(folder, *size)
     return VideoInfo(folder, *size, "images", "rgb24", fps, len(paths) / fps)
 
@@ -71,6 +72,11 @@ def _unspoken() -> Iterator[None]:
         yield
     finally:
         cv2.utils.logging.setLogLevel(level)
+
+
+def write_picture(path: Path, bgr: Image, flags: Sequence[int] = ()) -> None:
+    """Write a picture (H, W, 3) BGR or (H, W), whole or not at all, as its suffix says. Raises OutputError."""
+    write_bytes(path, cv2.imencode(path.suffix, bgr, list(flags))[1].tobytes())
 
 
 def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
