@@ -1,13 +1,15 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
+import errno
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
-from savmap.errors import SavmapError
+from savmap.errors import OutputError, SavmapError
 
 app = typer.Typer(
     name="savmap",
@@ -18,6 +20,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 INTERRUPTED = 130
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
@@ -203,10 +206,24 @@ def main() -> None:
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _no_room(error)
     except SystemExit as end:
         if end.code == INTERRUPTED:
             _interrupted()
         raise
+
+
+def _no_room(error: OSError) -> NoReturn:
+    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
+    where = error.filename or "standard output"
+    reason = (error.strerror or str(error)).lower()
+    with suppress(OSError):
+        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(OutputError.exit_code)
 
 
 def _interrupted() -> NoReturn:
