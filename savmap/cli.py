@@ -121,6 +121,21 @@ def evaluate(
 
 
 @app.command()
+def report(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    run_file: Annotated[
+        Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
+    ] = None,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
+) -> None:
+    """Write a map's report: one HTML page with plan, states, references, errors and times."""
+    from savmap.sitereport import report_files
+
+    typer.echo(report_files(map_file, output, run_file, survey))
+
+
+@app.command()
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
     name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],

@@ -1,7 +1,7 @@
 """`savmap map`, `demo` and `evaluate`: functions that yield or return the lines to print."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,14 +10,13 @@ from savmap.errors import RowsFailedError, SavmapError, SiteError
 from savmap.io.files import sha256, write_text
 from savmap.job import Job, job_for, prepare, require_ready, rooms_for
 from savmap.mapping import Way, mapped_rows
-from savmap.rooms import Room, open_room
 from savmap.runlog import RunLog, write_log
+from savmap.sitereport import drawings_of, evaluation_of, rooms_of
 from savmap.store import file_name, locked
-from savmap.types import RowMap, SiteMap
+from savmap.types import SiteMap
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation
-    from savmap.report.drawing import Drawing
 
 
 def run(job: Job, way: Way | None = None) -> Iterator[str]:
@@ -79,16 +78,6 @@ def survey_rows(job: Job) -> Mapping[str, Mapping[str, Any]]:
     return read_survey(job.site.survey).rows if job.site.survey else {}
 
 
-def drawings_of(rooms: Sequence[Room], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
-    """What all rooms draw of a row, over its survey where there is one."""
-    drawings: list[Drawing] = []
-    for room in rooms:
-        own = row.structures[room.name]
-        deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
-        drawings += room.draw(structures=own, survey=survey, deviations=deviations)
-    return drawings
-
-
 def scored(job: Job) -> Iterator[str]:
     """The scores against the site's survey and their box plot, where it names one."""
     if job.site.survey is not None:
@@ -100,19 +89,12 @@ def scored(job: Job) -> Iterator[str]:
 
 def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> "Evaluation":
     """A map against a survey, scored by the plugins that made the map."""
-    from savmap.evaluation import evaluate_site
     from savmap.io.mapfile import read_map
     from savmap.io.survey import read_survey
     from savmap.report.plots import write_box_plot
 
     site_map = read_map(map_file)
-    names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
-    rooms = {name: open_room(name, {}) for name in names}
-    evaluation = evaluate_site(
-        site_map,
-        read_survey(survey_file),
-        lambda name, own, survey: rooms[name].evaluate(structures=own, survey=survey),
-    )
+    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map))
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
     return evaluation
