@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from savmap.errors import OutputError, SavmapError
+from savmap.io.where import where
 
 app = typer.Typer(
     name="savmap",
@@ -25,13 +26,15 @@ Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; defa
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
 ]
-Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", parser=where, metavar="FOLDER", help="Folder for the results, or a URL.")
+]
 
 
 @app.command("map")
 def map_(
     source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", help="A site file, or a panoramic video for a first map.")
+        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video for a first map.")
     ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),

@@ -23,6 +23,7 @@ from savmap.sitesections import (
     Strict,
     SurveyedPoint,
     ViewSection,
+    Where,
 )
 
 __all__ = [
@@ -59,7 +60,7 @@ class Pass(Strict):
 
     model_config = ConfigDict(json_schema_extra=without_video)
 
-    video: Path
+    video: Where
     """A panoramic video or a folder of pictures. Default: the row's, or the site's."""
     start_s: Annotated[float, Field(ge=0)] = 0.0
     """Where in the video the pass begins."""
@@ -91,7 +92,7 @@ class Row(Strict):
 
     passes: Annotated[tuple[Pass, ...], Field(min_length=1)]
     """One or more drives past the face."""
-    video: Path | None = None
+    video: Where | None = None
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none."""
@@ -129,13 +130,13 @@ class Site(Strict):
     """What of the camera is estimated with the map; nothing if not given."""
     appearance: bool = False
     """Whether points of any kind help with the camera's motion; edges alone if not."""
-    video: Path | None = None
+    video: Where | None = None
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none (15)."""
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
-    survey: Path | None = None
+    survey: Where | None = None
     """What a surveyor measured: scores are printed, and drawn under the map."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
