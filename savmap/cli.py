@@ -1,13 +1,16 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
+import errno
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
-from savmap.errors import SavmapError
+from savmap.errors import OutputError, SavmapError
+from savmap.io.where import where
 
 app = typer.Typer(
     name="savmap",
@@ -18,17 +21,20 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 INTERRUPTED = 130
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
 ]
-Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", parser=where, metavar="FOLDER", help="Folder for the results, or a URL.")
+]
 
 
 @app.command("map")
 def map_(
     source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", help="A site file, or a panoramic video for a first map.")
+        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video for a first map.")
     ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
@@ -118,6 +124,21 @@ def evaluate(
 
 
 @app.command()
+def report(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    run_file: Annotated[
+        Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
+    ] = None,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
+) -> None:
+    """Write a map's report: one HTML page with plan, states, references, errors and times."""
+    from savmap.sitereport import report_files
+
+    typer.echo(report_files(map_file, output, run_file, survey))
+
+
+@app.command()
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
     name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
@@ -203,10 +224,24 @@ def main() -> None:
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _no_room(error)
     except SystemExit as end:
         if end.code == INTERRUPTED:
             _interrupted()
         raise
+
+
+def _no_room(error: OSError) -> NoReturn:
+    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
+    where = error.filename or "standard output"
+    reason = (error.strerror or str(error)).lower()
+    with suppress(OSError):
+        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(OutputError.exit_code)
 
 
 def _interrupted() -> NoReturn:

@@ -1,6 +1,7 @@
 """What `savmap map` is asked to do, checked before anything heavy begins."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from savmap.settings import settings_problems, tells_scale
 from savmap.site import Site
 
 VIDEO_ROW = "1"
+LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
 
@@ -108,11 +110,13 @@ def rooms_for(job: Job, row: str) -> Sequence[Room]:
 
 
 def prepare(folder: Path) -> None:
-    """Make the output folder. Raises OutputError when nothing can be written there."""
+    """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing."""
+    probe = folder / ".savmap-probe"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".savmap-probe"
-        probe.touch()
-        probe.unlink()
+        probe.write_bytes(bytes(LEAST_ROOM))
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
+    finally:
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)

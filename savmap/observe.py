@@ -205,7 +205,7 @@ class Walk:
             self.attitudes[aimed.name] = attitude
         self.found_face |= {room for room in aimed.aims if aimed.knows_face(room)}
         self.notes += [note for aim in aimed.aims.values() for note in aim.notes]
-        if report.skipped:
+        if not report.complete:
             self.notes.append(f"{aimed.clip.path}: {report.text()}")
 
     def _frame(self, panorama: Panorama, aimed: PassAims) -> None:

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from savmap.io.where import Where
 from savmap.sitedefaults import completed, side_from_direction, without_video
 from savmap.sitesections import (
     CalibrationSection,
@@ -24,6 +23,7 @@ from savmap.sitesections import (
     Strict,
     SurveyedPoint,
     ViewSection,
+    Where,
 )
 
 __all__ = [

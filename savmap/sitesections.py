@@ -1,14 +1,45 @@
 """Sections of a site file: what is known without mapping, views aimed by hand, the camera, where rows stand."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    WithJsonSchema,
+    field_validator,
+)
+
+from savmap.errors import SiteError
+from savmap.io.where import where
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
 Sigma = Annotated[float, Field(gt=0, le=10)]
 Span = Annotated[float, Field(gt=0, lt=1000)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+def _where(value: Any) -> Path:
+    if not isinstance(value, str) and not hasattr(value, "read_bytes"):
+        raise ValueError("a path or a URL is expected")
+    try:
+        return where(value)
+    except SiteError as error:
+        raise ValueError(str(error)) from None
+
+
+Where = Annotated[
+    Path,
+    PlainValidator(_where),
+    PlainSerializer(str),
+    WithJsonSchema({"type": "string", "description": "a path, from the site file's folder, or a URL of fsspec"}),
+]
+"""A path or URL in a site file."""
 
 
 class Strict(BaseModel):

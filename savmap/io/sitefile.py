@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from savmap.errors import SiteError
 from savmap.io.overrides import Location, Override, applied
 from savmap.io.siteplaces import Places, explained, given_twice, lines_of
-from savmap.io.where import is_url
+from savmap.io.where import beside
 from savmap.placing import misplaced, with_places
 from savmap.site import LayoutSection, Pass, Row, Site
 
@@ -132,28 +132,24 @@ def _resolve(site: Site, folder: Path) -> Site:
     """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
     def of_pass(one: Pass) -> Pass:
-        return one.model_copy(update={"video": _within(folder, one.video)})
+        return one.model_copy(update={"video": beside(folder, one.video)})
 
     def of_row(row: Row) -> Row:
         passes = tuple(map(of_pass, row.passes))
-        video = _within(folder, row.video) if row.video else None
+        video = beside(folder, row.video) if row.video else None
         return row.model_copy(update={"passes": passes, "video": video, "plugins": _networks(row.plugins, folder)})
 
     changed: dict[str, Any] = {"rows": {name: of_row(row) for name, row in site.rows.items()}}
     changed["plugins"] = _networks(site.plugins, folder)
-    changed |= {key: _within(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
+    changed |= {key: beside(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
     return site.model_copy(update=changed)
-
-
-def _within(folder: Path, path: Path) -> Path:
-    return path if is_url(path) else folder / path
 
 
 def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
     """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
     return {
         name: {
-            key: str(_within(folder, Path(value))) if key == "model" and isinstance(value, str) else value
+            key: str(folder / value) if key == "model" and isinstance(value, str) else value
             for key, value in own.items()
         }
         for name, own in plugins.items()
