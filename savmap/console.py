@@ -1,5 +1,6 @@
 """The terminal: progress bars and notes on standard error, and a log file in the output folder."""
 
+import io
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -11,7 +12,8 @@ from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from savmap.errors import OutputError
-from savmap.io.files import reason
+from savmap.io.files import reason, write_text
+from savmap.io.where import is_url
 
 Item = TypeVar("Item")
 log = logging.getLogger("savmap")
@@ -34,11 +36,13 @@ class LogFile(logging.FileHandler):
 
 
 class Console:
-    """A Monitor that shows progress bars and notes, and writes the notes to a log file."""
+    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the end."""
 
     def __init__(self, log_file: Path) -> None:
         self.terminal = Terminal(stderr=True, highlight=False)
-        self.handler = LogFile(log_file)
+        self.there = log_file if is_url(log_file) else None
+        self.kept = io.StringIO()
+        self.handler = logging.StreamHandler(self.kept) if self.there else LogFile(log_file)
         self.handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
 
     def __enter__(self) -> "Console":
@@ -54,6 +58,8 @@ class Console:
         log.removeHandler(self.handler)
         with suppress(OSError):
             self.handler.close()
+        if self.there is not None:
+            write_text(self.there, self.kept.getvalue())
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         """The items with a progress bar."""

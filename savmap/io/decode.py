@@ -17,6 +17,7 @@ from av.video.stream import VideoStream
 from savmap.errors import VideoError
 from savmap.io.clip import MOST_PIXELS, DecodeReport, Image, Source, VideoInfo, check_shape
 from savmap.io.order import in_order
+from savmap.io.where import is_url
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
 """FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists do."""
@@ -44,7 +45,8 @@ def probe_file(path: Path) -> VideoInfo:
 def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream."""
     try:
-        container = av.open(str(path), "r", options=OPENING, timeout=(OPENING_S, READING_S))
+        source = path.open("rb") if is_url(path) else str(path)
+        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S))
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(_why_unreadable(path)) from error
     with container:
