@@ -50,9 +50,13 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
             part = Path(folder) / path.name
             write(part)
+            with part.open("rb") as stream:
+                os.fsync(stream.fileno())
             os.replace(part, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+    except OutputError as error:
+        raise OutputError(str(error).replace(str(part), str(path))) from error
 
 
 def read_text(path: Path) -> str:

@@ -4,9 +4,7 @@ A URL is a `UPath`, which does what a `Path` does; it is typed as one throughout
 """
 
 from pathlib import Path
-from typing import Annotated, Any, cast
-
-from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
+from typing import cast
 
 from savmap.errors import SiteError
 
@@ -34,19 +32,6 @@ def is_url(path: Path) -> bool:
     return not isinstance(path, Path)
 
 
-def _validated(value: Any) -> Path:
-    if not isinstance(value, str) and not hasattr(value, "read_bytes"):
-        raise ValueError("a path or a URL is expected")
-    try:
-        return where(value)
-    except SiteError as error:
-        raise ValueError(str(error)) from None
-
-
-Where = Annotated[
-    Path,
-    PlainValidator(_validated),
-    PlainSerializer(str),
-    WithJsonSchema({"type": "string", "description": "a path, from the site file's folder, or a URL of fsspec"}),
-]
-"""A path or URL in a site file."""
+def beside(folder: Path, path: Path) -> Path:
+    """A path taken from a folder; a URL, or a path from the root, as it is."""
+    return path if is_url(path) else folder / path

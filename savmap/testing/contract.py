@@ -44,6 +44,8 @@ def _declaration(plugin_class: Any) -> Iterator[str]:
         yield '`Config` must refuse unknown keys (extra="forbid")'
     elif any(field.is_required() for field in config.model_fields.values()):
         yield "every setting of `Config` needs a default"
+    elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
+        yield "`scale_settings` must name settings of `Config`"
 
 
 def _sees_nothing(room: Room) -> Iterator[str]:

@@ -13,12 +13,15 @@ from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing,
 
 
 class Settings(BaseModel):
-    """Settings of the plugin in a site file. `line`: the lamps are on a line parallel to the aisle, at one height."""
+    """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
+    """Another network's ONNX file."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Confidence above which a pixel belongs to a class."""
     line: bool = False
+    """Whether the lamps are on one line along the aisle, at one height."""
 
 
 class Lights:
@@ -28,6 +31,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.onnx"
     Config = Settings
+    scale_settings = ()
     after_pixels = ("line",)
 
     def __init__(self, config: Settings) -> None:
