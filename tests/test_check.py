@@ -170,7 +170,9 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
         return PassAims(name, Clip(one.video), {"all": Aim((ViewSpec("face", 0.0),))}), Scout(keys, (), None, np.eye(3))  # type: ignore[arg-type]
 
     monkeypatch.setattr("savmap.preview.aim_pass", aimed)
-    lines, code = told(folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True)
+    lines, code = told(
+        folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
+    )
     assert code == 0, lines
     assert lines[0] == "row A, pass 1: 40 frames, views in out/views-A-pass-1.jpg"
     assert {path.name for path in (folder / "out").iterdir()} == {
