@@ -32,6 +32,8 @@ from savmap.io.files import write_text
 KINDS: Mapping[str, Maker] = {"intact": intact, **BYTEWISE, **HEADERS, **STREAMS, **THINGS}
 LIMIT_S, LIMIT_MB = 60.0, 1500.0
 COMMAND_LIMIT_S = 120.0
+REPAIRED = ("Corrupt JPEG data", "Premature end of JPEG")
+"""What libjpeg says of a picture that it repaired."""
 CODES = {0, 1, 3, 4, 7, 8}
 OUTCOMES = ("refused", "reported", "whole", "failed")
 
@@ -68,7 +70,7 @@ def read(path: Path, results: Path) -> Found:
     found = Found(**json.loads(results.read_text()))
     if found.peak_mb > LIMIT_MB:
         return replace(found, outcome="failed", line=f"memory: {found.peak_mb:.0f} MB; {found.line}")
-    if found.noise:
+    if any(not line.startswith(REPAIRED) for line in found.noise.splitlines()):
         return replace(found, outcome="failed", line=f"prints `{found.noise.splitlines()[0][:200]}`; {found.line}")
     return found
 
