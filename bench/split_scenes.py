@@ -8,7 +8,11 @@ from savmap.sim.scene import Scene, parse_scene
 
 
 def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.0) -> Scene:
-    """Rows of racks back to back with aisles between, a path through all of them, one or two stops, any mounting."""
+    """Rows of racks back to back with aisles between, a path through all of them, with stops, any mounting.
+
+    By the seed's remainder of 4: 1 has a bare wall on one side of the first aisle, 2 leaves an aisle for later, 3 goes back in
+    the middle of the first aisle and then on again.
+    """
     rng = np.random.default_rng([seed, 41])
     aisle, depth = float(rng.uniform(2.4, 3.4)), float(rng.uniform(0.8, 1.1))
     rack = _rack(rng, depth)
@@ -20,14 +24,19 @@ def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.
         rows[f"{number + 1}-near"] = {"x": 0.0, "z": near}
         rows[f"{number + 1}-far"] = {"x": length, "z": near + aisle, "facing": "-z"}
     ends = (float(rng.uniform(3.0, 4.5)), float(rng.uniform(3.0, 4.5)))
-    points = _weave(rng, aisles, pitch, aisle / 2, length, ends)
+    if seed % 4 == 1:
+        del rows["1-near"]
+    order = [0, 2, 1, *range(3, aisles)] if seed % 4 == 2 else list(range(aisles))
+    points = _weave(rng, order, pitch, aisle / 2, length, ends)
+    if seed % 4 == 3:
+        points[1:1] = [[0.8 * length, aisle / 2], [0.1 * length, aisle / 2]]
     height = 3.4 + float(rng.uniform(0.8, 3.0))
     return parse_scene(
         {
             "seed": seed,
             "hall": {
                 "x": [-ends[0] - 2.0, length + ends[1] + 2.0],
-                "z": [-depth - float(rng.uniform(1, 5)), aisles * pitch + float(rng.uniform(1, 5))],
+                "z": [-0.05 if seed % 4 == 1 else -depth - float(rng.uniform(1, 5)), aisles * pitch + float(rng.uniform(1, 5))],
                 "height": height,
                 "truss": str(rng.choice(["none", "beams", "lattice"])),
                 "floor_texture": str(rng.choice(["plain", "noise", "scratches"])),
@@ -71,16 +80,16 @@ def _rack(rng: np.random.Generator, depth: float) -> dict[str, Any]:
 
 
 def _weave(
-    rng: np.random.Generator, aisles: int, pitch: float, middle: float, length: float, ends: tuple[float, float]
+    rng: np.random.Generator, order: list[int], pitch: float, middle: float, length: float, ends: tuple[float, float]
 ) -> list[list[float]]:
-    """Through every aisle in turn, with turns in the cross aisles 1.2 m or more before the hall's walls."""
+    """Through the aisles in this order, there and back by turns, with turns in the cross aisles before the hall's walls."""
     out = (-float(rng.uniform(2.0, ends[0] - 0.5)), length + float(rng.uniform(2.0, ends[1] - 0.5)))
-    points = [[-1.5, middle]]
-    for number in range(aisles):
-        z, onwards = number * pitch + middle, number % 2 == 0
-        points += [[out[1] if onwards else out[0], z]]
-        points += [[points[-1][0], z + pitch]] if number < aisles - 1 else []
-    points[-1][0] = length + 1.8 if aisles % 2 else -1.8
+    points = [[-1.5, order[0] * pitch + middle]]
+    for number, aisle in enumerate(order):
+        x = out[1] if number % 2 == 0 else out[0]
+        points.append([x, aisle * pitch + middle])
+        points += [[x, following * pitch + middle] for following in order[number + 1 : number + 2]]
+    points[-1][0] = length + 1.8 if len(order) % 2 else -1.8
     return points
 
 

@@ -77,7 +77,7 @@ def coarse_stamps(info: VideoInfo, every_s: float) -> list[float]:
 
 
 def pictures_at(info: VideoInfo, stamps_s: Sequence[float], width: int) -> list[Image]:
-    """RGB pictures (width / 2, width, 3) at the key frames before these times; black where there is none."""
+    """RGB pictures (width / 2, width, 3) at these times, or the next ones; black where there is none."""
     report, shrink = GlanceReport(), _Shrink(width, "rgb24")
     pictures = []
     with opened(info.path) as (container, stream):
@@ -85,7 +85,8 @@ def pictures_at(info: VideoInfo, stamps_s: Sequence[float], width: int) -> list[
         keys = np.array(key_stamps(stream))
         for stamp in stamps_s:
             _seek(container, stream, keys, int(np.searchsorted(keys, stamp, side="right").clip(1)) - 1)
-            frame = next((one for one in _frames(container, stream, report) if _good(one, info)), None)
+            frames = _timed(_frames(container, stream, report), stream)
+            frame = next((one for at, one in frames if at >= stamp - _INSTANT_S and _good(one, info)), None)
             pictures.append(np.zeros((width // 2, width, 3), np.uint8) if frame is None else shrink(frame))
     return pictures
 

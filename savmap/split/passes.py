@@ -15,6 +15,7 @@ from savmap.split.straights import Straight, headings, straights
 _SQUARE_DEG = 30.0
 _LONG = 2.0
 _LEAST_GAIN_S = 1.0
+_REACH_DEG, _MOST_REACH_S = 8.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -115,17 +116,22 @@ def _candidate(
 ) -> _Candidate:
     part = slice(group[0], group[1] + 1)
     moving = ~near.still[part]
-    start = _border(stamps, group[0], group[0] - 1)
-    end = _border(stamps, group[1], group[1] + 1)
+    start = _border(near, stamps, group[0], group[0] - 1)
+    end = _border(near, stamps, group[1], group[1] + 1)
     rates = np.median(near.rates[part][moving], axis=0)
     texture = np.median(near.texture[part], axis=0)
     stood = float(_spans(stamps)[part][~moving].sum())
     return _Candidate(line, start, end, rates, texture, float((level[part] >= least).mean()), stood)
 
 
-def _border(stamps: Floats, inside: int, outside: int) -> float:
-    """The time half way between a sample inside and its neighbour outside; the sample's at the ends of a straight."""
-    return float(stamps[inside] + stamps[outside]) / 2 if 0 <= outside < len(stamps) else float(stamps[inside])
+def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
+    """When an end is at right angles: half way between a sample inside and its neighbour outside, and further inside by the
+    angle by which apparent motion of what is near reaches over what is behind. The sample's time at the ends of a straight."""
+    if not 0 <= outside < len(stamps):
+        return float(stamps[inside])
+    rate = max(near.rates[inside].max(), _REACH_DEG / _MOST_REACH_S)
+    inwards = np.sign(inside - outside) * _REACH_DEG / rate
+    return float(stamps[inside] + stamps[outside]) / 2 + inwards
 
 
 def _squared(travels: Sequence[float]) -> list[float]:
