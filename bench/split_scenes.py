@@ -36,7 +36,10 @@ def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.
             "seed": seed,
             "hall": {
                 "x": [-ends[0] - 2.0, length + ends[1] + 2.0],
-                "z": [-0.05 if seed % 4 == 1 else -depth - float(rng.uniform(1, 5)), aisles * pitch + float(rng.uniform(1, 5))],
+                "z": [
+                    -0.05 if seed % 4 == 1 else -depth - float(rng.uniform(1, 5)),
+                    aisles * pitch + float(rng.uniform(1, 5)),
+                ],
                 "height": height,
                 "truss": str(rng.choice(["none", "beams", "lattice"])),
                 "floor_texture": str(rng.choice(["plain", "noise", "scratches"])),
@@ -59,7 +62,7 @@ def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.
             },
             "rows": rows,
             "structures": {
-                "shelves": {"rows": {name: rack for name in rows}},
+                "shelves": {"rows": dict.fromkeys(rows, rack)},
                 "lights": {
                     "lines": [
                         {"z": number * pitch + aisle / 2, "height": height - 0.5, "pitch": 3.0, "length": 1.2}

@@ -14,7 +14,11 @@ def site_of(scene: Scene, known: Mapping[str, Any], passes: Sequence[TruePass] =
         "plugins": {name: {} for name in scene.structures},
         "survey": "survey.json",
         "references": {"camera_height_m": known["camera_height_m"], "travel_m": known["camera_travel_m"]["value"]},
-        "rows": {name: _row(one, known[f"row_{name}"]) for name, one in _drives(scene, passes).items() if f"row_{name}" in known},
+        "rows": {
+            name: _row(one, known[f"row_{name}"])
+            for name, one in _drives(scene, passes).items()
+            if f"row_{name}" in known
+        },
     }
 
 

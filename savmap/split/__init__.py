@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from savmap.errors import StructureError, VideoError
 from savmap.io.clip import VideoInfo
 from savmap.io.video import probe
@@ -15,10 +13,12 @@ from savmap.split.motion import Motion, motion_of
 from savmap.split.passes import Found, find_passes
 from savmap.split.records import PassFound
 from savmap.split.settings import Settings
-from savmap.split.sheet import THUMB_WIDTH, clock, contact_sheet, stamps_of, write_picture
+from savmap.split.sheet import THUMB_WIDTH, check_picture, clock, contact_sheet, stamps_of, write_picture
 from savmap.split.sitetext import add_to_site, check_new, new_site
 
-__all__ = ["Found", "GlanceReport", "PassFound", "Settings", "find", "split"]
+DEFAULTS = Settings()
+
+__all__ = ["DEFAULTS", "Found", "GlanceReport", "PassFound", "Settings", "find", "split"]
 
 
 def split(
@@ -26,7 +26,7 @@ def split(
     output: Path = Path("site.yaml"),
     into: Path | None = None,
     sheet: Path | None = None,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULTS,
     monitor: Monitor | None = None,
 ) -> Iterator[str]:
     """Finds a recording's passes and writes them into a new site file, or `into` one; lines to print.
@@ -36,6 +36,8 @@ def split(
     """
     if into is None:
         check_new(output)
+    if sheet is not None:
+        check_picture(sheet)
     report = GlanceReport()
     found = find(recording, settings, monitor, report)
     yield from _table(found.passes)
@@ -54,7 +56,7 @@ def split(
 
 def find(
     recording: Path,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULTS,
     monitor: Monitor | None = None,
     report: GlanceReport | None = None,
 ) -> Found:
@@ -69,7 +71,9 @@ def find(
     monitor = monitor or Quiet()
     motions = _look(info, coarse_stamps(info, settings.every_s), settings, report, monitor, "looking for passes")
     if len(motions) < 2:
-        raise VideoError(f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged")
+        raise VideoError(
+            f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged"
+        )
     first = find_passes(motions, settings)
     closer = _closer_stamps(first.passes, motions, settings)
     motions += _look(info, closer, settings, report, monitor, "looking closer at their ends")

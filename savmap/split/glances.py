@@ -7,7 +7,6 @@ are further apart than samples, what lies between is decoded.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import av.error
 import numpy as np
@@ -47,9 +46,7 @@ class GlanceReport:
         return self.decoded / max(info.duration_s * info.rate_fps, 1.0)
 
 
-def glances(
-    info: VideoInfo, stamps_s: Sequence[float], settings: Settings, report: GlanceReport
-) -> Iterator[Glance]:
+def glances(info: VideoInfo, stamps_s: Sequence[float], settings: Settings, report: GlanceReport) -> Iterator[Glance]:
     """The glances of a recording at times in ascending order, or just after them.
 
     Damaged frames are passed over. Raises VideoError for what cannot be read.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.sphere import Floats
-from savmap.split.glances import Glance, Image
+from savmap.split.glances import Glance
 
 BEARINGS = 120
 LOW_DEG, HIGH_DEG = -20.0, 35.0
@@ -73,7 +73,9 @@ def _strip(glance: Glance) -> tuple[Floats, Floats]:
     across = flow[:, _PAD : _PAD + width, 0]
     upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, _PAD : _PAD + width]) / 8 for x in (1, 0))
     columns = np.arange(width) * BEARINGS // width
-    medians = [_weighted_median(across[:, columns == one], upright[:, columns == one] + 0.01) for one in range(BEARINGS)]
+    medians = [
+        _weighted_median(across[:, columns == one], upright[:, columns == one] + 0.01) for one in range(BEARINGS)
+    ]
     energy = np.bincount(columns, (upright + level).mean(axis=0)) / np.bincount(columns)
     return np.array(medians) * 360 / width / glance.gap_s, energy / (float(first.mean()) + 10.0)
 

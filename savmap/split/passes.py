@@ -131,7 +131,7 @@ def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
         return float(stamps[inside])
     rate = max(near.rates[inside].max(), _REACH_DEG / _MOST_REACH_S)
     inwards = np.sign(inside - outside) * _REACH_DEG / rate
-    return float(stamps[inside] + stamps[outside]) / 2 + inwards
+    return float((stamps[inside] + stamps[outside]) / 2 + inwards)
 
 
 def _squared(travels: Sequence[float]) -> list[float]:
@@ -174,12 +174,18 @@ def _record(one: _Candidate, heading: float, settings: Settings) -> PassFound:
     return PassFound(
         round(one.start_s, 2),
         round(one.end_s, 2),
-        round(float(wrapped(np.array(heading))), 1) + 0.0,
+        round(_half_turns(heading), 1),
         round(one.straight.way, 1),
         sides,
-        round(confidence, 2),
+        round(float(confidence), 2),
         round(one.stood_s, 1),
     )
+
+
+def _half_turns(degrees: float) -> float:
+    """An angle above -180 and up to 180 degrees; a heading a hair beyond -180 is 180."""
+    turned = float(wrapped(np.array(degrees)))
+    return abs(turned) if abs(turned) > 179.95 else turned + 0.0
 
 
 def _timeline(lines: Sequence[Straight], rig: Floats) -> Floats:

@@ -37,10 +37,14 @@ def contact_sheet(
     return np.vstack([_timeline(passes, stamps_s, headings_deg, width), *lines])
 
 
-def write_picture(image: Image, path: Path) -> None:
-    """Write an RGB picture as PNG, whole or not at all. Raises OutputError."""
+def check_picture(path: Path) -> None:
+    """Raises OutputError for another ending than .png."""
     if path.suffix.lower() != ".png":
         raise OutputError(f"{path}: the contact sheet is written as .png")
+
+
+def write_picture(image: Image, path: Path) -> None:
+    """Write an RGB picture as PNG, whole or not at all. Raises OutputError."""
     _, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     write_bytes(path, data.tobytes())
 

@@ -48,7 +48,9 @@ def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     rows = next(value for key, value in root.value if key.value == "rows")
     if not isinstance(rows, yaml.MappingNode) or rows.flow_style:
-        raise SiteError(f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line")
+        raise SiteError(
+            f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line"
+        )
     names = [str(key.value) for key, _ in rows.value]
     taken = [int(found[1]) for name in names if (found := re.match(rf"{_STEM}-(\d+)-", name))]
     indent = " " * rows.value[0][0].start_mark.column
