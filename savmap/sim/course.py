@@ -100,7 +100,7 @@ def _arc(corner: Floats, into: Floats, out: Floats, radius: float, room: float) 
     """An arc that leaves one leg and joins the other, of `radius` or as large as `room` on the legs allows."""
     bend = float(np.arctan2(into[0] * out[1] - into[1] * out[0], into @ out))
     if abs(bend) < 1e-6:
-        return corner[None] + np.zeros((2, 1))
+        return np.stack([corner, corner])
     radius = min(radius, room / np.tan(abs(bend) / 2))
     first = corner - into * radius * np.tan(abs(bend) / 2)
     left = np.array([-into[1], into[0]]) * np.sign(bend)

@@ -53,7 +53,7 @@ def glances(info: VideoInfo, stamps_s: Sequence[float], settings: Settings, repo
     """
     with opened(info.path) as (container, stream):
         keys = np.array(key_stamps(stream))
-        stream.thread_type = "SLICE" if np.isin(stamps_s, keys).mean() > 0.5 else "AUTO"
+        stream.thread_type = "SLICE" if 2 * np.isin(stamps_s, keys).sum() > len(stamps_s) else "AUTO"
         shrink = _Shrink(settings.width)
         frames, entry = _frames(container, stream, report), 0
         for stamp in stamps_s:

@@ -69,14 +69,21 @@ def _level(near: Nearness, settings: Settings) -> Floats:
     """How near the nearer side is at right angles (n,), as a share of the nearest around, or of what is usual along the way
     where all is far; while the camera stands, as before it stood (or, at the beginning, after)."""
     moving = ~near.still
-    usual = np.percentile(near.rates[moving], 80, axis=0)
-    counted = usual >= settings.aside * usual.max()
-    least = settings.open_share * np.percentile(near.tops[moving], 80)
-    shares = near.rates[:, counted].max(axis=1) / np.maximum(near.tops, least)
+    counted = _structured(np.percentile(near.rates[moving], 80, axis=0), np.median(near.texture, axis=0), settings)
+    tops = near.tops[:, counted].max(axis=1)
+    least = settings.open_share * np.percentile(tops[moving], 80)
+    shares = near.rates[:, counted].max(axis=1) / np.maximum(tops, least)
     known = np.flatnonzero(moving)
     before = known[(np.searchsorted(known, np.arange(len(shares)), side="right") - 1).clip(0)]
     level: Floats = np.clip(shares, 0, 1)[before]
     return level
+
+
+def _structured(rates: Floats, texture: Floats, settings: Settings) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which sides (2,) have structure, by the rates and texture at right angles to the way."""
+    near = rates >= settings.aside * rates.max()
+    rich: np.ndarray[tuple[int], np.dtype[np.bool_]] = near & (texture >= settings.texture * texture[near].max())
+    return rich
 
 
 def _spans(stamps: Floats) -> Floats:
@@ -149,9 +156,9 @@ def _plausible(candidates: Sequence[_Candidate], travels: Sequence[float], setti
     lasting = [index for index, one in enumerate(candidates) if _moving_s(one) >= settings.least_s]
     if not lasting:
         return []
-    lengths = np.array([_moving_s(candidates[index]) for index in lasting])
+    weights = np.array([_moving_s(candidates[index]) * candidates[index].rates.max() for index in lasting])
     doubled = np.radians(2 * np.array([travels[index] for index in lasting]))
-    axis = float(np.degrees(np.angle((lengths * np.exp(1j * doubled)).sum()))) / 2
+    axis = float(np.degrees(np.angle((weights * np.exp(1j * doubled)).sum()))) / 2
     usual = float(np.median([candidates[index].rates.max() for index in lasting]))
     return [
         index
@@ -166,9 +173,8 @@ def _moving_s(one: _Candidate) -> float:
 
 
 def _record(one: _Candidate, heading: float, settings: Settings) -> PassFound:
-    near = one.rates >= settings.aside * one.rates.max()
-    rich = one.texture >= settings.texture * one.texture[near].max()
-    sides = tuple(side for side, is_near, is_rich in zip(SIDES, near, rich, strict=True) if is_near and is_rich)
+    structured = _structured(one.rates, one.texture, settings)
+    sides = tuple(side for side, counted in zip(SIDES, structured, strict=True) if counted)
     long = min(1.0, _moving_s(one) / (_LONG * settings.least_s))
     confidence = one.near_share * (0.5 + 0.5 * long)
     return PassFound(
