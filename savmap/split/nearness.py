@@ -32,6 +32,7 @@ class Nearness:
     texture: Floats
     still: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
+
 def nearness(motions: Sequence[Motion], rig: Floats, straight: Straight) -> Nearness:
     """Nearness along a straight; `rig` (all samples) as from `headings`."""
     span = range(straight.first, straight.last + 1)
