@@ -69,7 +69,8 @@ def _level(near: Nearness, settings: Settings) -> Floats:
     """How near the nearer side is at right angles (n,), as a share of the nearest around, or of what is usual along the way
     where all is far; while the camera stands, as before it stood (or, at the beginning, after)."""
     moving = ~near.still
-    counted = _structured(np.percentile(near.rates[moving], 80, axis=0), np.median(near.texture, axis=0), settings)
+    usual = np.percentile(near.rates[moving], 80, axis=0)
+    counted = _structured(usual, _texture(near, usual), settings)
     tops = near.tops[:, counted].max(axis=1)
     least = settings.open_share * np.percentile(tops[moving], 80)
     shares = near.rates[:, counted].max(axis=1) / np.maximum(tops, least)
@@ -77,6 +78,14 @@ def _level(near: Nearness, settings: Settings) -> Floats:
     before = known[(np.searchsorted(known, np.arange(len(shares)), side="right") - 1).clip(0)]
     level: Floats = np.clip(shares, 0, 1)[before]
     return level
+
+
+def _texture(near: Nearness, usual: Floats) -> Floats:
+    """The texture (2,) of each side where something there passes at half of its `usual` rate (2,) or more."""
+    beside = (near.rates >= usual / 2) & ~near.still[:, None]
+    return np.array(
+        [float(np.median(near.texture[beside[:, hand], hand])) if beside[:, hand].any() else 0.0 for hand in (0, 1)]
+    )
 
 
 def _structured(rates: Floats, texture: Floats, settings: Settings) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
