@@ -128,7 +128,7 @@ def _facing(ground: Floats, steps: Floats, halts: list[int]) -> Floats:
     """The way the cart faces (n, 2): along the path, or against it where it goes in reverse."""
     moves = np.diff(ground, axis=0) / np.maximum(steps, 1e-9)[:, None]
     known = np.flatnonzero(steps > 1e-9)
-    facing = moves[known[np.searchsorted(known, np.arange(len(ground))).clip(0, len(known) - 1)]]
+    facing: Floats = moves[known[np.searchsorted(known, np.arange(len(ground))).clip(0, len(known) - 1)]]
     for first, last in pairwise([*halts, len(ground)]):
         if halts.index(first) % 2 == 0:
             facing[first:last] *= -1

@@ -6,6 +6,7 @@ speed over distance at right angles to the way, less ahead and behind. Points ab
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -80,7 +81,7 @@ def _strip(glance: Glance) -> tuple[Floats, Floats]:
     return np.array(medians) * 360 / width / glance.gap_s, energy / (float(first.mean()) + 10.0)
 
 
-def _weighted_median(values: NDArray[np.float32], weights: NDArray[np.float32]) -> float:
+def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
     order = np.argsort(values, axis=None)
     total = np.cumsum(weights.ravel()[order])
     return float(values.ravel()[order[np.searchsorted(total, total[-1] / 2)]])

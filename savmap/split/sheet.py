@@ -1,5 +1,6 @@
 """The contact sheet: the recording's timeline with its turns, then a line for each pass with pictures of it."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -82,7 +83,7 @@ def _thumb(picture: Image, one: PassFound, stamp_s: float) -> Image:
 
 def _timeline(passes: Sequence[PassFound], stamps_s: Floats, headings_deg: Floats, width: int) -> Image:
     figure = Figure(figsize=(width / 100, 2.4), dpi=100, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
+    FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for number, one in enumerate(passes, start=1):
         color = "#2f9e44" if one.confidence >= 0.5 else "#e8590c"
@@ -93,8 +94,10 @@ def _timeline(passes: Sequence[PassFound], stamps_s: Floats, headings_deg: Float
     axes.set_ylabel("direction of travel, deg")
     axes.grid(color="#e9ecef")
     axes.margins(x=0)
-    canvas.draw()
-    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=100)
+    drawn = cv2.imdecode(np.frombuffer(stream.getvalue(), np.uint8), cv2.IMREAD_COLOR)
+    return np.asarray(cv2.cvtColor(np.asarray(drawn), cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def clock(stamp_s: float) -> str:

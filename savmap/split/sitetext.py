@@ -46,7 +46,8 @@ def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
     load_site(path)
     text = read_text(path)
     root = yaml.compose(text, Loader=yaml.SafeLoader)
-    rows = next(value for key, value in root.value if key.value == "rows")
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    rows = next(value for key, value in pairs if key.value == "rows")
     if not isinstance(rows, yaml.MappingNode) or rows.flow_style:
         raise SiteError(
             f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line"
