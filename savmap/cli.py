@@ -162,6 +162,20 @@ def plugins_() -> None:
 
 
 @app.command()
+def split(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A long panoramic video.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    into: Annotated[Path | None, typer.Option(help="Add the rows to this site file instead.")] = None,
+    sheet: Annotated[Path | None, typer.Option(help="Write a contact sheet of the passes (PNG).")] = None,
+) -> None:
+    """Find the passes through aisles in a long recording, and write them into a site file to be confirmed."""
+    from savmap import tools
+
+    for line in tools.split(recording, output, into, sheet):
+        typer.echo(line)
+
+
+@app.command()
 def schema(name: Annotated[str, typer.Argument(metavar="site|map", help="Which kind of file.")]) -> None:
     """Print the JSON Schema of site files or maps."""
     from savmap import tools

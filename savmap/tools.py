@@ -1,6 +1,7 @@
 """What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -56,6 +57,15 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
     except Exception as error:
         raise PluginError(f"exporter `{name}` failed: {type(error).__name__}: {error}") from error
     yield f"wrote {output}"
+
+
+def split(recording: Path, output: Path, into: Path | None = None, sheet: Path | None = None) -> Iterator[str]:
+    """The passes of a long recording as rows of a new site file, or added to one, with a contact sheet."""
+    from savmap.console import Console
+    from savmap.split import split as find_and_write
+
+    with Console(Path(os.devnull)) as console:
+        yield from find_and_write(recording, output, into, sheet, monitor=console)
 
 
 def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from savmap.geometry.pinhole import intrinsics, rays_from_pixels, rig_from_view
 from savmap.sim.build import Built
+from savmap.sim.course import course
 from savmap.sim.primitives import Floats
 from savmap.sim.scene import Cart, SceneError
 
@@ -121,36 +122,22 @@ class Drive:
 
 
 def drive(cart: Cart, seed: int) -> Drive:
-    """Poses of the panorama's rig along the drive. Without sway, weave, bounce and tilt it is a straight line."""
+    """Poses of the panorama's rig along the drive. Without sway, weave, bounce and tilt it follows the line or path."""
     rng = np.random.default_rng([seed, 3])
-    start, end = np.array(cart.start), np.array(cart.end)
-    share = _progress(cart, rng)
-    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
-    heading = np.array([along[0], 0.0, along[1]])
-    path = start + share[:, None] * (end - start)
-    side = world_from_level(heading)[:, 0]
-    sway, yaw, bounce, pitch, roll = (_wander(cart.frames, share, rng) for _ in range(5))
-    origins = np.stack([path[:, 0], cart.height + cart.bounce * bounce, path[:, 1]], axis=1)
-    origins += cart.sway * sway[:, None] * side
-    level, mount = world_from_level(heading), rig_from_view(cart.yaw, cart.pitch, cart.roll)
+    path = course(cart, rng)
+    sway, yaw, bounce, pitch, roll = (_wander(path.share, rng) for _ in range(5))
+    origins = np.stack([path.ground[:, 0], cart.height + cart.bounce * bounce, path.ground[:, 1]], axis=1)
+    levels = [world_from_level(np.array([x, 0.0, z])) for x, z in path.facing]
+    origins += cart.sway * sway[:, None] * np.stack([level[:, 0] for level in levels])
+    mount = rig_from_view(cart.yaw, cart.pitch, cart.roll)
     angles = np.stack([cart.weave * yaw, cart.tilt * pitch, cart.tilt * roll], axis=1)
-    turns = np.stack([level @ rig_from_view(float(a), float(b), float(c)) @ mount for a, b, c in angles])
-    return Drive(np.arange(cart.frames) / cart.fps, origins, turns)
+    turns = [rig_from_view(float(a), float(b), float(c)) @ mount for a, b, c in angles]
+    return Drive(path.stamps_s, origins, np.stack([level @ turn for level, turn in zip(levels, turns, strict=True)]))
 
 
-def _progress(cart: Cart, rng: np.random.Generator) -> Floats:
-    time = np.linspace(0, 1, cart.frames)
-    waves = rng.uniform(1, 3, 2)
-    phases = rng.uniform(0, 2 * np.pi, 2)
-    speed = 1 + cart.speed_variation * np.sin(2 * np.pi * waves[:, None] * time + phases[:, None]).mean(0)
-    steps = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)])
-    share: Floats = steps / max(steps[-1], 1e-9)
-    return share
-
-
-def _wander(frames: int, share: Floats, rng: np.random.Generator) -> Floats:
+def _wander(share: Floats, rng: np.random.Generator) -> Floats:
     waves = rng.uniform([0.8, 2.0, 4.0], [1.6, 4.0, 9.0])
     phases = rng.uniform(0, 2 * np.pi, 3)
     weights = np.array([0.6, 0.3, 0.1])
     wave: Floats = (weights[:, None] * np.sin(2 * np.pi * waves[:, None] * share + phases[:, None])).sum(0)
-    return wave if frames > 1 else np.zeros(1)
+    return wave if len(share) > 1 else np.zeros(1)

@@ -48,10 +48,11 @@ def frames(scene: Renderer, path: Drive, workers: int) -> Iterator[Image]:
 
 
 def encode(images: Iterable[Image], cart: Cart, path: Path) -> None:
-    """Writes an H.264 video of panoramas of the cart's size and rate."""
+    """Writes an H.264 video of panoramas of the cart's size and rate; along a path with a key frame a second, as cameras do."""
+    options = _QUALITY if cart.path is None else {**_QUALITY, "g": str(max(1, round(cart.fps)))}
     with av.open(str(path), "w") as container:
         rate = Fraction(cart.fps).limit_denominator(1001)
-        stream = container.add_stream("libx264", rate=rate, options=_QUALITY)
+        stream = container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height = cart.width, cart.width // 2
         stream.pix_fmt = "yuv420p"
         for image in images:

@@ -6,8 +6,9 @@ A scene is a YAML file, checked strictly: an unknown key is an error. Keys of a 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 import yaml
@@ -76,15 +77,38 @@ class Look(Strict):
     texel: float = Field(default=0.25, gt=0.02)
 
 
+class CartPath(Strict):
+    """A drive through several aisles: past `points` (x, z), whose corners are rounded with `radius`.
+
+    Speeds are m/s, `acceleration` m/s^2; `stops` are (metres along the path, seconds). Where the path turns back on itself
+    the cart stops and goes on in reverse, without turning, until it does so again.
+    """
+
+    points: Annotated[tuple[tuple[float, float], ...], Field(min_length=2)]
+    radius: float = Field(default=1.4, gt=0)
+    speed: float = Field(default=1.0, gt=0, le=20)
+    turn_speed: float = Field(default=0.6, gt=0, le=20)
+    acceleration: float = Field(default=0.6, gt=0)
+    stops: tuple[tuple[float, float], ...] = ()
+
+    @field_validator("points")
+    @classmethod
+    def _apart(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if any(np.hypot(b[0] - a[0], b[1] - a[1]) < 0.1 for a, b in pairwise(points)):
+            raise ValueError("points of a path that follow one another are at least 0.1 m apart")
+        return points
+
+
 class Cart(Strict):
     """The camera's drive: from `start` to `end` (x, z), with sway (sideways, m), weave (yaw), bounce (m) and tilt.
 
-    `speed_variation` 0..0.9 is the share by which the speed changes along the way. `yaw`, `pitch`, `roll` say how the
+    `path` instead of them is a drive through several aisles: `frames` then follows from it. `speed_variation` 0..0.9 is the share by which the speed changes along the way. `yaw`, `pitch`, `roll` say how the
     camera is mounted: at zero its panorama's centre looks along the drive.
     """
 
     start: tuple[float, float] = (-0.5, 1.3)
     end: tuple[float, float] = (14.5, 1.3)
+    path: CartPath | None = None
     height: float = Field(default=3.0, gt=0)
     sway: float = Field(default=0.05, ge=0)
     weave: float = Field(default=2.0, ge=0)

@@ -2,7 +2,7 @@
 
 The folder gets footage.mp4, survey.json (a survey file), references.json (what a user would know without mapping),
 site.yaml (a site file with these references),
-poses.json (the rig's path), scene.yaml (the scene as resolved) and masks/VIEW/FRAME.png for the views asked for.
+poses.json (the rig's path), passes.json (where the cart's drive is a path), scene.yaml (the scene as resolved) and masks/VIEW/FRAME.png for the views asked for.
 """
 
 import json
@@ -22,6 +22,7 @@ from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.footage import encode, frames
 from savmap.sim.panorama import view_classes
+from savmap.sim.passes import passes_file, true_passes
 from savmap.sim.scene import Scene, SceneMaker
 from savmap.sim.shade import Renderer, renderer
 from savmap.sim.site import site_of
@@ -65,9 +66,12 @@ def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpe
     known = references(built, path)
     _dump(folder / "references.json", known)
     _dump(folder / "poses.json", poses(built, path))
+    passes = true_passes(built, path) if built.scene.cart.path else []
+    if built.scene.cart.path:
+        _dump(folder / "passes.json", passes_file(passes))
     resolved = yaml.safe_dump(built.scene.model_dump(mode="json"), sort_keys=False)
     (folder / "scene.yaml").write_text(resolved, encoding="utf-8")
-    site = yaml.safe_dump(site_of(built.scene, known), sort_keys=False)
+    site = yaml.safe_dump(site_of(built.scene, known, passes), sort_keys=False)
     (folder / "site.yaml").write_text(site, encoding="utf-8")
     monitor.note(f"lighting {len(built.boxes)} boxes")
     scene = renderer(built)

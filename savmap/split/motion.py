@@ -1,0 +1,111 @@
+"""What two panoramas a moment apart tell: how fast the rig turns and which way it goes, and how near things pass on either hand.
+
+Apparent motion of a strip around the horizon (dense inverse search: Kroeger et al. 2016; OpenCV's), as one rate for each
+bearing. Turning shifts all bearings alike; going along shifts the two sides apart, in front, and together again, behind: by
+speed over distance at right angles to the way, less ahead and behind. Points above one another on an upright face move alike.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry.sphere import Floats
+from savmap.split.glances import Glance
+
+BEARINGS = 120
+LOW_DEG, HIGH_DEG = -20.0, 35.0
+_PAD = 64
+_WAYS = 72
+_REFITS = 8
+_LEAST_RESIDUAL = 0.5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """At `stamp_s`: `turn` of the rig to the right, deg/s; `way`, the bearing it goes in, degrees to the right of the
+    panorama's centre; `sides`, apparent speed at right angles to the way, left and right, deg/s; `misfit` of these three,
+    deg/s; `rates` (BEARINGS,), apparent motion to the right, deg/s; `texture` (BEARINGS,), how much there is to see, 0 for
+    a bare wall."""
+
+    stamp_s: float
+    turn: float
+    way: float
+    sides: tuple[float, float]
+    misfit: float
+    rates: Floats
+    texture: Floats
+
+
+def motion_of(glance: Glance) -> Motion:
+    """The motion between a glance's two pictures."""
+    rates, texture = _strip(glance)
+    turn, way, sides, misfit = _fit(rates)
+    return Motion(glance.stamp_s + glance.gap_s / 2, turn, way, sides, misfit, rates, texture)
+
+
+def refitted(rates: Floats, way: float) -> tuple[float, float, float]:
+    """Turn, and motion of the left and right side, deg/s, of rates (BEARINGS,) where the way is known."""
+    turn, left, right = _corridors(rates, np.array([way]))[0][0].tolist()
+    return turn, left, right
+
+
+def wrapped(degrees: Floats) -> Floats:
+    """Angles between -180 and 180 degrees."""
+    turned: Floats = (degrees + 180) % 360 - 180
+    return turned
+
+
+def bearings() -> Floats:
+    """Degrees to the right of the panorama's centre (BEARINGS,) for which rates are given."""
+    return (np.arange(BEARINGS) + 0.5) * 360 / BEARINGS - 180
+
+
+def _strip(glance: Glance) -> tuple[Floats, Floats]:
+    """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture (BEARINGS,)."""
+    height, width = glance.first.shape
+    rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
+    first, second = (
+        cv2.copyMakeBorder(one[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for one in (glance.first, glance.second)
+    )
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(first, second, np.empty(0))
+    across = flow[:, _PAD : _PAD + width, 0]
+    upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, _PAD : _PAD + width]) / 8 for x in (1, 0))
+    columns = np.arange(width) * BEARINGS // width
+    medians = [
+        _weighted_median(across[:, columns == one], upright[:, columns == one] + 0.01) for one in range(BEARINGS)
+    ]
+    energy = np.bincount(columns, (upright + level).mean(axis=0)) / np.bincount(columns)
+    return np.array(medians) * 360 / width / glance.gap_s, energy / (float(first.mean()) + 10.0)
+
+
+def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
+    order = np.argsort(values, axis=None)
+    total = np.cumsum(weights.ravel()[order])
+    return float(values.ravel()[order[np.searchsorted(total, total[-1] / 2)]])
+
+
+def _fit(rates: Floats) -> tuple[float, float, tuple[float, float], float]:
+    """Turn, way, sides and mean misfit of the corridor's motion that fits rates (BEARINGS,) best in the mean absolute."""
+    ways = np.arange(_WAYS) * 360 / _WAYS - 180
+    found, misfits = _corridors(rates, ways)
+    misfits = np.where(found[:, 1] + found[:, 2] >= 0, misfits, np.inf)
+    best = int(np.argmin(misfits))
+    turn, left, right = found[best].tolist()
+    return turn, float(ways[best]), (left, right), float(misfits[best])
+
+
+def _corridors(rates: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    """For each way: turn, motion of the left and of the right side (n, 3), and mean misfit (n,); by reweighting."""
+    aside = np.sin(np.radians(bearings() - ways[:, None]))
+    model = np.stack([-np.ones_like(aside), -(np.minimum(aside, 0) ** 2), np.maximum(aside, 0) ** 2], axis=2)
+    weights = np.ones_like(aside)
+    for _ in range(_REFITS):
+        weighted = model * weights[..., None]
+        normal = np.swapaxes(weighted, 1, 2) @ model + 1e-9 * np.eye(3)
+        found = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2) @ rates[:, None])
+        residuals = np.abs(rates - (model @ found)[..., 0])
+        weights = 1 / np.maximum(residuals, _LEAST_RESIDUAL)
+    return found[..., 0], residuals.mean(axis=1)

@@ -1,0 +1,95 @@
+"""Passes as rows of a site file, for a person to confirm: a new file, or rows added to one that is there."""
+
+import json
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from savmap.errors import SiteError
+from savmap.io.files import read_text, write_text
+from savmap.io.sitefile import load_site
+from savmap.split.records import PassFound
+from savmap.split.sheet import clock
+
+_STEM = "pass"
+_HEAD = """\
+# Passes that `savmap split` found in {video}. Look through them, with the contact sheet beside you:
+# - strike out rows that are no rows, and name the others as you like;
+# - times are seconds in the video: check them where the confidence is below 0.5;
+# - a face seen in several passes is one row: put its passes under one name;
+# - add what is known (references, plugins, survey), see docs/site-file.md, then run `savmap map`.
+format: savmap-site
+version: 1
+"""
+
+
+def check_new(path: Path) -> None:
+    """Raises SiteError where there is a file already."""
+    if path.exists():
+        raise SiteError(f"{path}: is there already; add the rows to it with --into, or give another name with -o")
+
+
+def new_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
+    """Write a site file with a row for each side of each pass. Raises SiteError where there is a file already."""
+    check_new(path)
+    write_text(path, _HEAD.format(video=video.name) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  "))
+
+
+def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
+    """Add the rows to the end of a site file's `rows`, and leave every other byte as it is.
+
+    Raises SiteError where the file is not a site file, or has its rows within braces.
+    """
+    load_site(path)
+    text = read_text(path)
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    rows = next(value for key, value in pairs if key.value == "rows")
+    if not isinstance(rows, yaml.MappingNode) or rows.flow_style:
+        raise SiteError(
+            f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line"
+        )
+    names = [str(key.value) for key, _ in rows.value]
+    taken = [int(found[1]) for name in names if (found := re.match(rf"{_STEM}-(\d+)-", name))]
+    indent = " " * rows.value[0][0].start_mark.column
+    at = _after(text, rows.value[-1][1])
+    before = text[:at] if text[:at].endswith("\n") else text[:at] + "\n"
+    added = _rows(passes, _relative(video, path), max(taken, default=0) + 1, indent)
+    write_text(path, f"{before}{indent}# found by `savmap split` in {video.name}: to be confirmed\n{added}{text[at:]}")
+
+
+def _after(text: str, node: yaml.Node) -> int:
+    """The index in the text of the line after the last one that a node stands on."""
+    while isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
+        last = node.value[-1]
+        node = last[1] if isinstance(last, tuple) else last
+    end = text.find("\n", max(node.end_mark.index - 1, node.start_mark.index))
+    return len(text) if end < 0 else end + 1
+
+
+def _rows(passes: Sequence[PassFound], video: str, first: int, indent: str) -> str:
+    lines = []
+    for number, one in enumerate(passes, start=first):
+        span = f"{clock(one.start_s)} to {clock(one.end_s)}"
+        lines.append(f"# pass {number}: {span}, heading {one.heading_deg:+.0f} degrees against the first pass, confidence {one.confidence:.2f}")  # fmt: skip
+        for side in one.sides:
+            lines += [
+                f"{_STEM}-{number}-{side}:",
+                "  passes:",
+                f"    - video: {json.dumps(video, ensure_ascii=False)}",
+                f"      start_s: {one.start_s:.2f}",
+                f"      end_s: {one.end_s:.2f}",
+                f"      side: {side}",
+            ]
+    return "".join(f"{indent}{line}\n" for line in lines)
+
+
+def _relative(video: Path, site: Path) -> str:
+    """The video's path from the site file's folder."""
+    try:
+        return Path(os.path.relpath(video.resolve(), site.resolve().parent)).as_posix()
+    except ValueError:
+        return video.resolve().as_posix()
