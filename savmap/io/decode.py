@@ -8,14 +8,14 @@ from pathlib import Path
 
 import av
 import av.error
-import numpy as np
 from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
-from savmap.io.clip import DecodeReport, Image, Source, VideoInfo, check_shape
+from savmap.io.clip import DecodeReport, Picture, Source, VideoInfo, check_shape
+from savmap.io.planes import picture_of
 
 NOT_VIDEO = {"tty", "image2", "gif", "apng", "ico", "lrc", "srt", "ass", "webvtt"}
 INSTANT_S = 1e-6
@@ -94,16 +94,16 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             if stamp >= start_s - INSTANT_S and _is_good(frame, info):
                 report.decoded += 1
                 good.add(stamp)
-                yield stamp, _converter(frame, reformatter)
+                yield stamp, _reader(frame, reformatter)
         report.skipped = already + len({s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good)
 
 
-def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image]]:
+def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Picture]]:
     """The first good frame at or after each time (ascending); nothing for those that cannot be decoded.
 
     Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice.
     """
-    found: list[tuple[float, Image]] = []
+    found: list[tuple[float, Picture]] = []
     with opened(info.path) as (container, stream):
         _configure(stream, info)
         reformatter = VideoReformatter()
@@ -117,7 +117,7 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
                 if stamp >= wanted - INSTANT_S and _is_good(frame, info):
-                    found.append((stamp, _converter(frame, reformatter)()))
+                    found.append((stamp, picture_of(frame, reformatter)))
                     break
     return found
 
@@ -163,8 +163,5 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
                 yield frame
 
 
-def _converter(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Image]:
-    def convert() -> Image:
-        return np.asarray(reformatter.reformat(frame, format="rgb24").to_ndarray(), np.uint8)
-
-    return convert
+def _reader(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Picture]:
+    return lambda: picture_of(frame, reformatter)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from savmap.errors import VideoError
-from savmap.io.clip import DecodeReport, Image, Source, VideoInfo, check_shape
+from savmap.io.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
@@ -48,9 +48,9 @@ def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             yield stamp, _reader(path, info, report)
 
 
-def read_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image]]:
+def read_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Picture]]:
     """The first good picture at or after each time (ascending)."""
-    found: list[tuple[float, Image]] = []
+    found: list[tuple[float, Picture]] = []
     for wanted in stamps_s:
         frames = read_folder(info, wanted, np.inf, DecodeReport())
         found.extend(next(([(stamp, image)] for stamp, read in frames if (image := read()) is not None), []))

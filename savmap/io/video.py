@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from savmap.errors import VideoError
-from savmap.io.clip import Clip, DecodeReport, Image, Source, VideoInfo, time_range
+from savmap.io.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
 from savmap.io.decode import decode_at, decode_file, probe_file
 from savmap.io.images import probe_folder, read_at, read_folder
-from savmap.types import Panorama
+from savmap.types import Panorama, Planes, panorama_of
 
 __all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "probe", "scout_frames"]
 
@@ -50,7 +50,7 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     last = start
     for stamp, image in _sampled(_source(info, start, end, report), clip.fps, report):
         last = stamp
-        yield Panorama(first_frame + report.used - 1, stamp, image)
+        yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
     missing = min(end, info.duration_s) - last
@@ -62,7 +62,7 @@ def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport)
     return read(info, start_s, end_s, report)
 
 
-def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Image]]:
+def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Picture]]:
     """The first good frame of each tick of 1/fps counted from the first; stamps may jitter by a fifth of a tick."""
     origin: float | None = None
     last_tick = -1
@@ -91,8 +91,8 @@ def scout_frames(
     wanted = sorted([*times, *(times[i] + step for i in second)])
     read = read_at if info.codec == "images" else decode_at
     found = [
-        Panorama(round((stamp - start) * clip.fps), stamp, _shrunk(image, max_height))
-        for stamp, image in read(info, wanted)
+        panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+        for stamp, picture in read(info, wanted)
     ]
     if not found:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
@@ -101,7 +101,16 @@ def scout_frames(
     return tuple(panorama for panorama in found if id(panorama) not in followers), close
 
 
-def _shrunk(image: Image, max_height: int) -> Image:
-    if image.shape[0] <= max_height:
+def _shrunk(picture: Picture, max_height: int) -> Picture:
+    if isinstance(picture, Planes):
+        luma = _lower(picture.luma, max_height)
+        blue, red = (_lower(plane, max_height // 2) for plane in (picture.blue, picture.red))
+        return Planes(luma, blue, red, picture.rgb_from_yuv)
+    return _lower(picture, max_height)
+
+
+def _lower(image: Image, height: int) -> Image:
+    """A picture at most so high, by averaging."""
+    if image.shape[0] <= height:
         return image
-    return np.asarray(cv2.resize(image, (2 * max_height, max_height), interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(cv2.resize(image, (2 * height, height), interpolation=cv2.INTER_AREA), np.uint8)

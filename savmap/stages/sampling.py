@@ -1,6 +1,7 @@
 """Which panorama pixels a rectilinear view samples: fixed-point tables for `cv2.remap`, at several levels of detail."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 OUTSIDE = -16.0
 LAST_ROW = 1 + 1 / 16
+FRACTIONS = 32
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,11 @@ class Region:
     left: int
     width: int
 
+    @property
+    def halved(self) -> "Region":
+        """The same part of a panorama of half the resolution."""
+        return Region(self.top // 2, self.bottom // 2, self.left // 2, self.width // 2)
+
 
 @dataclass(frozen=True)
 class Level:
@@ -33,6 +40,13 @@ class Level:
     region: Region | None
     cells: NDArray[np.int16]
     fractions: NDArray[np.uint16]
+
+    @cached_property
+    def half_as_fine(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+        """Tables that find in a panorama of half the resolution what these find in it with every pixel doubled each way."""
+        odd = (self.cells & 1).astype(np.uint16)
+        across, down = self.fractions % FRACTIONS, self.fractions // FRACTIONS
+        return self.cells >> 1, across * odd[..., 0] + FRACTIONS * down * odd[..., 1]
 
 
 def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
@@ -110,7 +124,8 @@ def shrunk(image: Image, region: Region, halvings: int) -> Image:
     pieces, left, rest = [], region.left, region.width
     while rest > 0:
         columns = min(rest, image.shape[1] - left)
-        pieces.append(_halved(image[region.top : region.bottom, left : left + columns]))
+        piece = image[region.top : region.bottom, left : left + columns]
+        pieces.append(_halved(piece) if halvings else piece)
         left, rest = 0, rest - columns
     part = pieces[0] if len(pieces) == 1 else np.hstack(pieces)
     for _ in range(halvings - 1):
