@@ -31,10 +31,10 @@ from savmap.job import job_for, rooms_for
 from savmap.monitor import Quiet
 from savmap.observe import Observations, clip_of, observe
 from savmap.rooms import Room
-from savmap.run import row_of
 from savmap.stages.flow import FlowWatch
 from savmap.stages.render import Renderer
 from savmap.types import Flow, Trajectory
+from savmap.work import row_of
 
 ROOT = Path(__file__).parent.parent
 COLUMNS = ("mae_cm", "V element", "V gap", "V edge", "camera_mm", "step_x_mm", "wrong", "left_out")

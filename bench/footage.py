@@ -29,10 +29,10 @@ from savmap.io.survey import read_survey
 from savmap.job import job_for
 from savmap.observe import Observations, observe
 from savmap.rooms import open_room
-from savmap.run import row_of
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.types import Track
+from savmap.work import row_of
 from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published
 from savmap_shelves.describe import describe

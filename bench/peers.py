@@ -22,11 +22,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap import run
+from savmap import run, work
 from savmap.io.files import write_text
 from savmap.io.video import Clip, panoramas
 from savmap.job import job_for, prepare
 from savmap.monitor import Quiet
+from savmap.runlog import RunLog
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site import Pass
@@ -56,9 +57,9 @@ def ours(site: Path, output: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
     prepare(output)
     name = next(iter(job.site.rows))
     since = now()
-    row = run.map_one(job, name, Quiet())
+    row = work.map_one(job, name, Quiet())
     seconds, processor = elapsed(since)
-    list(run.write_results(job, SiteMap({name: row}, {})))
+    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={})))
     figures: dict[str, Any] = {"seconds": seconds, "processor_s": processor, "frames": len(row.trajectory.frames)}
     if job.site.survey is not None:
         scores = json.loads(run.scores_json(run.evaluate_files(output / "map.json", job.site.survey)))

@@ -32,13 +32,24 @@ def map_(
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Rows mapped at a time, each in a process of its own (0: in this one; default: as fits)."
+        ),
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
+    ] = False,
 ) -> None:
-    """Map a site (default: site.yaml of this folder) or one video."""
+    """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
+    not done again."""
     from savmap import run
     from savmap.job import job_for
+    from savmap.mapping import Way
 
     job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
-    for line in run.preview(job) if preview else run.run(job):
+    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh)):
         typer.echo(line)
 
 

@@ -1,11 +1,12 @@
 """A row's map, from its passes of video: the whole method as one paragraph."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from savmap.errors import StructureError
+from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import (
     Calibration,
     Constraints,
@@ -29,6 +30,7 @@ from savmap.site import Footage, Pass
 from savmap.stages.attitude import attitudes
 from savmap.types import Floats, Flow, RowMap, Structure, Track, Trajectory
 
+Result = TypeVar("Result")
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
@@ -83,22 +85,36 @@ class Posed:
         return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
 
 
-def map_rows(rows: Sequence[tuple[Row, Sequence[Room]]], monitor: Monitor) -> list[RowMap]:
-    """Maps of rows, solved together where they are seen in the same frames. Raises SavmapError's kinds with what is wrong and
-    what to do."""
-    posed = [pose(row, rooms, monitor) for row, rooms in rows]
-    everywhere = {room.name for _, rooms in rows for room in rooms}.difference(*(one.seen.found_face for one in posed))
+def look(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Observations:
+    """What is seen of a row: the only walk over its pixels. Raises SavmapError's kinds with what is wrong and what to do."""
+    markers = row.references.markers if row.path is None else ()
+    wanted = [(marker.dictionary, marker.number) for marker in markers]
+    return observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
+
+
+def map_rows(rows: Sequence[tuple[Row, Sequence[Room], Observations]], monitor: Monitor) -> list[RowMap | SavmapError]:
+    """Maps of rows from what was seen of them, solved together where they are seen in the same frames. A row that cannot be mapped
+    comes back as its error, and the others are mapped without it."""
+    tried = [attempt(pose, row, rooms, seen, monitor) for row, rooms, seen in rows]
+    posed = [one for one in tried if isinstance(one, Posed)]
+    everywhere = {room.name for one in posed for room in one.rooms}.difference(*(one.seen.found_face for one in posed))
     if len(posed) > 1:
         monitor.note(f"rows {' and '.join(one.row.name for one in posed)} share a pass: solving them together")
-    solutions = solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere)
-    return [finished(one, solution, monitor) for one, solution in zip(posed, solutions, strict=True)]
+    solutions = iter(solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere))
+    return [one if isinstance(one, SavmapError) else attempt(finished, one, next(solutions), monitor) for one in tried]
 
 
-def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
-    """From a row's video to its factor graph."""
+def attempt(step: Callable[..., Result], *arguments: object) -> Result | SavmapError:
+    """What a step gives, or the expected error that it ends with."""
+    try:
+        return step(*arguments)
+    except SavmapError as error:
+        return error
+
+
+def pose(row: Row, rooms: Sequence[Room], seen: Observations, monitor: Monitor) -> Posed:
+    """From what was seen of a row to its factor graph."""
     references = row.references if row.path is None else References()
-    wanted = [(marker.dictionary, marker.number) for marker in references.markers]
-    seen = observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
     start = first_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
     followed = follow(row, face_first(rooms, seen), seen, start, frames)
@@ -109,8 +125,10 @@ def pose(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Posed:
     return Posed(row, rooms, seen, followed, problem)
 
 
-def finished(one: Posed, solution: Solution, monitor: Monitor) -> RowMap:
-    """The map of a solved row."""
+def finished(one: Posed, solution: Solution | SolveError, monitor: Monitor) -> RowMap:
+    """The map of a solved row. Raises its error where it could not be solved."""
+    if isinstance(solution, SolveError):
+        raise solution
     for warning in solution.warnings:
         monitor.note(f"row {one.row.name}: {warning}")
     structures = described(one.rooms, one.seen, one.followed, solution)

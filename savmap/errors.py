@@ -47,3 +47,9 @@ class OutputError(SavmapError):
     """A result cannot be written, or a file to be read is not what it should be."""
 
     exit_code = 9
+
+
+class RowsFailedError(SavmapError):
+    """Some rows of a site could not be mapped; the others were."""
+
+    exit_code = 10

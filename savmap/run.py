@@ -6,80 +6,45 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from savmap.errors import SiteError
+from savmap.errors import RowsFailedError, SavmapError, SiteError
 from savmap.io.files import sha256, write_text
 from savmap.job import Job, job_for, prepare, require_ready, rooms_for
-from savmap.monitor import Monitor
+from savmap.mapping import Way, mapped_rows
 from savmap.rooms import Room, open_room
-from savmap.types import RowMap, SiteMap, Trajectory
+from savmap.runlog import RunLog, write_log
+from savmap.store import file_name, locked
+from savmap.types import RowMap, SiteMap
 
 if TYPE_CHECKING:
-    from savmap.engine import Row
     from savmap.evaluation import Evaluation
     from savmap.report.drawing import Drawing
 
 
-def run(job: Job) -> Iterator[str]:
+def run(job: Job, way: Way | None = None) -> Iterator[str]:
     """Map all rows of a job into its folder; yields lines for the user.
 
-    Everything that is given is checked first. Files are written whole, after everything is solved: map.json, site.yaml as it was resolved, pictures of each row.
+    Everything that is given is checked first. What is worked out of each row is kept in the folder as soon as it is there; the other
+    files are written whole, after everything is solved: map.json, run.json, site.resolved.json, pictures of each row. Raises RowsFailedError after that where
+    some rows could not be mapped, and the first row's error where none could.
     """
     from savmap.console import Console
 
     require_ready(job)
     prepare(job.output)
-    with Console(job.output / "savmap.log") as console:
-        rows = {name: row for names in drives(job) for name, row in map_drive(job, names, console).items()}
-        site_map = SiteMap({name: rows[name] for name in job.site.rows}, made_by(job))
-        yield from write_results(job, site_map)
+    with locked(job.output), Console(job.output / "savmap.log") as console:
+        mapped = mapped_rows(job, way or Way(), console)
+        site_map = SiteMap(mapped.rows, made_by(job), {name: str(error) for name, error in mapped.failed.items()})
+        yield from write_results(job, site_map, mapped.log)
         yield from scored(job)
+        if mapped.failed:
+            raise RowsFailedError(_failures(job, mapped.failed))
 
 
-def drives(job: Job) -> Sequence[Sequence[str]]:
-    """Rows by name in groups that are mapped together; each alone where its camera path is known."""
-    return job.site.drives() if job.earlier is None else [[name] for name in job.site.rows]
-
-
-def map_drive(job: Job, names: Sequence[str], monitor: Monitor) -> dict[str, RowMap]:
-    """Maps by name of rows that share passes."""
-    from savmap.engine import map_rows
-
-    maps = map_rows([(row_of(job, name), rooms_for(job, name)) for name in names], monitor)
-    return dict(zip(names, maps, strict=True))
-
-
-def row_of(job: Job, name: str) -> "Row":
-    """What the job says of one of its rows."""
-    from savmap.engine import Row
-    from savmap.references import calibration_of, references_of
-
-    known = job.site.row_references(name)
-    return Row(
-        name,
-        job.site.rows[name].passes,
-        references_of(known),
-        known.travel_m,
-        earlier_path(job, name),
-        calibration_of(job.site.calibration),
-        job.site.appearance,
+def _failures(job: Job, failed: Mapping[str, SavmapError]) -> str:
+    names = ", ".join(failed)
+    return (
+        f"{len(failed)} of {len(job.site.rows)} rows could not be mapped: {names}; {job.output / 'map.json'} says why"
     )
-
-
-def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
-    """The map of one of the job's rows, by itself."""
-    return map_drive(job, [name], monitor)[name]
-
-
-def earlier_path(job: Job, name: str) -> Trajectory | None:
-    """The camera's path in a row of an earlier map, if the job has one."""
-    from savmap.io.mapfile import read_map
-
-    if job.earlier is None:
-        return None
-    rows = read_map(job.earlier).rows
-    if name not in rows:
-        raise SiteError(f"{job.earlier}: has no row `{name}` whose camera path could be used; it has {', '.join(rows)}")
-    return rows[name].trajectory
 
 
 def made_by(job: Job) -> dict[str, str]:
@@ -89,17 +54,18 @@ def made_by(job: Job) -> dict[str, str]:
     return {**{name: version(name) for name in ("savmap", "gtsam", "onnxruntime")}, **models}
 
 
-def write_results(job: Job, site_map: SiteMap) -> Iterator[str]:
-    """Write the map, the resolved site, and each row's two pictures; yields a line for each file."""
+def write_results(job: Job, site_map: SiteMap, log: RunLog) -> Iterator[str]:
+    """Write the map, what was done for it, the resolved site, and each row's two pictures; yields a line for each file."""
     from savmap.io.mapfile import write_map
     from savmap.report.plots import write_face_view, write_plan_view
 
     write_map(site_map, job.output / "map.json")
+    write_log(log, job.output / "run.json")
     write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_defaults=True) + "\n")
     yield f"wrote {job.output / 'map.json'}"
     survey = survey_rows(job)
     for name, row in site_map.rows.items():
-        face, plan = job.output / f"face-{name}.png", job.output / f"plan-{name}.png"
+        face, plan = (job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan"))
         drawings = drawings_of(rooms_for(job, name), row, survey.get(name))
         write_face_view(drawings, row, face)
         write_plan_view(drawings, row, plan)

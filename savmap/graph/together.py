@@ -5,8 +5,9 @@ coordinates with what was kept, and the poses of shared frames are tied (see `ti
 one. Where rows contradict one another so, each keeps its own solution.
 """
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import gtsam
 import numpy as np
@@ -29,17 +30,27 @@ from savmap.types import Floats, Ints
 OFF_SIGMA = 5.0
 WORSE = 1.5
 Moments = Sequence[Sequence[Hashable]]
+Result = TypeVar("Result")
 
 
 def solve_rows(
     problems: Sequence[Problem], moments: Moments, everywhere: Collection[str] = (), options: SolveOptions | None = None
-) -> list[Solution]:
+) -> list[Solution | SolveError]:
     """Solutions of rows, together where they share frames: moments[r][f] tells which picture frame f of row r is.
 
-    `everywhere`: rooms whose things, as markers, are seen from all rows, and that several rows therefore tell of. Raises SolveError as
-    `solve` does of a row by itself; where only together the rows make no sense, they are solved apart and say so.
+    `everywhere`: rooms whose things, as markers, are seen from all rows, and that several rows therefore tell of. A row that
+    cannot be solved by itself comes back as its error, and the others are solved without it; rows that make no sense
+    together are solved apart and say so.
     """
-    states = [settled(problem, options) for problem in problems]
+    found: list[State | SolveError] = [_attempt(settled, problem, options) for problem in problems]
+    states = {row: own for row, own in enumerate(found) if isinstance(own, State)}
+    solutions = iter(_solutions(list(states.values()), [moments[row] for row in states], everywhere))
+    return [own if isinstance(own, SolveError) else next(solutions) for own in found]
+
+
+def _solutions(
+    states: Sequence[State], moments: Moments, everywhere: Collection[str]
+) -> Sequence[Solution | SolveError]:
     ties = ties_of([state.problem.used for state in states], moments)
     apart: tuple[str, ...] = ()
     if ties:
@@ -47,7 +58,15 @@ def solve_rows(
             return Together(states, ties, moments, {*everywhere, MARKERS}).solutions()
         except SolveError as error:
             apart = (f"mapped without the other rows of this drive, for together they make no sense: {error}",)
-    return [concluded(replace(state, notes=(*state.notes, *apart))) for state in states]
+    notes = [replace(state, notes=(*state.notes, *apart)) for state in states]
+    return [_attempt(concluded, state) for state in notes]
+
+
+def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:
+    try:
+        return solve(*arguments)
+    except SolveError as error:
+        return error
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,20 @@ def write_map(site: SiteMap, path: Path) -> None:
 
 def read_map(path: Path) -> SiteMap:
     """The map in a map.json. Raises OutputError with one line: file, place, problem."""
-    content = read_json(path)
+    return _site_map(read_json(path), str(path))
+
+
+def map_of(text: str, where: str) -> SiteMap:
+    """The map in a text that was read at `where`. Raises OutputError as `read_map` does."""
+    return _site_map(json.loads(text), where)
+
+
+def _site_map(content: object, path: str) -> SiteMap:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise OutputError(f'{path}: is not a map (it has no "format": "{FORMAT}")')
     if content.get("version") != VERSION:
         raise OutputError(f"{path}: is a map of version {content.get('version')}; this program reads version {VERSION}")
-    entry = checked(MapFile, content, str(path))
+    entry = checked(MapFile, content, path)
     try:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
     except ValueError as error:

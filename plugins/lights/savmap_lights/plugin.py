@@ -28,6 +28,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.onnx"
     Config = Settings
+    after_pixels = ("line",)
 
     def __init__(self, config: Settings) -> None:
         self.config = config

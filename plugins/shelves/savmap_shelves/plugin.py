@@ -48,6 +48,7 @@ class Shelves:
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.onnx"
     Config = Settings
+    after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 
     def __init__(self, config: Settings) -> None:
         self.config = config

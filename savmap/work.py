@@ -1,0 +1,150 @@
+"""What a worker does, in this process, in another one, or on another machine: from a job to bytes, without writing a file."""
+
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from savmap.errors import SavmapError, SiteError
+from savmap.job import Job, rooms_for
+from savmap.monitor import Monitor
+from savmap.types import RowMap, SiteMap, Trajectory
+
+if TYPE_CHECKING:
+    from savmap.engine import Row
+
+Item = TypeVar("Item")
+PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a row could not be mapped: the error, and, where it was not an expected one, its traceback."""
+
+    error: SavmapError
+    trace: str = ""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a piece of work gave: content by row, or why there is none; lines for the user, seconds on the clock, and the largest
+    memory of the worker so far, MB."""
+
+    content: Mapping[str, bytes | Failure]
+    notes: Sequence[str] = ()
+    seconds: float = 0.0
+    peak_mb: float = 0.0
+
+
+@dataclass
+class Notes:
+    """A Monitor that keeps its lines, for whoever gave the work."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        return iter(items)
+
+    def note(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:
+    """What is seen of one row, as stored bytes."""
+    from savmap.engine import look
+    from savmap.io.records import packed
+
+    return _done([name], lambda notes: {name: packed(look(row_of(job, name), rooms_for(job, name), notes))}, monitor)
+
+
+def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -> Done:
+    """Maps of rows that share passes, each as the text of a map file, from what was seen of them."""
+    from savmap.engine import map_rows
+    from savmap.io.mapfile import map_text
+    from savmap.io.records import unpacked
+    from savmap.observe import Observations
+
+    def mapped(notes: Monitor) -> dict[str, bytes | Failure]:
+        rows = [
+            (row_of(job, name), rooms_for(job, name), unpacked(content, Observations)) for name, content in seen.items()
+        ]
+        found = map_rows(rows, notes)
+        return {
+            name: map_text(SiteMap({name: own}, {})).encode() if isinstance(own, RowMap) else Failure(own)
+            for name, own in zip(seen, found, strict=True)
+        }
+
+    return _done(list(seen), mapped, monitor)
+
+
+def _done(
+    names: Sequence[str], work: Callable[[Monitor], Mapping[str, bytes | Failure]], monitor: Monitor | None
+) -> Done:
+    """Do it; an error is the failure of all rows named. Without a monitor (in another process) no error is let out at all.
+
+    Linear algebra runs in one thread: sums then do not depend on how many cores a machine has.
+    """
+    notes = Notes()
+    begin = time.monotonic()
+    content: Mapping[str, bytes | Failure]
+    try:
+        with threadpool_limits(1, "blas"):
+            content = work(monitor or notes)
+    except SavmapError as error:
+        content = {name: Failure(error) for name in names}
+    except Exception as error:
+        if monitor is not None:
+            raise
+        content = {name: _unexpected(error) for name in names}
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
+    return Done(content, tuple(notes.lines), time.monotonic() - begin, peak)
+
+
+def _unexpected(error: Exception) -> Failure:
+    text = f"unexpected {type(error).__name__}: {error}; please report it with savmap.log"
+    return Failure(SavmapError(text), traceback.format_exc())
+
+
+def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
+    """The map of one of the job's rows, by itself. Raises SavmapError's kinds."""
+    from savmap.engine import look, map_rows
+
+    row, rooms = row_of(job, name), rooms_for(job, name)
+    (found,) = map_rows([(row, rooms, look(row, rooms, monitor))], monitor)
+    if isinstance(found, SavmapError):
+        raise found
+    return found
+
+
+def row_of(job: Job, name: str) -> "Row":
+    """What the job says of one of its rows."""
+    from savmap.engine import Row
+    from savmap.references import calibration_of, references_of
+
+    known = job.site.row_references(name)
+    return Row(
+        name,
+        job.site.rows[name].passes,
+        references_of(known),
+        known.travel_m,
+        earlier_path(job, name),
+        calibration_of(job.site.calibration),
+        job.site.appearance,
+    )
+
+
+def earlier_path(job: Job, name: str) -> Trajectory | None:
+    """The camera's path in a row of an earlier map, if the job has one."""
+    from savmap.io.mapfile import read_map
+
+    if job.earlier is None:
+        return None
+    rows = read_map(job.earlier).rows
+    if name not in rows:
+        raise SiteError(f"{job.earlier}: has no row `{name}` whose camera path could be used; it has {', '.join(rows)}")
+    return rows[name].trajectory

@@ -1,0 +1,76 @@
+"""Records as bytes: the very same come back, and nothing else can."""
+
+import json
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from savmap.io.records import packed, unpacked
+from savmap.observe import Observations
+from savmap.stages.markers import Marks
+from savmap.types import Feature, FrameTable, RowFacts, ViewSpec
+
+
+def seen() -> Observations:
+    rng = np.random.default_rng(3)
+    features = [
+        Feature(k, "pass 1 / face", "upright", "left", k, rng.normal(size=(2, 2)), rng.normal(size=(2, 2, 2)), "y", 0.1)
+        for k in range(3)
+    ]
+    odd = Feature(0, "up", "lamp", "centre", 0, np.zeros((1, 2)), np.eye(2)[None], neighbours={"left": 2})
+    facts = RowFacts(
+        "A/1", FrameTable(np.array([0.1, 1 / 3]), ("pass 1",) * 2), {"up": ViewSpec("up", 0.5)}, {"pass 1": 1}
+    )
+    attitudes = {"pass 1": np.asfortranarray(rng.normal(size=(3, 3)))}
+    return Observations(
+        facts, {"racks": features, "lamps": [odd]}, attitudes, frozenset({"racks"}), ("a note",), Marks({}, {})
+    )
+
+
+def test_what_is_packed_comes_back_to_the_last_bit() -> None:
+    before = seen()
+    after = unpacked(packed(before), Observations)
+    assert after.facts.views == before.facts.views
+    assert (after.found_face, after.notes, after.facts.name) == (before.found_face, before.notes, "A/1")
+    np.testing.assert_array_equal(after.facts.frames.stamps_s, before.facts.frames.stamps_s)
+    np.testing.assert_array_equal(after.attitudes["pass 1"], before.attitudes["pass 1"])
+    for room, own in before.features.items():
+        for one, other in zip(own, after.features[room], strict=True):
+            np.testing.assert_array_equal(one.pixels, other.pixels)
+            np.testing.assert_array_equal(one.covariance, other.covariance)
+            assert (one.frame, one.axis, one.score, one.neighbours) == (
+                other.frame,
+                other.axis,
+                other.score,
+                other.neighbours,
+            )
+    assert packed(after) == packed(before)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
+def test_damaged_bytes_are_refused(damage: str) -> None:
+    whole = packed(seen())
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 64
+    contents = {"cut": whole[:-20], "flipped": bytes(flipped), "empty": b"", "other": packed(ViewSpec("up", 0.0))}
+    with pytest.raises(ValueError, match="not a stored Observations"):
+        unpacked(contents[damage], Observations)
+
+
+def test_bytes_make_nothing_but_records() -> None:
+    tree = json.dumps({"record": ["savmap.io.records", "packed", ["y"]]}).encode()
+    with pytest.raises(ValueError, match="not a record"):
+        unpacked(zlib.compress(len(tree).to_bytes(8, "little") + tree), Observations)
+
+
+def test_what_is_no_record_cannot_be_packed() -> None:
+    @dataclass
+    class Strange:
+        number: int
+
+    with pytest.raises(TypeError, match="Strange cannot be stored"):
+        packed({"a": Strange(1)})
+    with pytest.raises(TypeError, match="ndarray cannot be stored"):
+        packed(np.array([object()]))

@@ -1,0 +1,60 @@
+"""The store: what fits is taken, anything else is made again; one run at a time in a folder."""
+
+from pathlib import Path
+
+import pytest
+
+from savmap.errors import OutputError
+from savmap.store import Store, locked
+
+NAME = "B/2 ../ü"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    kept = Store(tmp_path)
+    kept.keep(NAME, "seen", "ab12", b"one\ntwo")
+    return kept
+
+
+def test_what_was_kept_comes_back_for_the_same_fingerprint_only(store: Store) -> None:
+    assert store.kept(NAME, "seen", "ab12") == b"one\ntwo"
+    assert store.kept(NAME, "seen", "ab13") is None
+    assert store.kept(NAME, "solved", "ab12") is None
+    assert store.kept("other", "seen", "ab12") is None
+    assert Store(store.folder, fresh=True).kept(NAME, "seen", "ab12") is None
+
+
+def test_rows_keep_to_the_folder_whatever_their_names(store: Store, tmp_path: Path) -> None:
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(files) == 1
+    assert files[0].parent.parent == tmp_path / "stages"
+
+
+@pytest.mark.parametrize("damage", [b"", b"one", b"one\ntwO", b"one\ntwo\n"])
+def test_a_damaged_file_is_made_again(store: Store, tmp_path: Path, damage: bytes) -> None:
+    file = next(path for path in tmp_path.rglob("seen"))
+    head = file.read_bytes().partition(b"\n")[0]
+    file.write_bytes(head + b"\n" + damage)
+    assert store.kept(NAME, "seen", "ab12") is None
+
+
+def test_one_run_at_a_time(tmp_path: Path) -> None:
+    with locked(tmp_path), pytest.raises(OutputError, match="another savmap"), locked(tmp_path):
+        pass
+    with locked(tmp_path):
+        pass
+
+
+def test_what_a_killed_run_left_is_swept_up(store: Store, tmp_path: Path) -> None:
+    row = next(tmp_path.glob("stages/*"))
+    left = [row / ".seen.1234.part", tmp_path / ".map.json.77.part"]
+    mine = tmp_path / ".notes.part"
+    for path in (*left, mine):
+        path.touch()
+    (tmp_path / ".savmap-abcd1234").mkdir()
+    with locked(tmp_path):
+        assert not any(path.exists() for path in left)
+        assert not (tmp_path / ".savmap-abcd1234").exists()
+        assert mine.exists()
+    assert store.kept(NAME, "seen", "ab12") is not None
