@@ -82,7 +82,7 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
     with opened(info.path) as (container, stream):
         _configure(stream, info)
         if start_s > 0:
-            _seek(container, stream, start_s)
+            _seek(container, stream, _pts(start_s - SEEK_MARGIN_S, stream))
         reformatter = VideoReformatter()
         expected: set[float] = set()
         good: set[float] = set()
@@ -101,7 +101,8 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
 def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Picture]]:
     """The first good frame at or after each time (ascending); nothing for those that cannot be decoded.
 
-    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice.
+    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice; times that `key_times`
+    gave cost nothing but the key frame.
     """
     found: list[tuple[float, Picture]] = []
     with opened(info.path) as (container, stream):
@@ -109,10 +110,13 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Pictu
         reformatter = VideoReformatter()
         frames = _frames(container, stream, set())
         entry = 0
+        keys = _keys(stream)
         for wanted in stamps_s:
-            ahead = stream.index_entries.search_timestamp(_pts(wanted - SEEK_MARGIN_S, stream))
+            target = _pts(wanted, stream)
+            target = target if target in keys else _pts(wanted - SEEK_MARGIN_S, stream)
+            ahead = stream.index_entries.search_timestamp(target)
             if ahead > entry:
-                _seek(container, stream, wanted)
+                _seek(container, stream, target)
                 frames, entry = _frames(container, stream, set()), ahead
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
@@ -122,17 +126,30 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Pictu
     return found
 
 
+def key_times(info: VideoInfo) -> list[float]:
+    """Times of a file's key frames, s, where its index tells them: of frames that are shown in another order than they are decoded
+    in (B frames) it does not."""
+    with opened(info.path) as (_, stream):
+        return [_seconds(key, stream) for key in sorted(_keys(stream))]
+
+
+def _keys(stream: VideoStream) -> set[int]:
+    if stream.codec_context.has_b_frames:
+        return set()
+    return {entry.timestamp for entry in stream.index_entries if entry.is_keyframe and not entry.is_discard}
+
+
 def _is_good(frame: VideoFrame, info: VideoInfo) -> bool:
     return not frame.is_corrupt and (frame.width, frame.height) == (info.width, info.height)
 
 
 def _pts(stamp_s: float, stream: VideoStream) -> int:
-    return int(stamp_s / (stream.time_base or Fraction(1))) + (stream.start_time or 0)
+    return round(stamp_s / (stream.time_base or Fraction(1))) + (stream.start_time or 0)
 
 
-def _seek(container: InputContainer, stream: VideoStream, stamp_s: float) -> None:
+def _seek(container: InputContainer, stream: VideoStream, target: int) -> None:
     """To the key frame before a time. Key frames are found by decoding time, which runs ahead of the time shown."""
-    container.seek(max(_pts(stamp_s - SEEK_MARGIN_S, stream), stream.start_time or 0), stream=stream, backward=True)
+    container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
 
 
 def _configure(stream: VideoStream, info: VideoInfo) -> None:

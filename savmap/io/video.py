@@ -10,9 +10,9 @@ import numpy as np
 
 from savmap.errors import VideoError
 from savmap.io.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
-from savmap.io.decode import decode_at, decode_file, probe_file
+from savmap.io.decode import decode_at, decode_file, key_times, probe_file
 from savmap.io.images import probe_folder, read_at, read_folder
-from savmap.types import Panorama, Planes, panorama_of
+from savmap.types import Floats, Panorama, Planes, panorama_of
 
 __all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "probe", "scout_frames"]
 
@@ -81,12 +81,16 @@ def scout_frames(
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.
 
-    Found by seeking; `frame` is their number by time alone. Pictures higher than `max_height` are shrunk.
+    Found by seeking, to the video's own key frames where these lie closer than the ones wanted; `frame` is their number by time
+    alone. Pictures higher than `max_height` are shrunk.
     """
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
     step = 1 / min(clip.fps, info.rate_fps or clip.fps)
-    times = start + (min(end, info.duration_s) - start) * (np.arange(keys) + 0.5) / keys
+    last = min(end, info.duration_s)
+    times = start + (last - start) * (np.arange(keys) + 0.5) / keys
+    if info.codec != "images":
+        times = _at_keys(times, [key for key in key_times(info) if start <= key < last], (last - start) / keys / 2)
     second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
     wanted = sorted([*times, *(times[i] + step for i in second)])
     read = read_at if info.codec == "images" else decode_at
@@ -99,6 +103,15 @@ def scout_frames(
     close = tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * step)
     followers = {id(b) for _, b in close}
     return tuple(panorama for panorama in found if id(panorama) not in followers), close
+
+
+def _at_keys(times: Floats, keys_s: list[float], within_s: float) -> Floats:
+    """Times (n,) moved to the nearest of the keys where that is so close."""
+    if not keys_s:
+        return times
+    nearest = np.array(keys_s)[np.abs(np.array(keys_s) - times[:, None]).argmin(axis=1)]
+    moved: Floats = np.where(np.abs(nearest - times) <= within_s, nearest, times)
+    return moved
 
 
 def _shrunk(picture: Picture, max_height: int) -> Picture:
