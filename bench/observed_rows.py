@@ -1,6 +1,6 @@
 """Rows at observation level: a scene of the paper's size, masks' edges with their errors, and the way from there to a map.
 
-Shared by observed.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's own.
+Shared by observed.py, site46.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's own.
 """
 
 import time
@@ -41,15 +41,16 @@ PROFILES = (
 
 @dataclass(frozen=True)
 class Made:
-    """A row that was driven past: the scene, the drive, what was seen."""
+    """A row that was driven past: the scene, the drive, what was seen, and the row's name there."""
 
     built: Built
     path: Drive
     seen: Observations
+    row: str = "A"
 
     @property
     def survey(self) -> Mapping[str, Any]:
-        row: Mapping[str, Any] = self.built.survey["rows"]["A"]
+        row: Mapping[str, Any] = self.built.survey["rows"][self.row]
         return row
 
 

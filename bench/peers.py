@@ -26,6 +26,7 @@ from savmap import run, work
 from savmap.io.files import write_text
 from savmap.io.video import Clip, panoramas
 from savmap.job import job_for, prepare
+from savmap.mapping import Way
 from savmap.monitor import Quiet
 from savmap.runlog import RunLog
 from savmap.sim.scene import load_scene
@@ -59,7 +60,7 @@ def ours(site: Path, output: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
     since = now()
     row = work.map_one(job, name, Quiet())
     seconds, processor = elapsed(since)
-    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={})))
+    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={}), Way()))
     figures: dict[str, Any] = {"seconds": seconds, "processor_s": processor, "frames": len(row.trajectory.frames)}
     if job.site.survey is not None:
         scores = json.loads(run.scores_json(run.evaluate_files(output / "map.json", job.site.survey)))

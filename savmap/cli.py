@@ -1,12 +1,16 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
+import errno
+import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
-from savmap.errors import SavmapError
+from savmap.errors import OutputError, SavmapError
+from savmap.io.where import where
 
 app = typer.Typer(
     name="savmap",
@@ -17,14 +21,20 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 INTERRUPTED = 130
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
-Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+Sets = Annotated[
+    list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
+]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", parser=where, metavar="FOLDER", help="Folder for the results, or a URL.")
+]
 
 
 @app.command("map")
 def map_(
     source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", help="A site file, or a panoramic video for a first map.")
+        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video for a first map.")
     ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
@@ -38,18 +48,55 @@ def map_(
             min=0, help="Rows mapped at a time, each in a process of its own (0: in this one; default: as fits)."
         ),
     ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="A Dask scheduler whose workers map the rows, such as tcp://host:8786.")
+    ] = None,
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
+    sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
     not done again."""
     from savmap import run
+    from savmap.io.overrides import overrides_of
     from savmap.job import job_for
     from savmap.mapping import Way
 
-    job = job_for(source, _names(plugins), output, camera_height, side, trajectory)
-    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh)):
+    overrides = overrides_of(sets or [], os.environ)
+    job = job_for(source, _names(plugins), output, camera_height, side, trajectory, overrides)
+    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
+        typer.echo(line)
+
+
+@app.command()
+def init(
+    videos: Annotated[list[Path] | None, typer.Argument(metavar="[VIDEO]...", help="A row is made for each.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Write a commented site file to start from."""
+    from savmap import starter
+
+    for line in starter.start(videos or [], output, force):
+        typer.echo(line)
+
+
+@app.command()
+def check(
+    source: Annotated[Path, typer.Argument(metavar="SITE", help="A site file.")] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Write a picture of the chosen views of each pass.")] = True,
+    sets: Sets = None,
+) -> None:
+    """Say what is wrong with a site file, and what a run will take."""
+    from savmap import check as checking
+    from savmap.io.overrides import overrides_of
+
+    overrides = overrides_of(sets or [], os.environ)
+    for line in checking.check(source, _names(plugins), output, overrides, pictures, trajectory):
         typer.echo(line)
 
 
@@ -77,6 +124,21 @@ def evaluate(
 
 
 @app.command()
+def report(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    run_file: Annotated[
+        Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
+    ] = None,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
+) -> None:
+    """Write a map's report: one HTML page with plan, states, references, errors and times."""
+    from savmap.sitereport import report_files
+
+    typer.echo(report_files(map_file, output, run_file, survey))
+
+
+@app.command()
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
     name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
@@ -97,6 +159,14 @@ def plugins_() -> None:
 
     for line in tools.plugin_lines():
         typer.echo(line)
+
+
+@app.command()
+def schema(name: Annotated[str, typer.Argument(metavar="site|map", help="Which kind of file.")]) -> None:
+    """Print the JSON Schema of site files or maps."""
+    from savmap import tools
+
+    typer.echo(tools.schema(name), nl=False)
 
 
 @app.command()
@@ -154,10 +224,24 @@ def main() -> None:
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _no_room(error)
     except SystemExit as end:
         if end.code == INTERRUPTED:
             _interrupted()
         raise
+
+
+def _no_room(error: OSError) -> NoReturn:
+    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
+    where = error.filename or "standard output"
+    reason = (error.strerror or str(error)).lower()
+    with suppress(OSError):
+        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(OutputError.exit_code)
 
 
 def _interrupted() -> NoReturn:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.hookspecs import Exporter, hookimpl
-from savmap.types import Detection, Structure, View
+from savmap.types import Detection, SharedThing, Structure, View
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -20,6 +20,12 @@ def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detecti
     from savmap.stages.segment import detections
 
     return detections(segmenter.probabilities(view.image), segmenter.classes, threshold, MIN_PIXELS)
+
+
+@hookimpl(trylast=True)
+def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+    """Nothing is seen from other rows."""
+    return []
 
 
 @hookimpl(trylast=True)

@@ -14,9 +14,11 @@ from pydantic import BaseModel
 
 from savmap.errors import VideoError
 from savmap.io.files import reason, sha256
+from savmap.io.mapfile import map_text
 from savmap.job import Job, rooms_for
 from savmap.rooms import Room
 from savmap.site import Pass
+from savmap.types import SiteMap
 
 LIBRARIES = ("av", "gtsam", "numpy", "onnxruntime", "opencv-python-headless", "scipy")
 ELSEWHERE = {"sim", "train", "report", "testing"}
@@ -32,7 +34,7 @@ def seen_print(job: Job, name: str) -> str:
         passes=[_pass(one) for one in job.site.rows[name].passes],
         rooms=[_room(room, pixels_only=True) for room in rooms_for(job, name)],
         markers=[marker.model_dump(mode="json") for marker in known.markers],
-        appearance=job.site.appearance,
+        appearance=job.site.row_appearance(name),
         earlier=_file(job.earlier),
     )
 
@@ -43,7 +45,16 @@ def solved_print(job: Job, seen: Mapping[str, str]) -> str:
         seen=dict(seen),
         rooms={name: [_room(room, pixels_only=False) for room in rooms_for(job, name)] for name in seen},
         references={name: job.site.row_references(name).model_dump(mode="json") for name in seen},
-        calibration=job.site.calibration.model_dump(mode="json"),
+        calibration={name: job.site.row_calibration(name).model_dump(mode="json") for name in seen},
+    )
+
+
+def drawn_print(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) -> str:
+    """Of a row's pictures."""
+    return _digest(
+        row=map_text(SiteMap({name: site_map.rows[name]}, site_map.made_by)),
+        survey=dict(survey) if survey is not None else None,
+        code=[_sources(Path(__file__).parent), _sources(Path(__file__).parent / "report")],
     )
 
 

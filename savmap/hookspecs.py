@@ -19,6 +19,7 @@ from savmap.types import (
     Floats,
     Panorama,
     RowFacts,
+    SharedThing,
     SiteMap,
     Structure,
     Track,
@@ -87,6 +88,12 @@ def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "C
 @hookspec(firstresult=True)
 def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
     """Solution to structures: what goes into the map."""
+
+
+@hookspec(firstresult=True)
+def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both see them in one
+    place. Default: none."""
 
 
 @hookspec(firstresult=True)

@@ -1,29 +1,37 @@
 """What `savmap map` is asked to do, checked before anything heavy begins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from savmap import site as sites
 from savmap.errors import OutputError, SiteError, SolveError
 from savmap.io.files import reason
-from savmap.io.sitefile import load_site
+from savmap.io.overrides import Override
+from savmap.io.sitefile import draft_of, read_draft, site_of
+from savmap.io.siteplaces import Places
 from savmap.rooms import Room, installed, open_rooms
+from savmap.settings import settings_problems, tells_scale
+from savmap.site import Site
 
 VIDEO_ROW = "1"
+LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
 
 
 @dataclass(frozen=True)
 class Job:
-    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known."""
+    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known, and
+    where the site's keys were given."""
 
-    site: sites.Site
+    site: Site
     source: Path
     plugins: Sequence[str]
     output: Path
     earlier: Path | None = None
+    places: Places = field(default_factory=lambda: Places("options"))
 
 
 def job_for(
@@ -33,32 +41,35 @@ def job_for(
     camera_height_m: float | None = None,
     side: str | None = None,
     earlier: Path | None = None,
+    overrides: Sequence[Override] = (),
 ) -> Job:
-    """The job that the command line describes. `source` is a site file, or a video (or folder of pictures).
+    """The job that the command line describes. `source` is a site file, or a video (or folder of pictures); `overrides` are
+    set in either.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
-        site = video_site(source, camera_height_m, side)
-        return Job(site, source, plugins or list(installed()), output, earlier)
+        content = video_content(source, camera_height_m, side)
+        draft = draft_of(content, Places(str(source)), Path(), overrides)
+        return Job(site_of(draft), source, plugins or list(installed()), output, earlier, draft.places)
     if camera_height_m is not None or side is not None:
         raise SiteError(
             f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
         )
-    site = load_site(source)
+    draft = read_draft(source, overrides)
+    site = site_of(draft)
     names = plugins or list(site.plugins) or list(installed())
-    return Job(site, source, names, output, earlier)
+    return Job(site, source, names, output, earlier, draft.places)
 
 
-def video_site(video: Path, camera_height_m: float | None, side: str | None) -> sites.Site:
-    """A site of one row and one pass. Raises SiteError for options out of range."""
+def video_content(video: Path, camera_height_m: float | None, side: str | None) -> dict[str, Any]:
+    """The content of a site of one row and one pass. Raises SiteError for options out of range."""
     if side not in (None, "left", "right"):
         raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
     if camera_height_m is not None and not LEAST_HEIGHT_M < camera_height_m < MOST_HEIGHT_M:
         raise SiteError(f"--camera-height {camera_height_m:g}: metres are expected{_in_metres(camera_height_m)}")
     height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
-    one = {"video": video, "side": side}
-    return sites.Site.model_validate({"references": height, "rows": {VIDEO_ROW: {"passes": [one]}}})
+    return {"references": height, "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}}}
 
 
 def _in_metres(height: float) -> str:
@@ -79,11 +90,12 @@ def require_ready(job: Job) -> None:
     from savmap.io.video import probe
     from savmap.observe import clip_of
 
+    for problem in settings_problems(job.site, job.plugins, job.places):
+        raise problem
     for name, row in job.site.rows.items():
-        rooms_for(job, name)
         for clip in map(clip_of, row.passes):
             time_range(clip, probe(clip.path, clip.images_fps).duration_s)
-        if job.earlier is None and not _tells_scale(job, name):
+        if job.earlier is None and not tells_scale(job.site, name, job.plugins):
             raise SolveError(
                 f"row {name}: the map's scale is not known; give the camera's height (--camera-height with a video) "
                 "or another reference in a site file (see docs/site-file.md)"
@@ -92,24 +104,19 @@ def require_ready(job: Job) -> None:
         read_survey(job.site.survey)
 
 
-def _tells_scale(job: Job, row: str) -> bool:
-    """Whether anything is given that might fix the scale: a reference, or what a plugin's settings say."""
-    known = job.site.row_references(row)
-    settings = any(job.site.row_config(row, plugin) for plugin in job.plugins)
-    return bool(known.camera_height_m or known.lengths or known.points or known.markers or settings)
-
-
 def rooms_for(job: Job, row: str) -> Sequence[Room]:
     """The job's plugins, each with its settings for one row."""
     return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source))
 
 
 def prepare(folder: Path) -> None:
-    """Make the output folder. Raises OutputError when nothing can be written there."""
+    """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing."""
+    probe = folder / ".savmap-probe"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".savmap-probe"
-        probe.touch()
-        probe.unlink()
+        probe.write_bytes(bytes(LEAST_ROOM))
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
+    finally:
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)

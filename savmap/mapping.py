@@ -24,14 +24,20 @@ Key = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Way:
-    """How a job is done: in so many processes (0: in this one; None: as fits the rows and this machine), and whether nothing
-    that was kept is believed."""
+    """How a job is done: in so many processes (0: in this one; None: as fits the rows and this machine) or by the workers of the
+    Dask scheduler at an address, and whether nothing that was kept is believed."""
 
     jobs: int | None = None
     fresh: bool = False
+    cluster: str | None = None
 
-    def workers(self, drives: int, monitor: Monitor) -> tuple[Workers, int]:
-        """Who works on so many drives, and how many of them there are."""
+    def workers(self, job: Job, drives: int, monitor: Monitor) -> tuple[Workers, int]:
+        """Who works on so many drives, and how many of them there are. Raises SavmapError where a cluster cannot."""
+        if self.cluster is not None:
+            from savmap.cluster import Cluster
+
+            cluster = Cluster(self.cluster, job)
+            return cluster, cluster.count
         jobs = self.jobs
         if jobs is None:
             jobs = min(drives, max((os.cpu_count() or 1) // 2, 1)) if drives > 1 else 0
@@ -51,11 +57,14 @@ def mapped_rows(job: Job, way: Way, monitor: Monitor) -> Mapped:
     """Map all rows. Raises the first row's error where none could be mapped."""
     begin = time.monotonic()
     drives = drives_of(job)
-    workers, jobs = way.workers(len(drives), monitor)
+    workers, jobs = way.workers(job, len(drives), monitor)
     rows = Rows(job, Store(job.output, way.fresh), workers, monitor, drives)
     for drive in drives:
         rows.begin(drive)
-    for key, result in monitor.each(workers.results(), "rows", None) if workers.monitor is None else workers.results():
+    pieces = workers.results()
+    if workers.monitor is None:
+        pieces = monitor.each(pieces, "rows seen and solved", len(job.site.rows) + len(drives))
+    for key, result in pieces:
         rows.take(key, result)
     if not rows.texts:
         raise next(iter(rows.failed.values()))

@@ -1,10 +1,9 @@
 """The only walk over pixels: every frame decoded once, in order; every view rendered and segmented once."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -108,6 +107,13 @@ def pass_names(passes: Sequence[Pass]) -> list[str]:
     return [f"pass {number}" for number in range(1, len(passes) + 1)]
 
 
+def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
+    """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
+    one time are one picture, whichever pass they belong to."""
+    where = [(one.video, one.fps) if one.video.is_dir() else one.video for one in passes]
+    return dict(zip(pass_names(passes), where, strict=True))
+
+
 def observe(
     row: str,
     passes: Sequence[Pass],
@@ -186,7 +192,7 @@ class Walk:
             self.attitudes[aimed.name] = attitude
         self.found_face |= {room for room in aimed.aims if aimed.knows_face(room)}
         self.notes += [note for aim in aimed.aims.values() for note in aim.notes]
-        if report.skipped:
+        if not report.complete:
             self.notes.append(f"{aimed.clip.path}: {report.text()}")
 
     def _look(self, panorama: Panorama, aimed: PassAims) -> list[View]:
@@ -210,19 +216,3 @@ class Walk:
 
     def _rooms_at(self, view: View, aimed: PassAims) -> list[Room]:
         return [room for room in self.rooms if room.name in aimed.watched[view.spec]]
-
-
-def preview(passes: Sequence[Pass], rooms: Sequence[Room], folder: Path) -> Iterator[Path]:
-    """Write a picture of the chosen views of each pass over its key frames; gives the paths written."""
-    import cv2
-
-    from savmap.io.files import write_bytes
-    from savmap.stages.overview import overview
-
-    eyes, renderer = Eyes(rooms), Renderer()
-    for name, one in zip(pass_names(passes), passes, strict=True):
-        aimed, scout = aim_pass(name, one, rooms, eyes, renderer, None)
-        picture = overview(scout.keys, list(dict.fromkeys(aimed.views().values())), renderer)
-        path = folder / f"views {name}.jpg".replace(" ", "-")
-        write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
-        yield path

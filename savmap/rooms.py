@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from savmap import defaults, hookspecs
 from savmap.errors import PluginError, SavmapError
 from savmap.io.sitefile import validated
-from savmap.types import Aim, Detection, Feature, Panorama, Structure, Track, View
+from savmap.types import Aim, Detection, Feature, Panorama, SharedThing, Structure, Track, View
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -122,6 +122,9 @@ class Room:
 
     def describe(self, **arguments: Any) -> list[Structure]:
         return self.ask_list("describe", Structure, **arguments)
+
+    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+        return self.ask_list("shared", SharedThing, structures=structures)
 
 
 def open_room(name: str, config: Mapping[str, Any], where: str = "options") -> Room:

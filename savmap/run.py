@@ -4,16 +4,20 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from savmap.errors import RowsFailedError, SavmapError, SiteError
+from savmap.fingerprint import drawn_print
 from savmap.io.files import sha256, write_text
+from savmap.io.survey import read_survey
 from savmap.job import Job, job_for, prepare, require_ready, rooms_for
 from savmap.mapping import Way, mapped_rows
-from savmap.rooms import Room, open_room
 from savmap.runlog import RunLog, write_log
-from savmap.store import file_name, locked
+from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
+from savmap.store import Store, file_name, locked
 from savmap.types import RowMap, SiteMap
+
+DRAWN = "drawn"
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation
@@ -24,20 +28,38 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     """Map all rows of a job into its folder; yields lines for the user.
 
     Everything that is given is checked first. What is worked out of each row is kept in the folder as soon as it is there; the other
-    files are written whole, after everything is solved: map.json, run.json, site.resolved.json, pictures of each row. Raises RowsFailedError after that where
-    some rows could not be mapped, and the first row's error where none could.
+    files are written whole, after everything is solved: map.json, run.json, report.html, site.resolved.json, pictures of each row. Raises
+    RowsFailedError after that where some rows could not be mapped, and the first row's error where none could.
     """
+    from savmap.assembly import site_lines
     from savmap.console import Console
 
+    way = way or Way()
     require_ready(job)
     prepare(job.output)
     with locked(job.output), Console(job.output / "savmap.log") as console:
-        mapped = mapped_rows(job, way or Way(), console)
-        site_map = SiteMap(mapped.rows, made_by(job), {name: str(error) for name, error in mapped.failed.items()})
-        yield from write_results(job, site_map, mapped.log)
+        mapped = mapped_rows(job, way, console)
+        failed = {name: str(error) for name, error in mapped.failed.items()}
+        site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed))
+        for note in notes:
+            console.note(note)
+        yield from write_results(job, site_map, mapped.log, way)
         yield from scored(job)
+        yield from site_lines(site_map)
         if mapped.failed:
             raise RowsFailedError(_failures(job, mapped.failed))
+
+
+def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
+    """The map with its rows placed in the site's frame where something tells, and a line for each thing the user should know."""
+    from savmap.assembly import assembled
+    from savmap.observe import recordings
+    from savmap.placing import placements
+
+    rooms = rooms_of(site_map)
+    footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
+    found = assembled(site_map, placements(job.site), footage, lambda plugin, own: rooms[plugin].shared(structures=own))
+    return found.site_map, found.notes
 
 
 def _failures(job: Job, failed: Mapping[str, SavmapError]) -> str:
@@ -54,39 +76,34 @@ def made_by(job: Job) -> dict[str, str]:
     return {**{name: version(name) for name in ("savmap", "gtsam", "onnxruntime")}, **models}
 
 
-def write_results(job: Job, site_map: SiteMap, log: RunLog) -> Iterator[str]:
-    """Write the map, what was done for it, the resolved site, and each row's two pictures; yields a line for each file."""
+def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterator[str]:
+    """Write the map, what was done for it, the resolved site, the report, and each row's two pictures; yields a line for each."""
     from savmap.io.mapfile import write_map
-    from savmap.report.plots import write_face_view, write_plan_view
 
     write_map(site_map, job.output / "map.json")
     write_log(log, job.output / "run.json")
     write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_defaults=True) + "\n")
     yield f"wrote {job.output / 'map.json'}"
-    survey = survey_rows(job)
+    survey = read_survey(job.site.survey) if job.site.survey else None
+    sheets = survey.rows if survey else {}
+    store = Store(job.output, way.fresh)
     for name, row in site_map.rows.items():
-        face, plan = (job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan"))
-        drawings = drawings_of(rooms_for(job, name), row, survey.get(name))
-        write_face_view(drawings, row, face)
-        write_plan_view(drawings, row, plan)
-        yield f"wrote {face} and {plan}"
+        print_ = drawn_print(site_map, name, sheets.get(name))
+        pictures = [job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan")]
+        if store.kept(name, DRAWN, print_) is None or not all(picture.is_file() for picture in pictures):
+            draw(drawings_of(rooms_for(job, name), row, sheets.get(name)), row, *pictures)
+            store.keep(name, DRAWN, print_, b"")
+        yield f"wrote {pictures[0]} and {pictures[1]}"
+    report_for(site_map, job.output / "report.html", log, survey, job.source.stem)
+    yield f"wrote {job.output / 'report.html'}"
 
 
-def survey_rows(job: Job) -> Mapping[str, Mapping[str, Any]]:
-    """The site's survey, row by row; empty when it names none."""
-    from savmap.io.survey import read_survey
+def draw(drawings: "Sequence[Drawing]", row: RowMap, face: Path, plan: Path) -> None:
+    """A row's two pictures."""
+    from savmap.report.plots import write_face_view, write_plan_view
 
-    return read_survey(job.site.survey).rows if job.site.survey else {}
-
-
-def drawings_of(rooms: Sequence[Room], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
-    """What all rooms draw of a row, over its survey where there is one."""
-    drawings: list[Drawing] = []
-    for room in rooms:
-        own = row.structures[room.name]
-        deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
-        drawings += room.draw(structures=own, survey=survey, deviations=deviations)
-    return drawings
+    write_face_view(drawings, row, face)
+    write_plan_view(drawings, row, plan)
 
 
 def scored(job: Job) -> Iterator[str]:
@@ -100,19 +117,11 @@ def scored(job: Job) -> Iterator[str]:
 
 def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> "Evaluation":
     """A map against a survey, scored by the plugins that made the map."""
-    from savmap.evaluation import evaluate_site
     from savmap.io.mapfile import read_map
-    from savmap.io.survey import read_survey
     from savmap.report.plots import write_box_plot
 
     site_map = read_map(map_file)
-    names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
-    rooms = {name: open_room(name, {}) for name in names}
-    evaluation = evaluate_site(
-        site_map,
-        read_survey(survey_file),
-        lambda name, own, survey: rooms[name].evaluate(structures=own, survey=survey),
-    )
+    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map))
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
     return evaluation
@@ -134,11 +143,14 @@ def scores_table(evaluation: "Evaluation") -> str:
 
 def preview(job: Job) -> Iterator[str]:
     """Write pictures of the views that the aim chooses; yields a line for each."""
-    from savmap.observe import preview as write_previews
+    from savmap.engine import first_attitudes
+    from savmap.preview import previews
+    from savmap.work import row_of
 
     prepare(job.output)
     for name, row in job.site.rows.items():
-        for path in write_previews(row.passes, rooms_for(job, name), job.output):
+        attitudes = first_attitudes(row_of(job, name))
+        for path in previews(name, row.passes, rooms_for(job, name), job.output, attitudes):
             yield f"row {name}: wrote {path}"
 
 

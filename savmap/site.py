@@ -4,95 +4,82 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
-Metres = Annotated[float, Field(gt=-1000, lt=1000)]
+from savmap.sitedefaults import completed, side_from_direction, without_video
+from savmap.sitesections import (
+    CalibrationSection,
+    CameraHeight,
+    Known,
+    LayoutSection,
+    Length,
+    Marker,
+    Metres,
+    PanoramaSection,
+    PlaceSection,
+    ReferenceSection,
+    ShutterSection,
+    Sigma,
+    Strict,
+    SurveyedPoint,
+    ViewSection,
+    Where,
+)
+
+__all__ = [
+    "CalibrationSection",
+    "CameraHeight",
+    "Footage",
+    "Known",
+    "LayoutSection",
+    "Length",
+    "Marker",
+    "Metres",
+    "PanoramaSection",
+    "Pass",
+    "PlaceSection",
+    "ReferenceSection",
+    "Row",
+    "ShutterSection",
+    "Sigma",
+    "Site",
+    "Strict",
+    "SurveyedPoint",
+    "ViewSection",
+]
+
 Footage = tuple[Path, float, float | None, float]
-Sigma = Annotated[float, Field(gt=0, le=10)]
-
-
-class Strict(BaseModel):
-    """A section of a site file: unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Known(Strict):
-    """A number the user knows, with its standard deviation, both in metres."""
-
-    value: Metres
-    sigma: Sigma
-
-
-class CameraHeight(Strict):
-    """Height of the camera above the floor, in metres (a value above 50 is taken for a wrong unit)."""
-
-    value: Annotated[float, Field(gt=0.1, lt=50)]
-    sigma: Sigma = 0.02
-
-
-class Length(Known):
-    """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
-
-    between: tuple[str, str]
-    axis: Literal["x", "y"] = "x"
-
-
-class SurveyedPoint(Strict):
-    """A labelled vertex whose coordinate along one axis is known."""
-
-    vertex: str
-    axis: Literal["x", "y", "z"]
-    value: Metres
-    sigma: Sigma
-
-
-class Marker(Strict):
-    """An AprilTag or ArUco marker somewhere in the footage; its size is the side of its black square."""
-
-    dictionary: Annotated[str, Field(pattern=r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$")]
-    id: Annotated[int, Field(ge=0)]
-    size_m: Annotated[float, Field(gt=0.01, lt=5)]
-    sigma_m: Annotated[float, Field(gt=0, le=0.1)] = 0.0005
-
-
-class ReferenceSection(Strict):
-    """What is known without mapping. Scale comes from the camera's height, a length, a marker or surveyed points."""
-
-    camera_height_m: CameraHeight | None = None
-    travel_m: Annotated[float, Field(gt=0.5, lt=1000)] | None = None
-    lengths: tuple[Length, ...] = ()
-    points: tuple[SurveyedPoint, ...] = ()
-    markers: tuple[Marker, ...] = ()
-
-    @field_validator("markers")
-    @classmethod
-    def _each_once(cls, value: tuple[Marker, ...]) -> tuple[Marker, ...]:
-        if len({(one.dictionary, one.id) for one in value}) < len(value):
-            raise ValueError("a marker is given twice")
-        return value
-
-
-class ViewSection(Strict):
-    """A view aimed by hand, degrees and pixels. It wins over the automatic aim."""
-
-    yaw_deg: float
-    pitch_deg: float = 0.0
-    roll_deg: float = 0.0
-    hfov_deg: Annotated[float, Field(gt=20, lt=170)] = 120.0
-    width: Annotated[int, Field(ge=64, le=8192)] = 640
-    height: Annotated[int, Field(ge=64, le=8192)] = 480
+Side = Literal["left", "right"]
+Rate = Annotated[float, Field(gt=0, le=120)]
+Settings = Mapping[str, Any]
+USUAL_FPS = 15.0
 
 
 class Pass(Strict):
     """One drive past a row's face: a video (or a folder of pictures), a time range, and the hand the face is on."""
 
-    video: Path
+    model_config = ConfigDict(json_schema_extra=without_video)
+
+    video: Where
+    """A panoramic video or a folder of pictures. Default: the row's, or the site's."""
     start_s: Annotated[float, Field(ge=0)] = 0.0
+    """Where in the video the pass begins."""
     end_s: float | None = None
-    fps: Annotated[float, Field(gt=0, le=120)] = 15.0
-    side: Literal["left", "right"] | None = None
+    """Where in the video the pass ends. Default: with the video."""
+    fps: Rate = USUAL_FPS
+    """Sampling rate; every frame where the video has fewer. Default: the row's, or the site's."""
+    side: Side | None = None
+    """The hand the face is on as one drives along."""
+    direction: Literal["+x", "-x"] | None = None
+    """Which way the camera goes along the row's x axis, to the right as one faces the row. A face on the left is passed
+    towards +x, one on the right towards -x: it says the same as `side`."""
     views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, by name, laid over those of the row and of the site."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _side(cls, value: object) -> object:
+        return side_from_direction(value)
 
     @property
     def footage(self) -> Footage:
@@ -100,61 +87,73 @@ class Pass(Strict):
         return self.video, self.start_s, self.end_s, self.fps
 
 
-class PanoramaSection(Strict):
-    """How far the panorama's rear half may be turned against the front half about each axis, degrees, and by what part each
-    lens's scale may be off: standard deviations. The halves are blended over `blend_deg`."""
-
-    turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
-    scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
-    blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
-
-
-class ShutterSection(Strict):
-    """Standard deviation of the read-out time, seconds, and whether it runs over the panorama's rows or each half's columns."""
-
-    sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
-    axis: Literal["rows", "columns"] = "rows"
-
-
-class CalibrationSection(Strict):
-    """What of the camera is estimated with the map; `true` takes the usual figures. The front lens looks at longitude
-    `front_deg` of the panorama, degrees to the right of its centre column."""
-
-    panorama: PanoramaSection | None = None
-    rolling_shutter: ShutterSection | None = None
-    front_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-
-    @field_validator("panorama", "rolling_shutter", mode="before")
-    @classmethod
-    def _switched(cls, value: object) -> object:
-        return ({} if value else None) if isinstance(value, bool) else value
-
-
 class Row(Strict):
-    """One structure face along one aisle."""
+    """One structure face along one aisle. What it does not say is as the site says."""
 
     passes: Annotated[tuple[Pass, ...], Field(min_length=1)]
+    """One or more drives past the face."""
+    video: Where | None = None
+    """The video of passes that name none."""
+    fps: Rate | None = None
+    """Sampling rate of passes that name none."""
+    views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, for all passes."""
     references: ReferenceSection = ReferenceSection()
-    plugins: Mapping[str, Mapping[str, Any]] = {}
+    """What is known of this row; each key wins over the site's."""
+    plugins: Mapping[str, Settings] = {}
+    """Plugins' settings for this row; each key wins over the site's."""
+    calibration: CalibrationSection | None = None
+    """What of the camera is estimated with this row; each key wins over the site's."""
+    appearance: bool | None = None
+    """Whether points of any kind help with the camera's motion."""
+    place: PlaceSection | None = None
+    """Where the row stands in the site's frame; wins over the site's `layout`."""
+
+    @field_validator("plugins", mode="before")
+    @classmethod
+    def _empty_sections(cls, value: object) -> object:
+        return _emptied(value)
 
 
 class Site(Strict):
     """A deployment: rows, the plugins that look at them with their settings, references common to all rows."""
 
     format: Literal["savmap-site"] = "savmap-site"
+    """What kind of file this is."""
     version: Literal[1] = 1
-    plugins: Mapping[str, Mapping[str, Any]] = {}
+    """Of the format."""
+    plugins: Mapping[str, Settings] = {}
+    """Which plugins look at the rows, with their settings for all rows. Default: all that are installed."""
     references: ReferenceSection = ReferenceSection()
+    """What is known without mapping, for all rows; rows may say otherwise."""
     calibration: CalibrationSection = CalibrationSection()
+    """What of the camera is estimated with the map; nothing if not given."""
     appearance: bool = False
-    survey: Path | None = None
+    """Whether points of any kind help with the camera's motion; edges alone if not."""
+    video: Where | None = None
+    """The video of passes that name none."""
+    fps: Rate | None = None
+    """Sampling rate of passes that name none (15)."""
+    views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, for all passes."""
+    survey: Where | None = None
+    """What a surveyor measured: scores are printed, and drawn under the map."""
     joint: bool = True
+    """Whether rows with the same pass (video, range, rate) are solved as one."""
+    layout: LayoutSection | None = None
+    """Where rows stand that are regularly spaced."""
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]
+    """The rows by name."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, value: object) -> object:
+        return completed(value)
 
     @field_validator("plugins", mode="before")
     @classmethod
     def _empty_sections(cls, value: object) -> object:
-        return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value
+        return _emptied(value)
 
     def drives(self) -> list[list[str]]:
         """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
@@ -171,6 +170,20 @@ class Site(Strict):
         own = self.rows[name].references
         return self.references.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
 
+    def row_calibration(self, name: str) -> CalibrationSection:
+        """The site's calibration with the row's own laid over it."""
+        own = self.rows[name].calibration or CalibrationSection()
+        return self.calibration.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def row_appearance(self, name: str) -> bool:
+        """Whether points of any kind help with the camera's motion along a row."""
+        own = self.rows[name].appearance
+        return self.appearance if own is None else own
+
     def row_config(self, name: str, plugin: str) -> dict[str, Any]:
         """A plugin's settings for one row: the site's, overlaid by the row's."""
         return {**self.plugins.get(plugin, {}), **self.rows[name].plugins.get(plugin, {})}
+
+
+def _emptied(value: object) -> object:
+    return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value

@@ -6,6 +6,7 @@ whole or not at all, by one process alone; one that does not fit, or is damaged,
 
 import fcntl
 import hashlib
+import logging
 import os
 import re
 import shutil
@@ -17,7 +18,9 @@ from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.io.files import reason, write_bytes
+from savmap.io.where import is_url
 
+log = logging.getLogger("savmap")
 FOLDER = "stages"
 LEFT_BEHIND = re.compile(r"\..+\.\d+\.part|\.savmap-\w{8}")
 
@@ -57,20 +60,30 @@ def _head(fingerprint: str, body: bytes) -> bytes:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs out of an output folder, and sweep up what a killed one left there. Raises OutputError while another
-    run is at work in it."""
+    """Keep other runs out of an output folder, and sweep up what a killed one left there; a URL's is nobody's. Raises OutputError
+    while another run is at work in it."""
+    if is_url(folder):
+        yield
+        return
     try:
         place = os.open(folder, os.O_RDONLY)
-        try:
-            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _sweep(folder)
-            yield
-        except BlockingIOError:
-            raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
-        finally:
-            os.close(place)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({reason(error)})") from error
+        raise OutputError(f"{folder}: cannot be opened ({reason(error)})") from error
+    try:
+        _lock(place, folder)
+        _sweep(folder)
+        yield
+    finally:
+        os.close(place)
+
+
+def _lock(place: int, folder: Path) -> None:
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OutputError(f"{folder}: another savmap is writing there; wait for it or choose another -o") from None
+    except OSError as error:
+        log.info("%s: cannot be locked (%s)", folder, reason(error))
 
 
 def _sweep(folder: Path) -> None:

@@ -22,6 +22,17 @@ def plugin_lines() -> Iterator[str]:
         yield f"  hooks    {', '.join(hooks)}"
 
 
+def schema(name: str) -> str:
+    """The JSON Schema of a kind of file: "site", with the settings of all installed plugins, or "map". Raises SiteError."""
+    from savmap.io import mapschema, siteschema
+
+    if name == "map":
+        return mapschema.schema_text()
+    if name == "site":
+        return siteschema.schema_text(installed())
+    raise SiteError(f"schema {name}: there is one for `site` and one for `map`")
+
+
 def export(map_file: Path, name: str, output: Path, row: str | None = None) -> Iterator[str]:
     """A map (or one `row` of it) in another format, written whole or not at all.
 

@@ -133,8 +133,8 @@ def row_of(job: Job, name: str) -> "Row":
         references_of(known),
         known.travel_m,
         earlier_path(job, name),
-        calibration_of(job.site.calibration),
-        job.site.appearance,
+        calibration_of(job.site.row_calibration(name)),
+        job.site.row_appearance(name),
     )
 
 

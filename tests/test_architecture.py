@@ -17,6 +17,7 @@ LAYERS = {
     "types": {"geometry", "types"},
     "graph": {"geometry", "types", "errors", "graph"},
     "stages": {"geometry", "types", "errors", "stages"},
+    "assembly": {"geometry", "types", "errors", "graph", "assembly"},
     "report": {"geometry", "types", "errors", "report", "io", "evaluation"},
 }
 

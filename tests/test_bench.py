@@ -41,3 +41,17 @@ def test_what_is_off_about_a_camera_is_found() -> None:
     assert found["both"]["read_out_rms_ms"] < 12.0
     assert found["both"]["residual_scale"] < found["off"]["residual_scale"]
     assert calibration.line("both", found).startswith("both")
+
+
+def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.CaptureFixture[str]) -> None:
+    import site46
+    from site_rows import Task
+
+    results = [site46.one_row(Task(number, 3, 8)) for number in range(2)]
+    score = site46.pool(own.score for own in results)
+    assembly, seconds = site46.site_of(results)
+    figures = site46.told(results, score, assembly, seconds)
+    assert figures["counts"]["missing or spurious"] == 0
+    assert figures["places"]["across an aisle x m"] < 0.1
+    assert [tie.id_a for tie in assembly.site_map.ties[:2]] == ["32 frames", "light 1"]
+    assert "736 vertical and 4920 horizontal" in capsys.readouterr().out

@@ -34,9 +34,13 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "model.yaml"], 6, "no such model file"),
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
+        (["report", "none.json"], 9, "none.json: cannot be read"),
         (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
         (["simulate", "broken.yaml"], 3, "broken.yaml: cannot be read as a scene file"),
         (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),
+        (["map", "late.yaml", "--set", "rows.A.fsp=5"], 3, "--set rows.A.fsp: unknown key `rows.A.fsp`: did you mean"),
+        (["check", "late.yaml", "--no-pictures"], 4, "late.yaml: 2 problems, listed above"),
+        (["schema", "sites"], 3, "there is one for `site` and one for `map`"),
         (["map", "--frobnicate"], 2, "No such option"),
     ],
 )
@@ -47,9 +51,10 @@ def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[ob
     video = EXAMPLE / "aisle-dev.mp4"
     late = f"plugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: {video}, start_s: 900}}]}}}}\n"
     (tmp_path / "late.yaml").write_text(late, encoding="utf-8")
-    model = f"plugins: {{shelves: {{model: none.onnx}}}}\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
+    height = "references: {camera_height_m: {value: 3.05}}\n"
+    model = f"{height}plugins: {{shelves: {{model: none.onnx}}}}\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
     (tmp_path / "model.yaml").write_text(model, encoding="utf-8")
-    survey = f"survey: none.json\nreferences: {{camera_height_m: {{value: 3.05}}}}\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
+    survey = f"{height}survey: none.json\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
     (tmp_path / "survey.yaml").write_text(survey, encoding="utf-8")
     (tmp_path / "broken.yaml").write_text("rows: [\n}", encoding="utf-8")
     before = set(tmp_path.iterdir())

@@ -11,7 +11,7 @@ from savmap import rooms, tools
 from savmap.errors import OutputError, PluginError, SiteError
 from savmap.hookspecs import Exporter, hookimpl
 from savmap.io.mapfile import write_map
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 
 def thing(name: str, label: str, x: float) -> Structure:
@@ -64,12 +64,54 @@ def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
 
 
 def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="rows A, B; choose with --row"):
+    with pytest.raises(OutputError, match=r"rows A, B have no place in the site's; choose with --row"):
         list(tools.export(two, "ply", tmp_path / "map.ply"))
     list(tools.export(two, "ply", tmp_path / "map.ply", row="B"))
     assert "row B" in (tmp_path / "map.ply").read_text(encoding="ascii")
     with pytest.raises(SiteError, match="--row C"):
         list(tools.export(two, "ply", tmp_path / "map.ply", row="C"))
+
+
+def placed_site(tmp_path: Path, *names: str) -> Path:
+    """Two rows, those of `names` placed: A at (10, -3), a quarter turn to the left; B as the site's frame."""
+    places = {
+        "A": Placement(10.0, -3.0, 90.0, np.diag([0.01, 0.04, 0.0])),
+        "B": Placement(0.0, 0.0, 0.0, np.diag([0.0, 0.0, np.degrees(0.1) ** 2])),
+    }
+    rows = {"A": row("A"), "B": row("B")}
+    write_map(SiteMap(rows, {"savmap": "0"}, placed={name: places[name] for name in names}), tmp_path / "site.json")
+    return tmp_path / "site.json"
+
+
+def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) -> None:
+    site = placed_site(tmp_path, "A", "B")
+    list(tools.export(site, "csv", tmp_path / "map.csv"))
+    with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
+        lines = [line for line in csv.DictReader(file) if line["structure"] == "bar 1"]
+    first, other = lines[2], lines[5]
+    assert (first["row"], first["frame"], other["row"], other["frame"]) == ("A", "site", "B", "site")
+    assert [float(first[f"{axis}_m"]) for axis in "xyz"] == pytest.approx([10 + 5, 7, -3 - 6])
+    assert [float(first[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.1005, 0.01, 0.2002], abs=1e-4)
+    assert [float(other[f"{axis}_m"]) for axis in "xyz"] == pytest.approx([6, 7, 5])
+    assert [float(other[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.5001, 0.01, 0.6001], abs=1e-4)
+    list(tools.export(site, "ply", tmp_path / "map.ply"))
+    head, body = (tmp_path / "map.ply").read_text(encoding="ascii").split("end_header\n")
+    assert "comment savmap site, rows A, B, metres\n" in head
+    assert "element vertex 12\n" in head
+    assert [float(value) for value in body.splitlines()[5].split()[:3]] == pytest.approx([15, 7, -9])
+    assert body.splitlines()[-1] == "10 11"
+
+
+def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
+    site = placed_site(tmp_path, "A")
+    list(tools.export(site, "csv", tmp_path / "map.csv"))
+    with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
+        frames = {(line["row"], line["frame"]) for line in csv.DictReader(file)}
+    assert frames == {("A", "site"), ("B", "row")}
+    with pytest.raises(OutputError, match="rows B have no place"):
+        list(tools.export(site, "ply", tmp_path / "map.ply"))
+    list(tools.export(site, "ply", tmp_path / "map.ply", row="B"))
+    assert "row B, metres" in (tmp_path / "map.ply").read_text(encoding="ascii")
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:

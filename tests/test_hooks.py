@@ -12,7 +12,7 @@ from savmap import hookspecs, rooms
 from savmap.errors import PluginError, SiteError
 from savmap.hookspecs import hookimpl
 from savmap.rooms import open_room, room_of
-from savmap.types import Panorama, View
+from savmap.types import Panorama, SharedThing, View
 
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
 DOCS = (Path(__file__).parent.parent / "docs" / "hooks.md").read_text(encoding="utf-8")
@@ -49,6 +49,7 @@ def test_the_hooks_that_were_asked_for_exist() -> None:
         "track",
         "constrain",
         "describe",
+        "shared",
         "evaluate",
         "draw",
         "scene",
@@ -74,6 +75,15 @@ def test_a_wrong_answer_is_named(answer: object) -> None:
     room = room_of("made-up", plugin(extract_features=lambda self, view: answer), Config())
     with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
         room.extract(view=None, detections=[])
+
+
+def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
+    assert room_of("made-up", plugin(), Config()).shared([]) == []
+    thing = SharedThing("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
+    assert room_of("made-up", plugin(shared=lambda self, structures: [thing]), Config()).shared([]) == [thing]
+    room = room_of("made-up", plugin(shared=lambda self, structures: ["post"]), Config())
+    with pytest.raises(PluginError, match="a str from `shared`, not SharedThing"):
+        room.shared([])
 
 
 def test_a_plugin_answers_for_itself_alone() -> None:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap import engine, job, observe
+from savmap import engine, observe
 from savmap.graph import KnownMarker, References, gauge
 from savmap.io.clip import Clip
+from savmap.settings import tells_scale
 from savmap.site import Site
 from savmap.stages.flow import NoFlow
 from savmap.stages.markers import MarkerWatch, Marks
@@ -41,4 +42,4 @@ def test_one_that_was_not_seen_is_noted() -> None:
 def test_a_marker_may_be_the_only_scale() -> None:
     marker = {"dictionary": "tag36h11", "id": 7, "size_m": 0.2}
     content = {"references": {"markers": [marker]}, "rows": {"A": {"passes": [{"video": "a.mp4"}]}}}
-    assert job._tells_scale(job.Job(Site.model_validate(content), Path("site.yaml"), (), Path("out")), "A")
+    assert tells_scale(Site.model_validate(content), "A", ())

@@ -153,3 +153,22 @@ def test_mistakes_in_the_calibration_are_named(tmp_path: Path, text: str, hint: 
     assert str(caught.value).startswith(f"{tmp_path / 'site.yaml'}:11:")
     assert hint in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_key_given_twice_is_named_with_both_lines(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=r"site.yaml:10: `rows.A` is given twice, first in line 6"):
+        load_site(write(tmp_path, GOOD.replace("      travel_m: 12\n", "") + "  A: {passes: [{video: b.mp4}]}\n"))
+
+
+def test_networks_are_taken_from_the_files_folder(tmp_path: Path) -> None:
+    own = GOOD + "    plugins: {shelves: {model: /nets/own.onnx}}\n"
+    site = load_site(write(tmp_path, own.replace("threshold: 0.4", "model: nets/all.onnx")))
+    assert site.plugins["shelves"]["model"] == str(tmp_path / "nets" / "all.onnx")
+    assert site.row_config("A", "shelves")["model"] == "/nets/own.onnx"
+
+
+def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=r"site.yaml:7: `rows.A.fps`: input should be greater than 0"):
+        load_site(write(tmp_path, GOOD.replace("  A:\n", "  A:\n    fps: 0\n")))
+    with pytest.raises(SiteError, match=r"site.yaml:1: `views.face.hfov_deg`"):
+        load_site(write(tmp_path, "views: {face: {yaw_deg: 0, hfov_deg: 500}}\n" + GOOD))

@@ -16,6 +16,8 @@ Source = Iterator[tuple[float, Callable[[], Picture | None]]]
 """Frames in order: time in the video, and a function that gives the picture, or None where it is damaged."""
 
 END_TOLERANCE_S = 0.5
+MOST_WIDTH = 16384
+MOST_PIXELS = MOST_WIDTH * (MOST_WIDTH // 2 + 64)
 
 
 @dataclass(frozen=True)
@@ -49,24 +51,36 @@ class VideoInfo:
 
 @dataclass
 class DecodeReport:
-    """Running count of one pass's frames: decoded within the range, skipped because damaged or lost (known when the
-    pass has ended), used (sampled), and the seconds of the range that the file turned out not to hold."""
+    """Running count of one pass's frames: decoded within the range, skipped because damaged, lost or out of order (known when
+    the pass has ended), used (sampled); the seconds of the range that the file turned out not to hold, and the longest time
+    without a frame where it is longer than the sampling explains (else 0)."""
 
     decoded: int = 0
     skipped: int = 0
     used: int = 0
     short_s: float = 0.0
+    gap_s: float = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing of the range was lost."""
+        return not (self.skipped or self.short_s or self.gap_s)
 
     def text(self) -> str:
         """One line for the log."""
         line = f"{self.decoded} frames decoded, {self.skipped} damaged frames skipped, {self.used} used"
-        return line + (f"; the file ends {self.short_s:.1f} s early" if self.short_s > 0 else "")
+        gap = f"; no frame for {self.gap_s:.1f} s" if self.gap_s > 0 else ""
+        return line + gap + (f"; the file ends {self.short_s:.1f} s early" if self.short_s > 0 else "")
 
 
 def check_shape(path: Path, width: int, height: int) -> None:
-    """VideoError where a picture is not twice as wide as high."""
+    """VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
+    if not width or not height:
+        raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")
     if width != 2 * height or height < 2:
         raise VideoError(f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video")
+    if width > MOST_WIDTH:
+        raise VideoError(f"{path}: pictures are {width}x{height}; at most {MOST_WIDTH}x{MOST_WIDTH // 2} are read")
 
 
 def time_range(clip: Clip, duration_s: float) -> tuple[float, float]:

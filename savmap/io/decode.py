@@ -2,24 +2,31 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import av.error
 from av.container import InputContainer
-from av.video.frame import VideoFrame
+from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
-from savmap.io.clip import DecodeReport, Picture, Source, VideoInfo, check_shape
+from savmap.io.clip import MOST_PIXELS, DecodeReport, Picture, Source, VideoInfo, check_shape
+from savmap.io.order import in_order
 from savmap.io.planes import picture_of
+from savmap.io.where import is_url
 
-NOT_VIDEO = {"tty", "image2", "gif", "apng", "ico", "lrc", "srt", "ass", "webvtt"}
+CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
+"""FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists do."""
+OPENING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file", "max_pixels": str(MOST_PIXELS)}
+OPENING_S, READING_S = 60.0, 10.0
+"""How long a header, and a packet, may take to come: a file may go on with many gigabytes of nothing."""
 INSTANT_S = 1e-6
 SEEK_MARGIN_S = 0.5
+SMALL_PIXELS = 1 << 16
 LARGE_PIXELS = 16_000_000
 LARGE_THREADS = 4
 
@@ -38,12 +45,11 @@ def probe_file(path: Path) -> VideoInfo:
 def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream."""
     try:
-        container = av.open(str(path), "r")
+        source = path.open("rb") if is_url(path) else str(path)
+        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S))
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(_why_unreadable(path)) from error
     with container:
-        if container.format.name in NOT_VIDEO or container.format.name.endswith("_pipe"):
-            raise VideoError(f"{path}: not a video file")
         streams = [stream for stream in container.streams.video if stream.codec_context is not None]
         if not streams:
             raise VideoError(f"{path}: has no video stream that can be decoded")
@@ -58,7 +64,7 @@ def _why_unreadable(path: Path) -> str:
         return f"{path}: cannot be read: {error.strerror}"
     if head[4:8] == b"ftyp":
         return f"{path}: the file is cut off or damaged (its index is missing); copy it from the camera again"
-    return f"{path}: not a video file"
+    return f"{path}: not a video file of a kind that is read (MP4, MOV, Matroska, AVI, MPEG)"
 
 
 def _duration_s(container: InputContainer, stream: VideoStream) -> float:
@@ -67,9 +73,10 @@ def _duration_s(container: InputContainer, stream: VideoStream) -> float:
     if container.duration:
         return container.duration / av.time_base
     last = 0.0
-    for packet in container.demux(stream):
-        if packet.pts is not None:
-            last = max(last, _seconds(packet.pts + (packet.duration or 0), stream))
+    with suppress(av.error.FFmpegError):
+        for packet in container.demux(stream):
+            if packet.pts is not None:
+                last = max(last, _seconds(packet.pts + (packet.duration or 0), stream))
     return last
 
 
@@ -86,16 +93,18 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
         reformatter = VideoReformatter()
         expected: set[float] = set()
         good: set[float] = set()
-        already = report.skipped
-        for frame in _frames(container, stream, expected):
-            stamp = _seconds(frame.pts or 0, stream)
-            if stamp >= end_s - INSTANT_S:
+        already, repeated = report.skipped, 0
+        stamped = ((_seconds(frame.pts or 0, stream), frame) for frame in _frames(container, stream, expected))
+        for stamp, frame, follows in in_order(stamped, start_s, info.rate_fps):
+            if follows and stamp >= end_s - INSTANT_S:
                 break
-            if stamp >= start_s - INSTANT_S and _is_good(frame, info):
+            repeated += stamp in good
+            if follows and stamp >= start_s - INSTANT_S and _fits(frame, info):
                 report.decoded += 1
                 good.add(stamp)
                 yield stamp, _reader(frame, reformatter)
-        report.skipped = already + len({s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good)
+        lost = {s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good
+        report.skipped = already + repeated + len(lost)
 
 
 def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Picture]]:
@@ -120,7 +129,7 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Pictu
                 frames, entry = _frames(container, stream, set()), ahead
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
-                if stamp >= wanted - INSTANT_S and _is_good(frame, info):
+                if stamp >= wanted - INSTANT_S and _fits(frame, info):
                     found.append((stamp, picture_of(frame, reformatter)))
                     break
     return found
@@ -139,8 +148,8 @@ def _keys(stream: VideoStream) -> set[int]:
     return {entry.timestamp for entry in stream.index_entries if entry.is_keyframe and not entry.is_discard}
 
 
-def _is_good(frame: VideoFrame, info: VideoInfo) -> bool:
-    return not frame.is_corrupt and (frame.width, frame.height) == (info.width, info.height)
+def _fits(frame: VideoFrame, info: VideoInfo) -> bool:
+    return (frame.width, frame.height) == (info.width, info.height)
 
 
 def _pts(stamp_s: float, stream: VideoStream) -> int:
@@ -148,20 +157,30 @@ def _pts(stamp_s: float, stream: VideoStream) -> int:
 
 
 def _seek(container: InputContainer, stream: VideoStream, target: int) -> None:
-    """To the key frame before a time. Key frames are found by decoding time, which runs ahead of the time shown."""
-    container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
+    """To the key frame before a time. Key frames are found by decoding time, which runs ahead of the time shown.
+
+    A file whose index is damaged stays where it is: it is read on from there.
+    """
+    with suppress(av.error.FFmpegError):
+        container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
 
 
 def _configure(stream: VideoStream, info: VideoInfo) -> None:
-    """Frame threads hold a picture each: fewer of them where pictures are large."""
+    """Frame threads hold a picture each: fewer of them where pictures are large. Pictures that turn out to be much larger than
+    the header says are refused by the decoder, before memory is taken for them."""
     stream.thread_type = "AUTO"
+    stream.codec_context.options = {"max_pixels": str(2 * info.width * info.height + SMALL_PIXELS)}
     large = info.width * info.height > LARGE_PIXELS
     stream.codec_context.thread_count = min(LARGE_THREADS, os.cpu_count() or 1) if large else 0
 
 
 def _frames(container: InputContainer, stream: VideoStream, expected: set[float]) -> Iterator[VideoFrame]:
-    """Decoded frames; the times of the packets read go into `expected`."""
+    """Sound frames; the times of the packets read go into `expected`.
+
+    What follows a frame that is damaged or lost is predicted from it: the next sound one is the next that stands by itself.
+    """
     packets = container.demux(stream)
+    sound = True
     while True:
         try:
             packet = next(packets)
@@ -174,9 +193,11 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
         try:
             frames = packet.decode()
         except av.error.FFmpegError:
+            sound = False
             continue
-        for frame in frames:
-            if isinstance(frame, VideoFrame) and frame.pts is not None:
+        for frame in (frame for frame in frames if isinstance(frame, VideoFrame)):
+            sound = not frame.is_corrupt and (sound or frame.key_frame or frame.pict_type == PictureType.I)
+            if sound and frame.pts is not None:
                 yield frame
 
 

@@ -1,39 +1,76 @@
-"""A map in formats that other programs read: ASCII PLY (vertices, edges, a colour for each label) and CSV (vertices)."""
+"""A map in formats that other programs read: ASCII PLY (vertices, edges, a colour for each label) and CSV (vertices).
+
+Rows that are placed are given in the site's frame, others in their own.
+"""
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import OutputError
 from savmap.io.files import write_text
-from savmap.types import RowMap, SiteMap, Structure
+from savmap.types import Placement, SiteMap, Structure
 
 COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
-COLUMNS = ["row", "plugin", "structure", "label", "vertex", "x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m"]
+COLUMNS = [
+    "row",
+    "frame",
+    "plugin",
+    "structure",
+    "label",
+    "vertex",
+    "x_m",
+    "y_m",
+    "z_m",
+    "sigma_x_m",
+    "sigma_y_m",
+    "sigma_z_m",
+]
 
 
 def write_csv(site: SiteMap, path: Path) -> None:
-    """A line a vertex: where it belongs, its place in the row's frame and its standard deviations, m. Raises OutputError."""
+    """A line a vertex: where it belongs, its place in the site's frame, or in the row's if that is not placed, and its standard
+    deviations, m. Raises OutputError."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
         for plugin, structures in row.structures.items():
+            frame = "site" if row.name in site.placed else "row"
             for own in structures:
-                table.writerows((row.name, plugin, own.id, own.label, *vertex) for vertex in _vertices(own))
+                vertices = _vertices(in_site(own, site.placed.get(row.name)))
+                table.writerows((row.name, frame, plugin, own.id, own.label, *vertex) for vertex in vertices)
     write_text(path, text.getvalue())
 
 
 def write_ply(site: SiteMap, path: Path) -> None:
-    """One row's wireframe, metres. Raises OutputError, also for a map of several rows: each has a frame of its own."""
-    if len(site.rows) != 1:
+    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also for several rows
+    with one that is not placed: each has a frame of its own."""
+    apart = [name for name in site.rows if name not in site.placed]
+    if apart and len(site.rows) > 1:
         raise OutputError(
-            f"{path}: PLY holds one row's frame, the map has rows {', '.join(site.rows)}; choose with --row"
+            f"{path}: PLY holds one frame, and rows {', '.join(apart)} have no place in the site's; choose with --row"
         )
-    write_text(path, "\n".join(_ply(next(iter(site.rows.values())))) + "\n")
+    what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
+    found = [
+        in_site(own, site.placed.get(row.name))
+        for row in site.rows.values()
+        for group in row.structures.values()
+        for own in group
+    ]
+    write_text(path, "\n".join(_ply(what, found)) + "\n")
+
+
+def in_site(own: Structure, place: Placement | None) -> Structure:
+    """A row's structure in the site's frame, its covariances with what is not known of the row's place; as it is without one."""
+    if place is None:
+        return own
+    covariances = place.covariances(own.vertices, own.covariances)
+    return replace(own, vertices=place.points(own.vertices), covariances=covariances)
 
 
 def _vertices(own: Structure) -> Iterator[tuple[str, ...]]:
@@ -42,12 +79,11 @@ def _vertices(own: Structure) -> Iterator[tuple[str, ...]]:
         yield (label, *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
 
 
-def _ply(row: RowMap) -> Iterator[str]:
-    structures = [own for group in row.structures.values() for own in group]
+def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
     labels = sorted({own.label for own in structures})
     colours = {label: COLOURS[k % len(COLOURS)] for k, label in enumerate(labels)}
     firsts = np.cumsum([0, *(len(own.vertices) for own in structures)]).tolist()
-    yield from ("ply", "format ascii 1.0", f"comment savmap row {row.name}, metres")
+    yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
     for label, colour in colours.items():
         yield f"comment label {label}: {_spaced(colour)}"
     yield f"element vertex {firsts[-1]}"

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from savmap.errors import OutputError
+from savmap.io.where import is_url
 
 
 def write_text(path: Path, text: str) -> None:
@@ -18,8 +19,11 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write `content` to a temporary file of the same folder (made where missing), then put it in place of `path`.
 
-    Raises OutputError where the folder cannot be written or is full; `path` then still is what it was.
+    A URL's object is put there in one go. Raises OutputError where the folder cannot be written or is full; `path` then still is
+    what it was.
     """
+    if is_url(path):
+        return _put(path, content)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -37,14 +41,22 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
 
     Raises OutputError where nothing can be written there, or where the function wrote nothing.
     """
+    if is_url(path):
+        with tempfile.TemporaryDirectory() as folder:
+            write(Path(folder) / path.name)
+            return _put(path, (Path(folder) / path.name).read_bytes())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
             part = Path(folder) / path.name
             write(part)
+            with part.open("rb") as stream:
+                os.fsync(stream.fileno())
             os.replace(part, path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+    except OutputError as error:
+        raise OutputError(str(error).replace(str(part), str(path))) from error
 
 
 def read_text(path: Path) -> str:
@@ -80,6 +92,14 @@ def sha256(path: Path) -> str:
 def reason(error: OSError) -> str:
     """What the operating system says, in lower case."""
     return (error.strerror or str(error)).lower()
+
+
+def _put(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except Exception as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 def _write_through(path: Path, content: bytes) -> None:

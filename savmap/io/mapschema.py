@@ -1,7 +1,4 @@
-"""The shape of map.json, from which its JSON Schema is made.
-
-`python -m savmap.io.mapschema > docs/map.schema.json` writes the published one.
-"""
+"""The shape of map.json, from which its JSON Schema is made: `savmap schema map > docs/map.schema.json`."""
 
 import json
 from typing import Annotated, Literal
@@ -124,7 +121,3 @@ class MapFile(_Part):
 def schema_text() -> str:
     """The JSON Schema of a map file."""
     return json.dumps(MapFile.model_json_schema(by_alias=True), indent=2, sort_keys=True) + "\n"
-
-
-if __name__ == "__main__":
-    print(schema_text(), end="")

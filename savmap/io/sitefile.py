@@ -1,7 +1,7 @@
 """Reading site files: YAML with errors that name file, line, key and a remedy."""
 
-import difflib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +9,35 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import SiteError
-from savmap.site import Site
-from savmap.validation import path_of, text_of
+from savmap.io.overrides import Location, Override, applied
+from savmap.io.siteplaces import Places, explained, given_twice, lines_of
+from savmap.io.where import beside
+from savmap.placing import misplaced, with_places
+from savmap.site import LayoutSection, Pass, Row, Site
 
-UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
+Problems = Sequence[tuple[Location, str]]
 
 
-def load_site(path: Path) -> Site:
+@dataclass(frozen=True)
+class Draft:
+    """What a site file holds, with overrides applied, before it is checked; `folder` is what relative paths are relative to."""
+
+    content: Mapping[str, Any]
+    places: Places
+    folder: Path
+    doubles: Problems = ()
+
+
+def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
     """The site of a file, its relative paths taken from the file's folder.
 
     Raises SiteError with file and line for anything that is not as docs/site-file.md says.
     """
+    return site_of(read_draft(path, overrides))
+
+
+def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
+    """The content of a site file. Raises SiteError where it is no YAML, or where an override does not fit it."""
     text = _read(path)
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
@@ -30,28 +48,75 @@ def load_site(path: Path) -> Site:
         raise SiteError(f"{where}: not valid YAML: {getattr(error, 'problem', error)}") from None
     if not isinstance(content, dict):
         raise SiteError(f"{path}: a site file is a mapping with at least `rows:` (see docs/site-file.md)")
-    try:
-        site = Site.model_validate(content)
-    except ValidationError as error:
-        raise SiteError(explain(error, Site, path, node)) from None
-    return _resolve(site, path.parent)
-
-
-def explain(error: ValidationError, model: type[BaseModel], where: Path | str, node: yaml.Node | None = None) -> str:
-    """One line for the first problem of a validation error: file, line, key, what is wrong, and the nearest right key."""
-    problems = error.errors()
-    problem = next((one for one in problems if one["type"] == "extra_forbidden"), problems[0])
-    location = problem["loc"]
-    line = _line(node, location)
-    key = path_of(problem)
-    place = f"{where}:{line}" if line else str(where)
-    if problem["type"] == "extra_forbidden":
-        return f"{place}: unknown key `{key}`{_hint(str(location[-1]), _keys(model, location[:-1]))}"
-    if problem["type"] == "missing":
-        return f"{place}: `{key}` is missing"
-    return (
-        f"{place}: `{key}`: {text_of(problem).lower()} (it is {problem['input']!r}; lengths are metres, times seconds)"
+    doubles = tuple(
+        (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
+        for location, first, line in given_twice(node)
     )
+    return draft_of(content, Places(str(path), lines_of(node)), path.parent, overrides, doubles)
+
+
+def draft_of(
+    content: Mapping[str, Any],
+    places: Places,
+    folder: Path,
+    overrides: Iterable[Override] = (),
+    doubles: Problems = (),
+) -> Draft:
+    """A draft with overrides applied. Raises SiteError where one does not fit."""
+    changed, overridden = applied(content, overrides)
+    return Draft(changed, Places(places.where, places.lines, overridden), folder, doubles)
+
+
+def problems_in(draft: Draft) -> Problems:
+    """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
+    found: Problems = []
+    try:
+        site = Site.model_validate(draft.content)
+        layout, rows = site.layout, with_places(site)
+    except ValidationError as error:
+        found = list(explained(error, Site, draft.places).items())
+        layout, rows = _layout_alone(draft.content)
+    wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in misplaced(layout, rows)]
+    return [*draft.doubles, *found, *wrong]
+
+
+def _layout_alone(content: Mapping[str, Any]) -> tuple[LayoutSection | None, dict[str, bool]]:
+    """The layout of a site with which other things are wrong, and its rows, with whether they have a place."""
+    rows = content.get("rows")
+    try:
+        layout = LayoutSection.model_validate(content.get("layout"))
+    except ValidationError:
+        return None, {}
+    named = rows.items() if isinstance(rows, Mapping) else ()
+    return layout, {str(name): isinstance(row, Mapping) and row.get("place") is not None for name, row in named}
+
+
+def site_of(draft: Draft) -> Site:
+    """The site, its paths resolved. Raises SiteError for the first of its problems."""
+    for _, problem in problems_in(draft):
+        raise SiteError(problem)
+    return _resolve(Site.model_validate(draft.content), draft.folder)
+
+
+def sound_part(draft: Draft) -> Site | None:
+    """The site without its layout and the rows that something is wrong with; None where that leaves nothing, or where anything
+    is wrong that concerns all rows."""
+    wrong = [location for location, _ in problems_in(draft) if location[:1] != ("layout",)]
+    broken = {str(location[1]) for location in wrong if location[:1] == ("rows",) and len(location) > 1}
+    rows = draft.content.get("rows")
+    if not isinstance(rows, Mapping) or any(at[:1] != ("rows",) or len(at) < 2 for at in wrong):
+        return None
+    kept = {name: row for name, row in rows.items() if str(name) not in broken}
+    content = {key: value for key, value in draft.content.items() if key != "layout"}
+    return _resolve(Site.model_validate({**content, "rows": kept}), draft.folder) if kept else None
+
+
+def validated(model: type[BaseModel], values: Mapping[str, Any], where: str) -> BaseModel:
+    """A config made from values, or SiteError with one line that says what is wrong with it and where."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise SiteError(next(iter(explained(error, model, Places(where)).values()))) from None
 
 
 def _read(path: Path) -> str:
@@ -64,70 +129,28 @@ def _read(path: Path) -> str:
 
 
 def _resolve(site: Site, folder: Path) -> Site:
-    def resolved(path: Path) -> Path:
-        return path if path.is_absolute() else folder / path
+    """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
-    rows = {
-        name: row.model_copy(
-            update={"passes": tuple(p.model_copy(update={"video": resolved(p.video)}) for p in row.passes)}
-        )
-        for name, row in site.rows.items()
+    def of_pass(one: Pass) -> Pass:
+        return one.model_copy(update={"video": beside(folder, one.video)})
+
+    def of_row(row: Row) -> Row:
+        passes = tuple(map(of_pass, row.passes))
+        video = beside(folder, row.video) if row.video else None
+        return row.model_copy(update={"passes": passes, "video": video, "plugins": _networks(row.plugins, folder)})
+
+    changed: dict[str, Any] = {"rows": {name: of_row(row) for name, row in site.rows.items()}}
+    changed["plugins"] = _networks(site.plugins, folder)
+    changed |= {key: beside(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
+    return site.model_copy(update=changed)
+
+
+def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
+    """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
+    return {
+        name: {
+            key: str(folder / value) if key == "model" and isinstance(value, str) else value
+            for key, value in own.items()
+        }
+        for name, own in plugins.items()
     }
-    survey = resolved(site.survey) if site.survey else None
-    return site.model_copy(update={"rows": rows, "survey": survey})
-
-
-def _line(node: yaml.Node | None, location: tuple[int | str, ...]) -> int | None:
-    if node is None:
-        return None
-    line: int = node.start_mark.line + 1
-    for part in location:
-        if isinstance(node, yaml.MappingNode):
-            found = next(((k, v) for k, v in node.value if k.value == str(part)), None)
-            if found is None:
-                return line
-            line, node = found[0].start_mark.line + 1, found[1]
-        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
-            node = node.value[part]
-            line = node.start_mark.line + 1
-    return line
-
-
-def _keys(model: Any, location: tuple[int | str, ...]) -> list[str]:
-    """Keys that are allowed at a place of the model, found by following field annotations."""
-    current = model
-    for part in location:
-        inner = _models_in(current)
-        fields = inner.model_fields if inner else {}
-        current = fields[part].annotation if isinstance(part, str) and part in fields else current
-    inner = _models_in(current)
-    return list(inner.model_fields) if inner else []
-
-
-def _models_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        found = _models_in(argument)
-        if found:
-            return found
-    return None
-
-
-def _hint(key: str, allowed: list[str]) -> str:
-    stem = key.rsplit("_", 1)
-    same_stem = [a for a in allowed if a.rsplit("_", 1)[0] == stem[0] and a != key]
-    if len(stem) == 2 and stem[1] in UNITS and same_stem:
-        return f": wrong unit? Use `{same_stem[0]}`"
-    near = difflib.get_close_matches(key, allowed, 1)
-    if near:
-        return f": did you mean `{near[0]}`?"
-    return f": allowed here are {', '.join(allowed)}" if allowed else ""
-
-
-def validated(model: type[BaseModel], values: Mapping[str, Any], where: str) -> BaseModel:
-    """A config made from values, or SiteError with one line that says what is wrong with it and where."""
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        raise SiteError(explain(error, model, where)) from None

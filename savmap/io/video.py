@@ -25,6 +25,8 @@ def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
         raise VideoError(f"{path}: no such file or folder")
     if path.is_dir():
         return probe_folder(path, images_fps)
+    if not path.is_file():
+        raise VideoError(f"{path}: not a video file but a device or a pipe")
     if path.stat().st_size == 0:
         raise VideoError(f"{path}: the file is empty")
     return probe_file(path)
@@ -47,14 +49,16 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     report = DecodeReport() if report is None else report
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
-    last = start
+    last, gap = start, 0.0
     for stamp, image in _sampled(_source(info, start, end, report), clip.fps, report):
-        last = stamp
+        last, gap = stamp, max(gap, stamp - last)
         yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
+    usual = 0.2 + 3 / min(clip.fps, info.rate_fps or clip.fps)
     missing = min(end, info.duration_s) - last
-    report.short_s = missing if missing > 0.2 + 3 / min(clip.fps, info.rate_fps or clip.fps) else 0.0
+    report.short_s = missing if missing > usual else 0.0
+    report.gap_s = gap if gap > usual else 0.0
 
 
 def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
@@ -96,7 +100,7 @@ def scout_frames(
     read = read_at if info.codec == "images" else decode_at
     found = [
         panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
-        for stamp, picture in read(info, wanted)
+        for stamp, picture in read(info, wanted) or read(info, [start])
     ]
     if not found:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")

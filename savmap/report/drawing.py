@@ -17,7 +17,7 @@ class Drawing:
 
     role: surveyed (painted underneath), mapped, or mapped and off by more than is shown as right. tone: part of the
     structure that bounds the picture, or a fixture around it. legend: what such figures are called in the legend.
-    caption: a short text beside it.
+    caption: a short text beside it. name: the id of the structure that it shows, by which a page finds its sigmas.
     """
 
     kind: Kind
@@ -27,6 +27,7 @@ class Drawing:
     legend: str
     pictures: tuple[Picture, ...] = ("face", "plan")
     caption: str = ""
+    name: str = ""
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not len(self.points):

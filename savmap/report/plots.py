@@ -22,8 +22,8 @@ _PATHS = ("#1c7ed6", "#2b8a3e", "#9c36b5", "#0b7285", "#5f3dc4")
 
 def write_face_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> None:
     """The row as one faces it, x against y: map dashed over the survey. Raises OutputError."""
-    shown = _shown(drawings, "face")
-    left, right, bottom, top = window(_seen(shown, 1), MARGIN_M)
+    shown = drawn_in(drawings, "face")
+    left, right, bottom, top = window(seen(shown, 1), MARGIN_M)
     figure, axes = axes_for((left, right, min(bottom, -0.45), top), (4.0, 8.5))
     axes.axhline(0, color="#868e96", linewidth=1.0, zorder=0)
     for drawing in shown:
@@ -37,9 +37,9 @@ def write_face_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> Non
 
 def write_plan_view(drawings: Sequence[Drawing], row: RowMap, path: Path) -> None:
     """The row from above, x against z, with the camera's path by pass. Raises OutputError."""
-    shown = _shown(drawings, "plan")
+    shown = drawn_in(drawings, "plan")
     camera = row.trajectory.world_from_rig[:, :3, 3]
-    bounds = window(_with_fixtures(np.concatenate([_seen(shown, 2), camera[:, [0, 2]]]), shown, 2), MARGIN_M)
+    bounds = window(_with_fixtures(np.concatenate([seen(shown, 2), camera[:, [0, 2]]]), shown, 2), MARGIN_M)
     figure, axes = axes_for(bounds, (3.0, 8.5))
     axes.axhline(0, color="#868e96", linewidth=0.8, zorder=0)
     for drawing in shown:
@@ -124,12 +124,13 @@ def _from_above(drawing: Drawing) -> dict[str, Any]:
     return {"linewidth": 12.0 if drawing.role == "survey" else 5.0, "linestyle": "-"}
 
 
-def _shown(drawings: Iterable[Drawing], picture: Picture) -> list[Drawing]:
+def drawn_in(drawings: Iterable[Drawing], picture: Picture) -> list[Drawing]:
+    """The drawings that belong into a picture."""
     return [own for own in drawings if picture in own.pictures]
 
 
-def _seen(drawings: Sequence[Drawing], across: int) -> Floats:
-    """What the picture must show (n, 2): the structure, and fixtures that stand over its length."""
+def seen(drawings: Sequence[Drawing], across: int) -> Floats:
+    """What a picture of x against axis `across` must show (n, 2): the structure, and fixtures that stand over its length."""
     structure = [own.points[:, [0, across]] for own in drawings if own.tone == "structure"]
     fixtures = [own.points[:, [0, across]] for own in drawings if own.tone == "fixture"]
     if not structure:

@@ -5,6 +5,7 @@ DIR/images/NAME.jpg, DIR/masks/NAME.png (0 background, k for classes[k - 1], 255
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
@@ -12,7 +13,10 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from savmap.errors import SavmapError
 from savmap.geometry.pinhole import focal_px
+from savmap.io.files import write_text
+from savmap.io.images import write_picture
 from savmap.sim.build import build
 from savmap.sim.camera import CameraSample, Kind, sample_camera, view_rays
 from savmap.sim.primitives import Floats
@@ -99,14 +103,13 @@ def _worthwhile(scene: Renderer, kind: Kind, rng: np.random.Generator) -> Camera
 
 def write(folder: Path, seed: int, count: int, kind: Kind | Literal["mixed"]) -> None:
     """Writes a labelled data set; pictures that are there already are kept."""
-    (folder / "images").mkdir(parents=True, exist_ok=True)
-    (folder / "masks").mkdir(exist_ok=True)
     about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
-    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
     for name, picture, mask in samples(seed, count, kind):
-        cv2.imwrite(str(folder / "masks" / f"{name}.png"), mask)
+        write_picture(folder / "masks" / f"{name}.png", mask)
         flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
-        cv2.imwrite(str(folder / "images" / f"{name}.jpg"), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), flags)
+        bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
+        write_picture(folder / "images" / f"{name}.jpg", bgr, flags)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -117,7 +120,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--kind", choices=("shelf", "face", "ceiling", "mixed"), default="mixed")
     options = parser.parse_args(arguments)
-    write(options.output, options.seed, options.count, options.kind)
+    try:
+        write(options.output, options.seed, options.count, options.kind)
+    except SavmapError as error:
+        print(error, file=sys.stderr)
+        raise SystemExit(error.exit_code) from error
 
 
 if __name__ == "__main__":

@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import yaml
 
 from savmap.errors import OutputError
+from savmap.io.files import reason
+from savmap.io.images import write_picture
 from savmap.monitor import Monitor, Quiet
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
@@ -50,8 +51,12 @@ def simulate(
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
             _write(built, Path(partial), monitor or Quiet(), masks, workers)
             return _moved(Path(partial), folder)
+    except OutputError as error:
+        raise OutputError(str(error).replace(partial, str(folder))) from error
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error}); choose another folder or free its space") from error
+        raise OutputError(
+            f"{folder}: cannot be written ({reason(error)}); choose another folder or free its space"
+        ) from error
 
 
 def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpec], workers: int) -> None:
@@ -79,7 +84,7 @@ def _dump(path: Path, content: Mapping[str, Any]) -> None:
 def _write_masks(scene: Renderer, path: Drive, spec: ViewSpec, folder: Path) -> None:
     folder.mkdir(parents=True)
     for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
-        cv2.imwrite(str(folder / f"{index:06d}.png"), view_classes(scene, origin, turn, spec, CLASSES))
+        write_picture(folder / f"{index:06d}.png", view_classes(scene, origin, turn, spec, CLASSES))
 
 
 def _moved(partial: Path, folder: Path) -> list[Path]:

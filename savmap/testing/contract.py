@@ -44,6 +44,8 @@ def _declaration(plugin_class: Any) -> Iterator[str]:
         yield '`Config` must refuse unknown keys (extra="forbid")'
     elif any(field.is_required() for field in config.model_fields.values()):
         yield "every setting of `Config` needs a default"
+    elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
+        yield "`scale_settings` must name settings of `Config`"
 
 
 def _sees_nothing(room: Room) -> Iterator[str]:
@@ -78,6 +80,11 @@ def _tracks_nothing(room: Room) -> Iterator[str]:
         yield "track([]) must give no tracks"
 
 
+def _shares_nothing(room: Room) -> Iterator[str]:
+    """Without structures, nothing is shared with other rows."""
+    yield from _problem(lambda: room.shared([]) == [], "shared([]) must give []")
+
+
 def _network(room: Room) -> list[str]:
     from savmap.stages.segment import Segmenter
 
@@ -93,7 +100,7 @@ def _network(room: Room) -> list[str]:
     ]
 
 
-CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing)
+CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing, _shares_nothing)
 
 
 def _problem(holds: Callable[[], bool], otherwise: str) -> Iterator[str]:

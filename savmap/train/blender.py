@@ -7,7 +7,6 @@ DIR/images/NAME.jpg, DIR/masks/NAME.png, DIR/dataset.json. Finished pictures are
 import argparse
 import importlib.util
 import json
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import SavmapError
+from savmap.io.files import write_text
+from savmap.io.images import write_picture
 from savmap.sim.build import Built, build
 from savmap.sim.camera import CameraSample, Kind, sample_camera
 from savmap.sim.primitives import Box
@@ -111,25 +112,18 @@ def samples(seed: int, indices: Sequence[int], look: int, quality: Quality) -> I
             yield name, *studio.picture(_camera(studio, built, kind, own), own)
 
 
-def _put(path: Path, picture: NDArray[np.uint8], flags: Sequence[int] = ()) -> None:
-    _, data = cv2.imencode(path.suffix, picture, list(flags))
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(data.tobytes())
-    os.replace(part, path)
-
-
 def write(folder: Path, seed: int, count: int, look: int, quality: Quality) -> None:
     """Writes a labelled data set; a picture that is there already is kept, with its mask."""
-    (folder / "images").mkdir(parents=True, exist_ok=True)
-    (folder / "masks").mkdir(exist_ok=True)
     renderer = f"savmap.train.blender, path traced, look {look}"
     about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": renderer}
-    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
     missing = [i for i in range(count) if not (folder / "images" / f"{_name(look, seed, i)[0]}.jpg").exists()]
     for name, picture, mask in samples(seed, missing, look, quality):
-        _put(folder / "masks" / f"{name}.png", mask)
+        write_picture(folder / "masks" / f"{name}.png", mask)
         flags = (cv2.IMWRITE_JPEG_QUALITY, 95)
-        _put(folder / "images" / f"{name}.jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).astype(np.uint8), flags)
+        write_picture(
+            folder / "images" / f"{name}.jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).astype(np.uint8), flags
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

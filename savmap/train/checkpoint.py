@@ -1,5 +1,6 @@
 """Checkpoints: averaged weights with the classes they are for and how they came about."""
 
+import io
 import json
 import pickle
 from collections.abc import Mapping, Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 import torch
 
 from savmap.errors import OutputError
+from savmap.io.files import write_bytes
 from savmap.train.network import SegmentationNetwork, build
 
 LAST_LAYER = "finish.logits."
@@ -20,13 +22,12 @@ Recipe = Mapping[str, object]
 def save_checkpoint(
     path: Path, network: SegmentationNetwork, classes: Sequence[str], history: Sequence[Recipe]
 ) -> None:
-    """Averaged weights, class names and the recipes so far; written whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    partial.parent.mkdir(parents=True, exist_ok=True)
+    """Averaged weights, class names and the recipes so far; written whole or not at all. Raises OutputError."""
+    content = io.BytesIO()
     torch.save(
-        {"network": network.state_dict(), "classes": list(classes), "history": json.dumps(list(history))}, partial
+        {"network": network.state_dict(), "classes": list(classes), "history": json.dumps(list(history))}, content
     )
-    partial.replace(path)
+    write_bytes(path, content.getvalue())
 
 
 def load_checkpoint(path: Path, classes: Sequence[str]) -> tuple[SegmentationNetwork, list[Recipe]]:

@@ -10,6 +10,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
+from savmap.io.files import write_bytes
 from savmap.train.network import SegmentationNetwork
 
 WIDTH, HEIGHT = 640, 480
@@ -63,11 +64,8 @@ def graph(network: SegmentationNetwork) -> onnx.ModelProto:
 
 
 def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping[str, object], output: Path) -> None:
-    """Write the ONNX file whole or not at all."""
+    """Write the ONNX file whole or not at all. Raises OutputError."""
     model = graph(network)
     onnx.helper.set_model_props(model, metadata(classes, recipe))
     onnx.checker.check_model(model)
-    partial = output.with_name(output.name + ".partial")
-    output.parent.mkdir(parents=True, exist_ok=True)
-    partial.write_bytes(model.SerializeToString())
-    partial.replace(output)
+    write_bytes(output, model.SerializeToString())

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from savmap.types.common import Floats, Ints, Place, require
+from savmap.types.common import Axis, Floats, Ints, Place, require
 from savmap.types.pictures import ViewSpec
 
 
@@ -99,6 +99,24 @@ class Structure:
 
 
 @dataclass(frozen=True)
+class SharedThing:
+    """A mapped thing that another row may have mapped too: its structure's id, its kind (within which one may be taken for
+    another), its place (3,) m in the row's frame with covariance (3, 3), and the row's axes along which both rows see it in one
+    place. `behind_m`: shared only by rows back to back with their faces no further apart than that; None: by any rows."""
+
+    id: str
+    kind: str
+    place: Floats
+    covariance: Floats
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    behind_m: float | None = None
+
+    def __post_init__(self) -> None:
+        require(self.place.shape == (3,) and self.covariance.shape == (3, 3), self, "place (3,), covariance (3, 3)")
+        require(bool(self.axes), self, "an axis at least")
+
+
+@dataclass(frozen=True)
 class ReferenceUse:
     """A reference as it went into the solve: name, given value, sigma, the solution's value, all in `unit`."""
 
@@ -142,6 +160,22 @@ class Placement:
         cos, sin = np.cos(turn), np.sin(turn)
         moved: Floats = np.array([[cos, 0, sin, self.x_m], [0, 1, 0, 0], [-sin, 0, cos, self.z_m], [0, 0, 0, 1]])
         return moved
+
+    def points(self, points: Floats) -> Floats:
+        """Points (n, 3) of the row in the site's frame."""
+        transform = self.site_from_row
+        moved: Floats = points @ transform[:3, :3].T + transform[:3, 3]
+        return moved
+
+    def covariances(self, points: Floats, covariances: Floats) -> Floats:
+        """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame: with what is not known of the row's place."""
+        turn = self.site_from_row[:3, :3]
+        arm = points @ turn.T
+        slopes = np.zeros((len(points), 3, 3))
+        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        whole: Floats = turn @ covariances @ turn.T + slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
+        return whole
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def test_reference_residual_and_unplaced_frames() -> None:
 
 
 def test_published_schema_is_up_to_date() -> None:
-    assert SCHEMA.read_text() == schema_text(), "python -m savmap.io.mapschema > docs/map.schema.json"
+    assert SCHEMA.read_text() == schema_text(), "savmap schema map > docs/map.schema.json"
 
 
 def test_map_satisfies_the_published_schema() -> None:

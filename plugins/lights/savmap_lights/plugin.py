@@ -9,16 +9,19 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import SolveError
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
 
 
 class Settings(BaseModel):
-    """Settings of the plugin in a site file. `line`: the lamps are on a line parallel to the aisle, at one height."""
+    """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
+    """Another network's ONNX file."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Confidence above which a pixel belongs to a class."""
     line: bool = False
+    """Whether the lamps are on one line along the aisle, at one height."""
 
 
 class Lights:
@@ -28,6 +31,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.onnx"
     Config = Settings
+    scale_settings = ()
     after_pixels = ("line",)
 
     def __init__(self, config: Settings) -> None:
@@ -69,6 +73,12 @@ class Lights:
         from savmap_lights.describe import describe
 
         return describe(tracks, solution, self.name)
+
+    @hookimpl
+    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+        from savmap_lights.shared import shared
+
+        return shared(structures)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from savmap.report.drawing import Drawing
-from savmap.types import Floats, Structure
+from savmap.report.drawing import Drawing, Kind
+from savmap.types import Structure
 from savmap_lights.survey import read_row
 
 OFF_M = 0.05
@@ -17,10 +17,11 @@ def draw(
 
     With a survey: its own underneath, and those whose deviation (m, by id) is more than `OFF_M` marked.
     """
-    drawings = [_lamp(own.vertices, deviations.get(own.id, 0.0) > OFF_M) for own in structures if own.label == "light"]
+    drawings = [_lamp(own, deviations.get(own.id, 0.0) > OFF_M) for own in structures if own.label == "light"]
     ends = read_row(survey).ends() if survey and "lights" in survey else ()
     return (*(Drawing("line", own, "survey", "fixture", "lamps") for own in ends), *drawings)
 
 
-def _lamp(vertices: Floats, off: bool) -> Drawing:
-    return Drawing("line" if len(vertices) == 2 else "point", vertices, "off" if off else "mapped", "fixture", "lamps")
+def _lamp(own: Structure, off: bool) -> Drawing:
+    kind: Kind = "line" if len(own.vertices) == 2 else "point"
+    return Drawing(kind, own.vertices, "off" if off else "mapped", "fixture", "lamps", name=own.id)

@@ -23,7 +23,7 @@ LARGEST_CHANGE = 15.0
 MATCH, MATCH_SIGMA = 0.1, 0.015
 LARGEST_RISE, USUAL_RISE, RISE_SPREAD = 0.15, 0.05, 0.01
 GOOD_VOTE = 0.5
-GOOD_MATCH, HOPEFUL = 0.5, 3
+GOOD_MATCH, HOPEFUL, HOPELESS = 0.5, 3, 0.25
 CORNER_VOTE = 0.2
 RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 EDGES, CORNERS = (0, 1), (2, 3, 4, 5)
@@ -167,7 +167,8 @@ def chained(steps: Floats) -> Floats:
 
 
 def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
-    """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone."""
+    """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone, also where
+    hardly anything agrees: chance finds ratios far from 1 that suit a few things, and a chain breaks there."""
     usual = np.array([1.0, -shift, 0.0])
     starts = [usual]
     if _agreement(first, second, usual, MATCH / 2) < GOOD_MATCH * min(len(first.kind), len(second.kind)):
@@ -176,7 +177,9 @@ def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
         starts = sorted(starts, key=lambda way: -_agreement(first, second, way, MATCH / 2))[:HOPEFUL]
     for _ in range(2):
         starts = [_refined(first, second, start, (usual, loose)) for start in starts]
-    return max(starts, key=lambda way: _agreement(first, second, way, MATCH / 4)) if len(starts) > 1 else starts[0]
+    best = max(starts, key=lambda way: _agreement(first, second, way, MATCH / 4))
+    few = _agreement(first, second, best, MATCH / 4) < HOPELESS * min(len(first.kind), len(second.kind))
+    return usual if few else best
 
 
 def _agreement(first: Glance, second: Glance, way: Floats, sigma: float) -> float:

@@ -8,7 +8,19 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    SharedThing,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+)
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 
@@ -16,29 +28,39 @@ Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 class LowestBeam(BaseModel):
     """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     values: float | tuple[float, ...]
+    """One value, or one a section, left to right."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
+    """Standard deviation of each."""
 
 
 class BayPitch(BaseModel):
     """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     value: Pitch | tuple[Pitch, ...]
+    """One value, or one a section, left to right."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
+    """Standard deviation of each."""
 
 
 class Settings(BaseModel):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
+    """Another network's ONNX file."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Confidence above which a pixel belongs to a class."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
+    """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
     bay_pitch_m: BayPitch | None = None
+    """From an upright's edge to the same edge of the next."""
     beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
+    """How far the beams' faces stand behind the uprights'."""
     subpixel: bool = True
+    """Whether edges are measured in the panorama itself; false leaves them as masks have them."""
 
 
 class Shelves:
@@ -48,6 +70,7 @@ class Shelves:
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.onnx"
     Config = Settings
+    scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 
     def __init__(self, config: Settings) -> None:
@@ -98,6 +121,12 @@ class Shelves:
         from savmap_shelves.describe import describe
 
         return describe(tracks, solution, room=self.name)
+
+    @hookimpl
+    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+        from savmap_shelves.shared import shared
+
+        return shared(structures)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:

@@ -27,11 +27,11 @@ def draw(
 def _mapped(structure: Structure, deviation_m: float) -> Iterator[Drawing]:
     role: Role = "off" if deviation_m > OFF_M else "mapped"
     if structure.label == "beam":
-        yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",))
+        yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",), name=structure.id)
         return
     number = structure.id.split()[-1]
-    yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",), number)
-    yield Drawing("line", _foot(structure), role, "structure", PLAN, ("plan",), number)
+    yield Drawing("polygon", _outline(structure), role, "structure", FACE, ("face",), number, structure.id)
+    yield Drawing("line", _foot(structure), role, "structure", PLAN, ("plan",), number, structure.id)
 
 
 def _outline(structure: Structure) -> Floats:

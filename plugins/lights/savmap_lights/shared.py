@@ -1,0 +1,16 @@
+"""Lamps that another row sees too: those over the aisle between two faces, by their centres."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from savmap.types import SharedThing, Structure
+
+
+def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+    """Every lamp's centre; its vertices' errors are taken for common to all of them."""
+    return [
+        SharedThing(own.id, own.label, own.vertices.mean(axis=0), np.asarray(own.covariances.mean(axis=0)))
+        for own in structures
+        if own.label == "light"
+    ]

@@ -1,0 +1,138 @@
+"""Which things of one row are which of another: by where they should be, and only where no other reading is nearly as good.
+
+A line of like things fits as well, or nearly, when it slips by one. Every shift that lays some thing on another is therefore scored
+by its likelihood, and the best one is believed where it is much likelier (`LEAST`, nats) than that the rows have nothing in common, and
+than any that pairs a thing otherwise (`MARGIN`): a line that slips by one loses one pair of things, 4.5 nats, which is not enough.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.types import Axis, Floats, Ints, Placement, SharedThing
+
+GATE = 4.0
+NEAR = 3.0
+LEAST = 10.0
+MARGIN = 6.0
+REFINED = 2
+FLOOR_SIGMA_M = 0.05
+LEAST_SIGMA_M = 0.001
+AXES = {"x": 0, "y": 1, "z": 2}
+
+Pairs = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Pairs of things by number; or none, and whether that is because several readings fit."""
+
+    pairs: Pairs = ()
+    ambiguous: bool = False
+
+
+@dataclass(frozen=True)
+class Differences:
+    """In a's frame, along the k axes told: b's things less a's (n, m, k) m where the rows are thought to stand, with covariance
+    (n, m, k, k) of things and heading, and that of the shift of one row against the other (k, k)."""
+
+    between: Floats
+    covariance: Floats
+    shift: Floats
+
+
+def match(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Matching:
+    """Pairs of things of one kind."""
+    found = differences(things_a, things_b, a_from_b)
+    inverse, tight = _inverse(found.covariance), _inverse(found.shift)
+    gate = _inverse(found.covariance + found.shift)
+    inside = _squares(found.between, gate) < GATE**2
+    if not inside.any():
+        return Matching()
+    scored: dict[Pairs, float] = {}
+    for shift in found.between[inside]:
+        pairs = _nearest(found.between - shift, inverse)
+        for _ in range(REFINED):
+            pairs = _nearest(found.between - _fitted(pairs, found.between, inverse, tight), inverse)
+        if pairs not in scored:
+            scored[pairs] = _score(pairs, found.between, inverse, tight)
+    best = max(scored, key=scored.__getitem__)
+    if scored[best] < LEAST:
+        return Matching()
+    others = [score for pairs, score in scored.items() if _contradict(best, pairs)]
+    if scored[best] - max(others, default=0.0) < MARGIN:
+        return Matching(ambiguous=True)
+    return Matching(best)
+
+
+def told_axes(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing]) -> tuple[Axis, ...]:
+    """The axes that all things of both rows tell."""
+    return tuple(axis for axis in ("x", "y", "z") if all(axis in thing.axes for thing in (*things_a, *things_b)))
+
+
+def differences(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Differences:
+    """How far things are from one another, and how well that is known."""
+    told = [AXES[axis] for axis in told_axes(things_a, things_b)]
+    turn = a_from_b.site_from_row[:3, :3]
+    places_a = np.array([thing.place for thing in things_a])
+    raw = np.array([thing.place for thing in things_b])
+    places_b = a_from_b.points(raw)
+    own_a = np.array([thing.covariance for thing in things_a])
+    own_b = turn @ np.array([thing.covariance for thing in things_b]) @ turn.T
+    middle = raw.mean(axis=0, keepdims=True)
+    lever = places_b - a_from_b.points(middle)
+    swing = np.radians(np.sqrt(a_from_b.covariance[2, 2])) * np.stack(
+        [lever[:, 2], np.zeros(len(raw)), -lever[:, 0]], axis=1
+    )
+    shift = a_from_b.covariances(middle, np.diag([0.0, FLOOR_SIGMA_M**2, 0.0])[None])[0]
+    least = LEAST_SIGMA_M**2 * np.eye(3)
+    covariance = own_a[:, None] + (own_b + swing[:, :, None] * swing[:, None, :])[None] + least
+    grid = np.ix_(told, told)
+    return Differences(
+        (places_b[None] - places_a[:, None])[:, :, told], covariance[:, :, grid[0], grid[1]], shift[grid]
+    )
+
+
+def _inverse(covariances: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(covariances), dtype=np.float64)
+
+
+def _squares(differences: Floats, inverse: Floats) -> Floats:
+    squares: Floats = np.einsum("nmi,nmij,nmj->nm", differences, inverse, differences)
+    return squares
+
+
+def _nearest(differences: Floats, inverse: Floats) -> Pairs:
+    """Pairs that are each other's nearest and nearer than `NEAR` standard deviations."""
+    squares = _squares(differences, inverse)
+    to_b: Ints = squares.argmin(axis=1)
+    to_a: Ints = squares.argmin(axis=0)
+    return tuple((i, j) for i, j in enumerate(to_b.tolist()) if int(to_a[j]) == i and squares[i, j] < NEAR**2)
+
+
+def _score(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> float:
+    """Log-likelihood against pairing nothing, at the shift that suits the pairs and the rows' places best."""
+    if not pairs:
+        return 0.0
+    rows, columns = np.array(pairs).T
+    shift = _fitted(pairs, between, inverse, tight)
+    left = between[rows, columns] - shift
+    squares = np.einsum("ni,nij,nj->n", left, inverse[rows, columns], left)
+    return float((NEAR**2 - squares).sum() - shift @ tight @ shift) / 2
+
+
+def _fitted(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> Floats:
+    """The shift (k,) that suits the pairs and the rows' places best."""
+    rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    weights = inverse[rows, columns]
+    pull = np.einsum("nij,nj->i", weights, between[rows, columns])
+    shift: Floats = np.linalg.solve(weights.sum(axis=0) + tight, pull)
+    return shift
+
+
+def _contradict(one: Pairs, other: Pairs) -> bool:
+    """Whether a thing has one partner here and another one there."""
+    own = dict(one)
+    back = {j: i for i, j in one}
+    return any(own.get(i, j) != j or back.get(j, i) != i for i, j in other)

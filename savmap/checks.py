@@ -1,0 +1,155 @@
+"""What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from savmap.errors import ModelError, OutputError, SavmapError, SiteError, SolveError, StructureError, VideoError
+from savmap.eyes import Eyes
+from savmap.io.clip import VideoInfo, time_range
+from savmap.io.overrides import Location
+from savmap.io.siteplaces import Places
+from savmap.io.survey import read_survey
+from savmap.io.video import expected_frames, probe
+from savmap.job import Job, prepare, rooms_for
+from savmap.observe import MIN_FRAMES, clip_of, pass_names
+from savmap.settings import tells_scale
+from savmap.site import Pass
+from savmap.stages.markers import MarkerWatch
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A pass of a row whose video can be read: its name, the video, and about how many frames will be used of it."""
+
+    row: str
+    name: str
+    location: Location
+    one: Pass
+    info: VideoInfo
+    frames: int
+
+
+def placed(error: SavmapError, places: Places, location: Location) -> SavmapError:
+    """An error with the place in the site file that it comes from put before it."""
+    place = places.of(location)
+    return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
+
+
+def networks(job: Job) -> Iterator[SavmapError]:
+    """Networks that cannot be loaded, or do not give their plugin's classes."""
+    tried = set[tuple[str, Path]]()
+    for row in job.site.rows:
+        for room in rooms_for(job, row):
+            if (room.name, room.model) in tried:
+                continue
+            tried.add((room.name, room.model))
+            try:
+                Eyes([room])
+            except ModelError as error:
+                own = "model" in job.site.rows[row].plugins.get(room.name, {})
+                at = ("plugins", room.name, "model")
+                yield placed(error, job.places, ("rows", row, *at) if own else at)
+
+
+def references(job: Job) -> Iterator[SavmapError]:
+    """Markers that cannot be printed, and rows whose scale nothing could fix."""
+    told = set[str]()
+    for row in job.site.rows:
+        known = job.site.row_references(row)
+        own = "markers" in job.site.rows[row].references.model_fields_set
+        for number, marker in enumerate(known.markers):
+            try:
+                MarkerWatch([(marker.dictionary, marker.id)])
+            except SiteError as error:
+                at = (*(("rows", row) if own else ()), "references", "markers", number)
+                if str(problem := placed(error, job.places, at)) not in told:
+                    told.add(str(problem))
+                    yield problem
+        if job.earlier is None and not tells_scale(job.site, row, job.plugins):
+            text = (
+                "the map's scale is not known; give the camera's height, a length or a marker (see docs/site-file.md)"
+            )
+            yield placed(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
+
+
+def survey(job: Job) -> Iterator[SavmapError | str]:
+    """What is wrong with the survey, and which rows are in it or in the site alone."""
+    if job.site.survey is None:
+        return
+    try:
+        known = read_survey(job.site.survey).rows
+    except OutputError as error:
+        yield placed(error, job.places, ("survey",))
+        return
+    common = [row for row in job.site.rows if row in known]
+    if not common:
+        text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(known)}"
+        yield placed(SiteError(text), job.places, ("survey",))
+    for row in common:
+        yield from _surveyed(job, row, known[row])
+    for who, rows in (
+        ("tells nothing of", job.site.rows.keys() - known),
+        ("also tells of", known.keys() - job.site.rows),
+    ):
+        if rows and common:
+            yield f"{job.site.survey}: {who} row {', '.join(sorted(rows))}"
+
+
+def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
+    """What plugins cannot read of a row's survey."""
+    for room in rooms_for(job, row):
+        try:
+            room.evaluate(structures=(), survey=entry)
+        except OutputError as error:
+            yield placed(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
+        except SavmapError:
+            continue
+
+
+def footage(job: Job) -> Iterator[SavmapError | Footage]:
+    """Passes whose videos can be read, and what is wrong with the others."""
+    probed: dict[Path, VideoInfo | VideoError] = {}
+    for row, own in job.site.rows.items():
+        for number, (name, one) in enumerate(zip(pass_names(own.passes), own.passes, strict=True)):
+            info = probed.setdefault(one.video, _probed(one.video))
+            at: Location = ("rows", row, "passes", number)
+            yield (
+                _footage(job, Footage(row, name, at, one, info, 0))
+                if isinstance(info, VideoInfo)
+                else placed(info, job.places, (*at, "video"))
+            )
+
+
+def _probed(video: Path) -> VideoInfo | VideoError:
+    try:
+        return probe(video)
+    except VideoError as error:
+        return error
+
+
+def _footage(job: Job, found: Footage) -> SavmapError | Footage:
+    one, duration = found.one, found.info.duration_s
+    clip = clip_of(one)
+    late = one.end_s is not None and one.start_s < duration
+    try:
+        time_range(clip, duration)
+    except VideoError as error:
+        return placed(error, job.places, (*found.location, "end_s" if late else "start_s"))
+    frames = expected_frames(clip, found.info)
+    if frames < MIN_FRAMES:
+        text = f"{one.video}: {frames} frames in the range of {found.name} are too few to map from"
+        return placed(StructureError(text), job.places, found.location)
+    return replace(found, frames=frames)
+
+
+def output(job: Job) -> Iterator[SavmapError]:
+    """Whether the output folder can be written; one that is not there is not left behind."""
+    new = [folder for folder in (job.output, *job.output.parents) if not folder.exists()]
+    try:
+        prepare(job.output)
+    except OutputError as error:
+        yield error
+    for folder in new:
+        if folder.is_dir():
+            folder.rmdir()

@@ -1,0 +1,200 @@
+"""Where rows stand in a site: a graph whose variables are the rows' poses on the floor, as robots' maps are joined by pose graphs
+(Lu and Milios 1997; Grisetti et al., "A tutorial on graph-based SLAM", 2010).
+
+On the floor, a row's pose is a `Pose2` of x, -z and heading, so that headings count counter-clockwise from above.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+
+from savmap.errors import SolveError
+from savmap.types import Floats, Placement
+from savmap.types.common import require
+
+GRID = int(gtsam.symbol("g", 0))
+HUBER = 1.345
+OFF_GRID_RAD = float(np.radians(10))
+QUARTER = np.pi / 2
+TURNED = np.array([[0.0, -1.0], [1.0, 0.0]])
+FLOOR = np.array([[1.0, 0, 0], [0, 0, -1]])
+
+
+@dataclass(frozen=True)
+class PathTie:
+    """Rows `a` and `b` that were seen from one camera path: b's frame in a's."""
+
+    a: str
+    b: str
+    a_from_b: Placement
+
+
+@dataclass(frozen=True)
+class PointTie:
+    """A point (3,) m in the frames of rows `a` and `b`: what is left between the two, in a's frame, has `covariance` (k, k) along
+    the axes `told` (k, 3), rows of which are unit vectors on the floor in a's frame."""
+
+    a: str
+    b: str
+    in_a: Floats
+    in_b: Floats
+    told: Floats
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        k = len(self.told)
+        require(self.told.shape == (k, 3) and self.covariance.shape == (k, k), self, "told (k, 3), covariance (k, k)")
+
+
+@dataclass(frozen=True)
+class Places:
+    """Rows' places by name, with the joint covariance (3n, 3n) of their x m, z m, heading degrees, in the site's frame."""
+
+    placed: Mapping[str, Placement]
+    joint: Floats
+
+    def relative(self, a: str, b: str) -> Placement:
+        """Row b's frame in row a's, with its covariance."""
+        one, other = self.placed[a], self.placed[b]
+        turn = one.site_from_row[[[0], [2]], [0, 2]]
+        step = np.array([other.x_m - one.x_m, other.z_m - one.z_m])
+        x, z = turn.T @ step
+        slope_a, slope_b = np.zeros((3, 3)), np.zeros((3, 3))
+        slope_a[:2, :2], slope_b[:2, :2] = -turn.T, turn.T
+        slope_a[:2, 2] = np.radians([-z, x])
+        slope_a[2, 2], slope_b[2, 2] = -1.0, 1.0
+        slope = np.hstack([slope_a, slope_b])
+        slots = [3 * list(self.placed).index(name) + np.arange(3) for name in (a, b)]
+        own = np.concatenate(slots)
+        heading = (other.heading_deg - one.heading_deg + 180) % 360 - 180
+        return Placement(float(x), float(z), heading, slope @ self.joint[np.ix_(own, own)] @ slope.T)
+
+
+def solve_places(
+    start: Mapping[str, Placement],
+    priors: Mapping[str, Placement],
+    paths: Sequence[PathTie],
+    points: Sequence[PointTie],
+    square_rad: float | None = None,
+) -> Places:
+    """The rows of `start`, from what is known of single rows and what ties them, all with Huber's loss.
+
+    `square_rad`: how far rows may turn from a common grid of right angles (standard deviation); rows that start further off it than
+    10 degrees are left alone. Raises SolveError where the ties leave a row's place open.
+    """
+    keys = {name: int(gtsam.symbol("r", number)) for number, name in enumerate(start)}
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for name, place in start.items():
+        values.insert(keys[name], pose_of(place))
+    for name, place in priors.items():
+        graph.add(gtsam.PriorFactorPose2(keys[name], pose_of(place), _noise(_tangent(place))))
+    for path in paths:
+        noise = _noise(_tangent(path.a_from_b))
+        graph.add(gtsam.BetweenFactorPose2(keys[path.a], keys[path.b], pose_of(path.a_from_b), noise))
+    for point in points:
+        graph.add(_point_factor(point, keys))
+    if square_rad is not None:
+        first = values.atPose2(next(iter(keys.values()))).theta()
+        values.insert(GRID, gtsam.Rot2(first))
+        _add_grid(graph, values, list(keys.values()), square_rad)
+    return _solved(graph, values, keys)
+
+
+def pose_of(place: Placement) -> gtsam.Pose2:
+    """A place as a pose on the floor."""
+    return gtsam.Pose2(place.x_m, -place.z_m, float(np.radians(place.heading_deg)))
+
+
+def residual(point: PointTie, a_from_b: Placement) -> Floats:
+    """What is left between the two places of a point: b's less a's (k,) m."""
+    off: Floats = point.told @ (a_from_b.points(point.in_b[None])[0] - point.in_a)
+    return off
+
+
+def _solved(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Mapping[str, int]) -> Places:
+    try:
+        found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+        marginals = gtsam.Marginals(graph, found)
+        joint = np.array(marginals.jointMarginalCovariance(list(keys.values())).fullMatrix())
+    except RuntimeError as error:
+        raise SolveError(f"the rows' places in the site are not told by their ties: {error}") from error
+    turns = np.zeros((3 * len(keys), 3 * len(keys)))
+    placed = {}
+    for number, (name, key) in enumerate(keys.items()):
+        pose = found.atPose2(key)
+        own = slice(3 * number, 3 * number + 3)
+        turns[own, own] = _site_from_tangent(pose.theta())
+        placed[name] = pose
+    joint = turns @ joint @ turns.T
+    return Places(
+        {
+            name: _place(pose, joint[3 * n : 3 * n + 3, 3 * n : 3 * n + 3])
+            for n, (name, pose) in enumerate(placed.items())
+        },
+        joint,
+    )
+
+
+def _place(pose: gtsam.Pose2, covariance: Floats) -> Placement:
+    return Placement(pose.x(), -pose.y(), float(np.degrees(pose.theta())), covariance)
+
+
+def _site_from_tangent(heading_rad: float) -> Floats:
+    """Derivative (3, 3) of x, z and heading in degrees by a small motion of a pose in its own frame."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    slope: Floats = np.array([[cos, -sin, 0], [-sin, -cos, 0], [0, 0, np.degrees(1.0)]])
+    return slope
+
+
+def _tangent(place: Placement) -> Floats:
+    """A place's covariance as that of small motions in its own frame."""
+    back = np.linalg.inv(_site_from_tangent(np.radians(place.heading_deg)))
+    covariance: Floats = back @ place.covariance @ back.T
+    return covariance
+
+
+def _noise(covariance: Floats) -> gtsam.noiseModel.Robust:
+    huber = gtsam.noiseModel.mEstimator.Huber.Create(HUBER)
+    return gtsam.noiseModel.Robust.Create(huber, gtsam.noiseModel.Gaussian.Covariance(covariance))
+
+
+def _point_factor(point: PointTie, keys: Mapping[str, int]) -> gtsam.NonlinearFactor:
+    in_a, in_b = FLOOR @ point.in_a, FLOOR @ point.in_b
+    told = point.told @ FLOOR.T
+
+    def off(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        pose_a, pose_b = map(values.atPose2, factor.keys())
+        turn_a, turn_b = pose_a.rotation().matrix(), pose_b.rotation().matrix()
+        seen = turn_a.T @ (turn_b @ in_b + pose_b.translation() - pose_a.translation())
+        if jacobians is not None:
+            turn = turn_a.T @ turn_b
+            jacobians[0] = -told @ np.column_stack([np.eye(2), TURNED @ seen])
+            jacobians[1] = told @ np.column_stack([turn, turn @ TURNED @ in_b])
+        error: Floats = told @ (seen - in_a)
+        return error
+
+    return gtsam.CustomFactor(_noise(point.covariance), [keys[point.a], keys[point.b]], off)
+
+
+def _add_grid(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Sequence[int], sigma_rad: float) -> None:
+    """Every row that starts near a multiple of a right angle off the grid is held there."""
+    noise = _noise(np.array([[sigma_rad**2]]))
+    for key in keys:
+        off = values.atPose2(key).theta() - values.atRot2(GRID).theta()
+        quarters = round(off / QUARTER)
+        if abs(off - quarters * QUARTER) < OFF_GRID_RAD:
+            graph.add(_grid_factor(noise, key, quarters * QUARTER))
+
+
+def _grid_factor(noise: gtsam.noiseModel.Robust, key: int, wanted: float) -> gtsam.NonlinearFactor:
+    def off(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        turn = values.atPose2(factor.keys()[0]).theta() - values.atRot2(factor.keys()[1]).theta() - wanted
+        if jacobians is not None:
+            jacobians[0] = np.array([[0.0, 0.0, 1.0]])
+            jacobians[1] = np.array([[-1.0]])
+        error: Floats = np.array([(turn + np.pi) % (2 * np.pi) - np.pi])
+        return error
+
+    return gtsam.CustomFactor(noise, [key, GRID], off)

@@ -1,0 +1,37 @@
+"""Where files are: paths of this machine, or URLs that fsspec reads (`s3://`, `gs://`, `file://`; extra `cluster`).
+
+A URL is a `UPath`, which does what a `Path` does; it is typed as one throughout.
+"""
+
+from pathlib import Path
+from typing import cast
+
+from savmap.errors import SiteError
+
+LOCAL = "file://"
+
+
+def where(text: str | Path) -> Path:
+    """The path that a text means. Raises SiteError for a URL of an unknown kind, or where the extra `cluster` is missing."""
+    if not isinstance(text, str) or "://" not in text:
+        return Path(text) if isinstance(text, str) else text
+    if text.startswith(LOCAL):
+        return Path(text.removeprefix(LOCAL))
+    try:
+        from upath import UPath
+    except ImportError:
+        raise SiteError(f"{text}: reading URLs needs the extra `cluster`: pip install 'savmap[cluster]'") from None
+    try:
+        return cast(Path, UPath(text))
+    except (ImportError, ValueError) as error:
+        raise SiteError(f"{text}: cannot be read: {error}") from None
+
+
+def is_url(path: Path) -> bool:
+    """Whether a path is not of this machine."""
+    return not isinstance(path, Path)
+
+
+def beside(folder: Path, path: Path) -> Path:
+    """A path taken from a folder; a URL, or a path from the root, as it is."""
+    return path if is_url(path) else folder / path

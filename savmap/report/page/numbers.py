@@ -1,0 +1,61 @@
+"""Numbers and names as people read them."""
+
+import re
+from collections.abc import Iterable, Mapping
+
+MINUS, NOTHING = "\u2212", "\u2013"
+
+
+def fixed(value: float | None, decimals: int, plus: bool = False) -> str:
+    """A number with so many decimals; a dash for none, and a true minus that is not given to zero."""
+    if value is None or value != value:
+        return NOTHING
+    text = f"{abs(value):.{decimals}f}"
+    zero = not text.strip("0.")
+    return ("" if zero else MINUS if value < 0 else "+" if plus else "") + text
+
+
+def centimetres(value_m: float | None, plus: bool = False) -> str:
+    """Metres as centimetres with two decimals."""
+    return fixed(None if value_m is None else 100 * value_m, 2, plus)
+
+
+def duration(seconds: float) -> str:
+    """Such as "2 h 04 min", "3 min 20 s" or "4.2 s"."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    if round(seconds) < 3600:
+        return f"{round(seconds) // 60} min {round(seconds) % 60:02d} s"
+    return f"{round(seconds / 60) // 60} h {round(seconds / 60) % 60:02d} min"
+
+
+def natural(names: Iterable[str]) -> list[str]:
+    """Names in the order in which people count: A2 before A10."""
+    return sorted(
+        names,
+        key=lambda name: [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in _parts(name)],
+    )
+
+
+def anchors(names: Iterable[str]) -> dict[str, str]:
+    """For each name an id of letters, digits and dashes that no other name has."""
+    found: dict[str, str] = {}
+    for name in names:
+        plain = "row-" + (re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:40] or "x")
+        tried = (plain if k == 1 else f"{plain}-{k}" for k in range(1, len(found) + 2))
+        found[name] = next(one for one in tried if one not in found.values())
+    return found
+
+
+def shortened(text: str, most: int = 24) -> str:
+    """The text, or its beginning with an ellipsis."""
+    return text if len(text) <= most else text[: most - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """Such as "16 upright, 121 beam", or "none"."""
+    return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
+
+
+def _parts(name: str) -> list[str]:
+    return [part for part in re.split(r"([0-9]+)", name) if part]

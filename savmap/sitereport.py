@@ -1,0 +1,77 @@
+"""The site report of a map: what the plugins draw and score of it, on one page."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from savmap.errors import OutputError
+from savmap.rooms import Room, open_room
+from savmap.types import RowMap, SiteMap
+
+if TYPE_CHECKING:
+    from savmap.evaluation import Evaluation, Survey
+    from savmap.report.drawing import Drawing
+    from savmap.runlog import RunLog
+
+
+def report_for(
+    site_map: SiteMap, path: Path, log: "RunLog | None" = None, survey: "Survey | None" = None, title: str = "Site map"
+) -> None:
+    """Write the report of a map, with the run that made it and against a survey where they are given.
+
+    Raises OutputError where it cannot be written or a row's survey is malformed, PluginError for a plugin that made the map
+    and is not installed or fails.
+    """
+    from savmap.report.page import write_page
+    from savmap.report.record import Report
+
+    rooms = rooms_of(site_map)
+    sheets = survey.rows if survey else {}
+    common = any(name in sheets for name in site_map.rows)
+    remarks = (
+        ("The survey has none of the rows that were mapped: there are no errors to show.",)
+        if survey and not common
+        else ()
+    )
+    drawings = {
+        name: drawings_of([rooms[plugin] for plugin in row.structures], row, sheets.get(name))
+        for name, row in site_map.rows.items()
+    }
+    evaluation = evaluation_of(site_map, survey, rooms) if survey and common else None
+    write_page(Report(site_map, drawings, log, evaluation, remarks, title), path)
+
+
+def report_files(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> str:
+    """Write the report of a map.json; the line for the user. Raises SavmapError."""
+    from savmap.io.mapfile import read_map
+    from savmap.io.survey import read_survey
+    from savmap.runlog import read_log
+
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path}: a report is an HTML page; name it .html")
+    log = read_log(run_file) if run_file else None
+    report_for(read_map(map_file), path, log, read_survey(survey_file) if survey_file else None)
+    return f"wrote {path}"
+
+
+def rooms_of(site_map: SiteMap) -> dict[str, Room]:
+    """Rooms by name for the plugins that made a map, with their usual settings. Raises PluginError."""
+    names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
+    return {name: open_room(name, {}) for name in names}
+
+
+def evaluation_of(site_map: SiteMap, survey: "Survey", rooms: Mapping[str, Room]) -> "Evaluation":
+    """A map against a survey, scored by the plugins that made it. Raises OutputError."""
+    from savmap.evaluation import evaluate_site
+
+    return evaluate_site(site_map, survey, lambda name, own, sheet: rooms[name].evaluate(structures=own, survey=sheet))
+
+
+def drawings_of(rooms: Sequence[Room], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
+    """What all rooms draw of a row, over its survey where there is one."""
+    drawings: list[Drawing] = []
+    for room in rooms:
+        own = row.structures[room.name]
+        deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
+        drawings += room.draw(structures=own, survey=survey, deviations=deviations)
+    return drawings

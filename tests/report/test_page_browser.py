@@ -1,0 +1,86 @@
+"""The report in a real browser (extra `browser`, and a Chromium or Chrome on the path); skipped where there is none."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_site import EVIL, report
+
+from savmap.report.page import write_page
+
+playwright = pytest.importorskip("playwright.sync_api")
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(params=[(1280, "light"), (390, "dark")], ids=["desktop", "phone"])
+def page(browser: Any, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Any]:
+    """The page, open; nothing may have been asked of the network, said on the console, or asked of the user."""
+    width, scheme = request.param
+    write_page(report(), tmp_path / "page.html")
+    page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
+    heard: list[str] = []
+    page.on("console", lambda message: heard.append(message.text))
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
+    page.on("request", lambda asked: heard.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
+    page.goto(f"file://{tmp_path / 'page.html'}")
+    yield page
+    page.close()
+    assert heard == []
+
+
+def test_the_page_fits_its_window(page: Any) -> None:
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    light = page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert light == page.evaluate("matchMedia('(prefers-color-scheme: light)').matches")
+
+
+def test_tables_sort_and_are_filtered(page: Any) -> None:
+    rows = page.locator("#references-table tbody tr")
+    page.locator("#references-table thead button", has_text="given").click()
+    assert rows.first.locator("td").nth(1).inner_text() == "3.0000"
+    page.locator("#references-table thead button", has_text="given").click()
+    assert rows.first.locator("td").nth(1).inner_text() == "6.0000"
+    assert page.locator("#references-table th[aria-sort=descending]").count() == 1
+    page.locator(f"a[data-only='{EVIL}']").click()
+    if rows.count() > 8:
+        assert page.locator("#references-table tbody tr:visible").count() == 2
+
+
+def test_a_face_view_zooms_and_tells_what_is_under_the_pointer(page: Any) -> None:
+    face = page.locator("#row-A2-face")
+    written = face.get_attribute("viewBox")
+    face.scroll_into_view_if_needed()
+    page.wait_for_function("box => document.querySelector('#row-A2-face').getAttribute('viewBox') !== box", arg=written)
+    face.focus()
+    page.keyboard.press("0")
+    before = face.get_attribute("viewBox")
+    page.keyboard.press("+")
+    assert face.get_attribute("viewBox") != before
+    page.keyboard.press("0")
+    assert face.get_attribute("viewBox") == before
+    bar = face.locator(".mapped path", has_text="section 1 / bar 1").element_handle()
+    bar.hover(force=True)
+    page.wait_for_timeout(150)  # a scroll that the hover made silences what is told
+    bar.hover(force=True, position={"x": 20, "y": 2})
+    assert page.locator("#tip").inner_text().startswith("section 1 / bar 1: height 0.100 \u00b1 0.003 m")
+    page.locator("#row-A2 details.elements summary").click()
+    page.locator("#row-A2 details.elements li").first.wait_for()
+    assert page.locator("#row-A2 details.elements li").count() == 7
+
+
+def test_a_row_of_the_plan_leads_to_its_section(page: Any) -> None:
+    page.locator("#site-plan a[href='#row-A10']").first.dispatch_event("click")
+    page.wait_for_function("location.hash === '#row-A10'")
+    assert page.locator("#row-A10").is_visible()

@@ -1,0 +1,92 @@
+"""Numbers, names, ticks and boxes of the report."""
+
+import numpy as np
+import pytest
+
+from savmap.evaluation import Evaluation, Score
+from savmap.report.page.boxes import box_of, box_plot
+from savmap.report.page.figures import path, ticks
+from savmap.report.page.numbers import anchors, duration, fixed, natural, shortened
+from savmap.report.page.spread import histogram
+
+
+@pytest.mark.parametrize(
+    ("value", "plus", "text"),
+    [
+        (1.234, False, "1.23"),
+        (-1.0, True, "\u22121.00"),
+        (0.004, True, "0.00"),
+        (-0.004, False, "0.00"),
+        (2.0, True, "+2.00"),
+        (None, True, "\u2013"),
+        (float("nan"), False, "\u2013"),
+    ],
+)
+def test_numbers_have_a_true_minus_and_zero_has_no_sign(value: float | None, plus: bool, text: str) -> None:
+    assert fixed(value, 2, plus) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(4.21, "4.2 s"), (200, "3 min 20 s"), (7440, "2 h 04 min"), (3599.9, "1 h 00 min")]
+)
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_names_are_in_the_order_in_which_people_count() -> None:
+    assert natural(["A10", "A2", "10", "B", "9", "A2b"]) == ["9", "10", "A2", "A2b", "A10", "B"]
+
+
+def test_anchors_are_all_different() -> None:
+    assert anchors(["A 1", "A-1", "\u00e4", ""]) == {
+        "A 1": "row-A-1",
+        "A-1": "row-A-1-2",
+        "\u00e4": "row-x",
+        "": "row-x-2",
+    }
+
+
+def test_long_names_are_cut() -> None:
+    assert shortened("short") == "short"
+    assert shortened("a" * 30, 10) == "a" * 9 + "\u2026"
+
+
+def test_paths_are_relative_whole_numbers_that_do_not_drift() -> None:
+    assert path(np.array([[0.4, 0.6], [10.4, 0.6], [10.4, 5.4], [3.0, 2.0]]), closed=True) == "M0 1h10v4l-7-3z".replace(
+        "l-7-3", "l-7 -3"
+    )
+    assert path(np.array([[3.0, 4.0]])) == "M3 4h0"
+
+
+def test_ticks_are_round_and_inside() -> None:
+    assert ticks(-0.4, 55.2, 12) == [5.0 * k for k in range(12)]
+    assert np.allclose(ticks(-1.6, 1.6, 8), [-1.5, -1, -0.5, 0, 0.5, 1, 1.5])
+
+
+def test_boxes_are_tukeys_as_matplotlib_has_them() -> None:
+    from matplotlib.cbook import boxplot_stats
+
+    errors = np.append(np.random.default_rng(3).normal(0.3, 1, 200), [9.0, -7.0])
+    (known,) = boxplot_stats(errors)
+    box = box_of(errors)
+    names = ("whislo", "q1", "med", "q3", "whishi", "mean")
+    assert np.allclose([box.low, box.first, box.median, box.third, box.high, box.mean], [known[name] for name in names])
+    assert sorted(box.beyond) == pytest.approx(sorted(known["fliers"]))
+
+
+def test_what_does_not_fit_the_box_plot_is_counted() -> None:
+    errors = np.append(np.linspace(-0.01, 0.01, 50), [3.0])
+    figure = box_plot(Evaluation({"A": Score({"H gap": errors, "none": np.zeros(0)})}))
+    assert figure is not None
+    assert [own.text for own in figure.labels if "class" in own.look] == ["H gap", "(51, 1 further off)"]
+    assert box_plot(Evaluation({"A": Score()})) is None
+
+
+def test_equal_errors_have_a_box_too() -> None:
+    assert box_plot(Evaluation({"A": Score({"H gap": np.full(3, 0.01)})})) is not None
+
+
+def test_histograms_are_logarithmic_and_lose_nothing() -> None:
+    heights = histogram(np.array([1e-6, 0.01, 0.01, 5.0]))
+    assert (heights[0], heights[16], heights[-1]) == (0.5, 1.0, 0.5)
+    assert sum(heights) == 2.0

@@ -1,0 +1,221 @@
+"""`savmap check`: every problem is told with its place, and what a run will take is measured."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap import check as checking
+from savmap import needs as needing
+from savmap.check import CheckError, check
+from savmap.io.clip import Clip
+from savmap.monitor import Monitor
+from savmap.needs import FRAMES, Needs, duration
+from savmap.observe import Observations, PassAims
+from savmap.preview import picture_name
+from savmap.runlog import RowRun, RunLog, write_log
+from savmap.stages.aim import Scout
+from savmap.stages.markers import Marks
+from savmap.types import Aim, FrameTable, Panorama, RowFacts, ViewSpec
+
+from .io.made_up_video import evenly, write_video
+
+GOOD = """\
+plugins:
+  shelves: {}
+references:
+  camera_height_m: {value: 3.0}
+rows:
+  A:
+    passes:
+      - {video: a.mp4}
+"""
+NEEDS = Needs(40, 100.0, None, 1.0, 100.0)
+SURVEY = '{"format": "savmap-survey", "version": 1, "units": "m", "rows": {"X": {}}}'
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_video(tmp_path_factory.mktemp("video") / "a.mp4", evenly(40, 10.0))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a good site file; what a run will take is not measured."""
+    (tmp_path / "a.mp4").symlink_to(video)
+    (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
+    (tmp_path / "survey.json").write_text(SURVEY, encoding="utf-8")
+    monkeypatch.setattr(checking, "needs", lambda job, footage: NEEDS)
+    return tmp_path
+
+
+def told(folder: Path, text: str, pictures: bool = False, output: str = "out") -> tuple[list[str], int]:
+    """The lines of a check, places relative to the folder, and its exit code."""
+    (folder / "site.yaml").write_text(text, encoding="utf-8")
+    lines: list[str] = []
+    code = 0
+    try:
+        for line in check(folder / "site.yaml", None, folder / output, pictures=pictures):
+            lines.append(line.replace(f"{folder}/", ""))
+    except CheckError as error:
+        code = error.exit_code
+    return lines, code
+
+
+def test_nothing_wrong(folder: Path) -> None:
+    before = set(folder.iterdir())
+    lines, code = told(folder, GOOD)
+    assert code == 0
+    assert lines[0] == "row A, pass 1: 40 frames"
+    assert lines[1] == "40 frames; looking at them will take about 2 min with one worker on this machine"
+    assert lines[-1] == "site.yaml: no problem found"
+    assert set(folder.iterdir()) - before == {folder / "site.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "line"),
+    [
+        ("a.mp4", "none.mp4", 4, "site.yaml:8: none.mp4: no such file or folder"),
+        ("a.mp4", "text.mp4", 4, "site.yaml:8: text.mp4: not a video file"),
+        (
+            "a.mp4}",
+            "a.mp4, start_s: 1, end_s: 9}",
+            4,
+            "site.yaml:8: a.mp4: 1 s to 9 s is outside the video, 3.93 s long",
+        ),
+        ("a.mp4}", "a.mp4, end_s: 0.2}", 7, "site.yaml:8: a.mp4: 2 frames in the range of pass 1 are too few"),
+        ("shelves: {}", "shelves: {model: none.onnx}", 6, "site.yaml:2: none.onnx: no such model file"),
+        ("shelves: {}", "shelves: {model: text.mp4}", 6, "site.yaml:2: text.mp4: not a usable ONNX model"),
+        ("shelves: {}", "shelfs: {}", 5, "site.yaml:2: unknown plugin `shelfs`: did you mean `shelves`?"),
+        ("shelves: {}", "shelves: {treshold: 1}", 3, "site.yaml:2: unknown key `plugins.shelves.treshold`: did you"),
+        ("  camera_height_m: {value: 3.0}", "  travel_m: 3", 8, "site.yaml:6: row A: the map's scale is not known"),
+        (
+            "  camera_height_m: {value: 3.0}",
+            "  markers: [{dictionary: 4x4_50, id: 50, size_m: 0.2}]",
+            3,
+            "site.yaml:4: references.markers: 4x4_50 has the numbers 0 to 49, not 50",
+        ),
+        ("plugins:", "survey: none.json\nplugins:", 9, "site.yaml:1: none.json: cannot be read"),
+        (
+            "plugins:",
+            "survey: survey.json\nplugins:",
+            3,
+            "site.yaml:1: survey.json: has none of the site's rows; it has X",
+        ),
+    ],
+)
+def test_each_kind_of_problem_has_its_place_and_code(folder: Path, old: str, new: str, code: int, line: str) -> None:
+    lines, found = told(folder, GOOD.replace(old, new))
+    assert found == code
+    assert [one for one in lines if one.startswith(line)], lines
+
+
+def test_a_survey_that_plugins_cannot_read(folder: Path) -> None:
+    (folder / "survey.json").write_text(SURVEY.replace('"X": {}', '"A": {"sections": 3}'), encoding="utf-8")
+    lines, code = told(folder, "survey: survey.json\n" + GOOD)
+    assert code == 9
+    assert lines[0].startswith("site.yaml:1: survey.json: row A: ")
+
+
+def test_everything_is_told_at_once_and_sound_rows_are_checked(folder: Path) -> None:
+    more = """\
+  B:
+    passes:
+      - {video: a.mp4, side: up, fsp: 3}
+  C:
+    passes: [{video: none.mp4}]
+layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [A, B, X]}
+"""
+    (folder / "file").touch()
+    lines, code = told(folder, GOOD + more, output="file/out")
+    assert code == 3
+    assert [line.split(" ")[0] for line in lines[:6]] == [
+        "site.yaml:11:",
+        "site.yaml:11:",
+        "site.yaml:14:",
+        "file/out:",
+        "site.yaml:13:",
+        "row",
+    ]
+
+
+def test_what_concerns_all_rows_comes_first(folder: Path) -> None:
+    lines, code = told(folder, GOOD.replace("references:", "reference:"))
+    assert code == 3
+    assert lines[0] == "site.yaml:3: unknown key `reference`: did you mean `references`?"
+    assert lines[1] == "site.yaml: the rest is checked once this is put right"
+
+
+def test_a_video_that_is_cut_off_is_told(folder: Path) -> None:
+    whole = write_video(folder / "b.mkv", evenly(90, 10.0)).read_bytes()
+    (folder / "b.mkv").write_bytes(whole[: len(whole) // 2])
+    lines, code = told(folder, GOOD.replace("a.mp4", "b.mkv"))
+    assert code == 4
+    assert "site.yaml:8: b.mkv: nothing can be decoded after" in lines[1]
+
+
+def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def aimed(name: str, one: Any, *_: object) -> tuple[PassAims, Scout]:
+        keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
+        return PassAims(name, Clip(one.video), {"all": Aim((ViewSpec("face", 0.0),))}), Scout(keys, (), None, np.eye(3))  # type: ignore[arg-type]
+
+    monkeypatch.setattr("savmap.preview.aim_pass", aimed)
+    lines, code = told(folder, GOOD + "  B/1:\n    passes: [{video: a.mp4}, {video: a.mp4}]\n", pictures=True)
+    assert code == 0, lines
+    assert lines[0] == "row A, pass 1: 40 frames, views in out/views-A-pass-1.jpg"
+    assert {path.name for path in (folder / "out").iterdir()} == {
+        "views-A-pass-1.jpg",
+        "views-B%2F1-pass-1.jpg",
+        "views-B%2F1-pass-2.jpg",
+    }
+
+
+def test_names_of_pictures_differ() -> None:
+    assert len({picture_name(row, "pass 1") for row in ("A 1", "A-1", "A/1", "")}) == 4
+
+
+def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def frames() -> Iterator[int]:
+        for number in range(1000):
+            asked.append(number)
+            time.sleep(0.2 if number < 2 else 0.01)
+            yield number
+
+    def look(row: Any, rooms: Any, monitor: Monitor) -> Observations:
+        seen = list(monitor.each(frames(), "looking"))
+        facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
+        return Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
+
+    found: list[Needs] = []
+
+    def kept(job: Any, footage: Any) -> Needs:
+        found.append(needing.needs(job, footage))
+        return found[-1]
+
+    (tmp_path / "a.mp4").symlink_to(video)
+    monkeypatch.setattr("savmap.engine.look", look)
+    monkeypatch.setattr(checking, "needs", kept)
+    again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5}, {video: a.mp4}]}\n"
+    told(tmp_path, again)
+    assert len(asked) == 2 * FRAMES  # one kind of footage at each rate
+    assert found[0].frames == 100
+    assert 1.0 < found[0].look_s < 20
+    assert found[0].solve_s is None
+    assert found[0].disk_mb > 0
+    assert found[0].memory_mb > 10
+    write_log(
+        RunLog(rows={"A": RowRun(status="mapped", used=40, seconds={"solved": 4.0})}), tmp_path / "out" / "run.json"
+    )
+    told(tmp_path, again)
+    assert found[1].solve_s == pytest.approx(10.0)
+    assert "about 10 s, by the last run's rate" in list(found[1].lines())[1]
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(3.2, "3 s"), (99, "99 s"), (240, "4 min"), (7000, "1 h 57 min")])
+def test_times_are_told_in_words(seconds: float, words: str) -> None:
+    assert duration(seconds) == words

@@ -1,0 +1,99 @@
+"""Rows on a real Dask scheduler with two real workers, one of which is killed in mid-run: the same bytes as here."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from savmap.cluster import Cluster
+from savmap.errors import SavmapError
+from savmap.io.files import write_text
+from savmap.job import job_for
+from savmap.mapping import Way, mapped_rows
+from savmap.monitor import Quiet
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+def dask(*arguments: str) -> "subprocess.Popen[bytes]":
+    kinds = {"scheduler": "dask_scheduler", "worker": "dask_worker"}
+    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.{kinds[arguments[0]]}", *arguments[1:]]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list["subprocess.Popen[bytes]"]]]:
+    """A scheduler's address, and its two workers' processes."""
+    folder = tmp_path_factory.mktemp("dask")
+    info = folder / "scheduler.json"
+    scheduler = dask("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(info))
+    where = ("--scheduler-file", str(info), "--local-directory", str(folder))
+    workers = [dask("worker", "--no-nanny", "--no-dashboard", "--nthreads", "1", *where) for _ in range(2)]
+    with distributed.Client(scheduler_file=str(info), timeout=60, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+        address = client.scheduler.address
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def site(folder: Path) -> Path:
+    """Three rows that share no frames: the same face at different rates."""
+    text = "plugins: {shelves: {}}\nreferences: {camera_height_m: {value: 3.055}}\nrows:\n"
+    video = EXAMPLE / "aisle-dev.mp4"
+    for name, fps in (("A", 2.0), ("B", 2.2), ("C", 2.5)):
+        text += f"  {name}: {{passes: [{{video: {video}, side: left, fps: {fps}}}]}}\n"
+    write_text(folder / "site.yaml", text)
+    return folder / "site.yaml"
+
+
+def test_a_worker_killed_in_mid_run_changes_nothing(
+    cluster: tuple[str, list["subprocess.Popen[bytes]"]], tmp_path: Path
+) -> None:
+    address, workers = cluster
+    path = site(tmp_path)
+    here = mapped_rows(job_for(path, None, tmp_path / "here"), Way(jobs=0), Quiet())
+    killer = Killer(workers[0])
+    there = mapped_rows(job_for(path, None, tmp_path / "there"), Way(cluster=address), killer)
+    assert workers[0].wait(10) != 0
+    assert killer.after == 1
+    assert not there.failed
+    assert there.log.jobs == 2
+    for name in here.rows:
+        kept = [tmp_path / place / "stages" / name / "solved" for place in ("here", "there")]
+        assert kept[0].read_bytes() == kept[1].read_bytes()
+
+
+class Killer(Quiet):
+    """A Monitor that kills a worker when the first piece of work is done, while others are under way."""
+
+    def __init__(self, victim: "subprocess.Popen[bytes]") -> None:
+        self.victim, self.after = victim, 0
+
+    def each(self, items, doing, total=None):  # type: ignore[no-untyped-def]
+        for number, item in enumerate(items):
+            if number == 0:
+                self.victim.kill()
+                self.after = number + 1
+            yield item
+
+
+def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.cluster.CONNECT_S", 0.5)
+    with pytest.raises(SavmapError, match="no Dask scheduler answers there"):
+        Cluster("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
+
+
+def test_a_worker_with_other_code_is_named(
+    cluster: tuple[str, list["subprocess.Popen[bytes]"]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("savmap.cluster.code", lambda _: "another")
+    with pytest.raises(
+        SavmapError, match=r"worker tcp://.* would give another map: its savmap, plugins or libraries differ"
+    ):
+        Cluster(cluster[0], job_for(site(tmp_path), None, tmp_path))

@@ -1,0 +1,113 @@
+"""Runs that are killed, that fail in part, or that follow another: each row's stages are done once, and the map is the same."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+KILLS = 5
+
+
+def site(folder: Path, **more: Any) -> Path:
+    """The clip as two rows that share no frames; `more` goes into row C."""
+    content = yaml.safe_load((EXAMPLE / "site.yaml").read_text(encoding="utf-8"))
+    row = content["rows"].pop("A")
+    for name, fps in (("A", 2.0), ("C", 2.5)):
+        passes = [{**row["passes"][0], "video": str(EXAMPLE / "aisle-dev.mp4"), "fps": fps}]
+        content["rows"][name] = {**row, "passes": passes}
+    content["rows"]["C"] |= more
+    del content["survey"]
+    folder.mkdir(exist_ok=True)
+    path = folder / "site.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+def savmap(path: Path, *options: str) -> "subprocess.Popen[str]":
+    """`savmap map` of the site beside its file, shelves alone, in two processes."""
+    command = [sys.executable, "-c", "from savmap.cli import main; main()"]
+    arguments = ["map", str(path), "--plugins", "shelves", "-o", str(path.parent / "out"), *options]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([*command, *arguments], text=True, start_new_session=True, **pipes)
+
+
+def finish(path: Path, *options: str) -> tuple[int, str, dict[str, Any]]:
+    """Exit code, what was said, and each row of run.json."""
+    process = savmap(path, *options)
+    out, error = process.communicate(timeout=300)
+    rows = json.loads((path.parent / "out" / "run.json").read_text(encoding="utf-8"))["rows"]
+    return process.returncode, out + error, rows
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site after one run."""
+    path = site(tmp_path_factory.mktemp("undisturbed"))
+    code, said, rows = finish(path, "--jobs", "2")
+    assert code == 0, said
+    assert [row["status"] for row in rows.values()] == ["mapped", "mapped"]
+    return path
+
+
+def test_killed_at_any_moment_and_run_again_it_gives_the_same_map(undisturbed: Path, tmp_path: Path) -> None:
+    moments = random.Random(7)
+    path = site(tmp_path)
+    for _ in range(KILLS):
+        process = savmap(path, "--jobs", "2")
+        time.sleep(moments.uniform(0.5, 8.0))
+        process.kill()
+        process.communicate()
+        assert not workers_of(process.pid)
+    code, said, _ = finish(path, "--jobs", "2")
+    assert code == 0, said
+    assert (tmp_path / "out" / "map.json").read_bytes() == (undisturbed.parent / "out" / "map.json").read_bytes()
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def workers_of(session: int, patience_s: float = 10.0) -> list[int]:
+    """Processes of a session that are still there after a while."""
+    until = time.monotonic() + patience_s
+    while left := _session(session):
+        if time.monotonic() > until:
+            os.killpg(session, signal.SIGKILL)
+            return left
+        time.sleep(0.2)
+    return []
+
+
+def _session(number: int) -> list[int]:
+    listed = subprocess.run(["ps", "-A", "-o", "pid=,sess=,stat="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split() for line in listed.splitlines()]
+    return [int(pid) for pid, session, state in rows if int(session) == number and not state.startswith("Z")]
+
+
+def test_a_second_run_does_only_what_changed(undisturbed: Path) -> None:
+    before = (undisturbed.parent / "out" / "map.json").read_bytes()
+    _, _, rows = finish(undisturbed)
+    assert [row["status"] for row in rows.values()] == ["kept", "kept"]
+    assert (undisturbed.parent / "out" / "map.json").read_bytes() == before
+    setback = {"plugins": {"shelves": {"lowest_beam_bottom_height_m": {"values": 0.30256}}}}
+    _, _, rows = finish(site(undisturbed.parent, **setback))
+    assert rows["A"]["status"] == "kept"
+    assert set(rows["C"]["seconds"]) == {"solved"}
+
+
+def test_one_bad_row_stops_no_other(tmp_path: Path) -> None:
+    lengths = [{"between": ["upright 1 / left", "upright 5 / right"], "value": 28.0, "sigma": 0.003}]
+    path = site(tmp_path, references={"lengths": lengths})
+    code, said, rows = finish(path, "--jobs", "1")
+    assert code == 10
+    assert said.strip().splitlines()[-1].startswith("savmap: 1 of 2 rows could not be mapped: C")
+    content = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
+    assert list(content["rows"]) == ["A"]
+    assert "contradict" in content["failed"]["C"] == rows["C"]["error"]
+    assert rows["A"]["status"] == "mapped"

@@ -1,0 +1,67 @@
+"""Plugins' settings in a site: told with the line where they stand, and what of them may tell the scale."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from savmap.io.overrides import overrides_of
+from savmap.io.sitefile import read_draft, site_of
+from savmap.settings import settings_problems, tells_scale
+from savmap.site import Site
+
+SITE = """\
+plugins:
+  shelves:
+    threshhold: 0.4
+  lights: {line: maybe}
+rows:
+  A: {passes: [{video: a.mp4}]}
+  B:
+    passes: [{video: a.mp4}]
+    plugins:
+      shelves: {beam_setback_m: 5}
+"""
+
+
+def problems(folder: Path, text: str, plugins: list[str], *options: str) -> list[str]:
+    path = folder / "site.yaml"
+    path.write_text(text, encoding="utf-8")
+    draft = read_draft(path, overrides_of(options, {}))
+    return [str(one).removeprefix(f"{folder}/") for one in settings_problems(site_of(draft), plugins, draft.places)]
+
+
+def test_every_wrong_setting_is_told_once_with_its_line(tmp_path: Path) -> None:
+    found = problems(tmp_path, SITE, ["shelves", "lights", "shelfs"])
+    assert [one[:40] for one in found] == [
+        "site.yaml:3: unknown key `plugins.shelve",
+        "site.yaml:10: `rows.B.plugins.shelves.be",
+        "site.yaml:4: `plugins.lights.line`: inpu",
+        "unknown plugin `shelfs`: did you mean `s",
+    ]
+
+
+def test_an_option_is_named_in_place_of_the_line(tmp_path: Path) -> None:
+    found = problems(tmp_path, SITE.replace("hh", "h"), ["shelves"], "rows.A.plugins.shelves.beam_setback_m=7")
+    assert found[0].startswith("--set rows.A.plugins.shelves.beam_setback_m: `rows.A.plugins.shelves.beam_setback_m`")
+
+
+HEIGHT = {"values": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("references", "settings", "tells"),
+    [
+        ({}, {}, False),
+        ({"camera_height_m": {"value": 3}}, {}, True),
+        ({"points": [{"vertex": "a", "axis": "y", "value": 1, "sigma": 0.01}]}, {}, False),
+        ({"points": 2 * [{"vertex": "a", "axis": "y", "value": 1, "sigma": 0.01}]}, {}, True),
+        ({"travel_m": 12}, {"shelves": {"threshold": 0.4}, "lights": {"line": True}}, False),
+        ({}, {"shelves": {"lowest_beam_bottom_height_m": HEIGHT}}, True),
+        ({}, {"shelves": {"bay_pitch_m": None}}, False),
+    ],
+)
+def test_what_may_tell_the_scale(references: dict[str, Any], settings: dict[str, Any], tells: bool) -> None:
+    rows = {"A": {"passes": [{"video": "a.mp4"}]}}
+    site = Site.model_validate({"references": references, "plugins": settings, "rows": rows})
+    assert tells_scale(site, "A", ["shelves", "lights"]) is tells

@@ -1,0 +1,100 @@
+"""`savmap report`: a map file, its run and a survey make a page with what the plugins draw and score."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from savmap.cli import app
+from savmap.errors import OutputError
+from savmap.io.mapfile import write_map
+from savmap.runlog import RowRun, RunLog, write_log
+from savmap.sitereport import drawings_of, report_files, rooms_of
+from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+
+ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
+
+
+def upright(number: int, x: float) -> Structure:
+    corners = np.array([[x, 0, 0], [x + 0.1, 0, 0], [x, 3, 0], [x + 0.1, 3, 0]])
+    labels = tuple(f"upright {number} / {side} / {end}" for end in ("bottom", "top") for side in ("left", "right"))
+    edges = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+    return Structure(
+        f"upright {number}", "upright", corners, np.tile(1e-6 * np.eye(3), (4, 1, 1)), labels, edges, ATTRIBUTES
+    )
+
+
+def lamp(number: int, x: float) -> Structure:
+    ends = np.array([[x, 6.0, 1.0], [x + 1.2, 6.0, 1.0]])
+    return Structure(
+        f"light {number}", "light", ends, np.tile(1e-6 * np.eye(3), (2, 1, 1)), ("end 0", "end 1"), np.array([[0, 1]])
+    )
+
+
+@pytest.fixture
+def site() -> SiteMap:
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    found = {"shelves": (upright(1, 0.0), upright(2, 2.9)), "lights": (lamp(1, 0.5),)}
+    row = RowMap("A", FrameTable(np.arange(2.0), ("pass 1",) * 2), {}, Trajectory(np.arange(2), poses), found, ())
+    return SiteMap({"A": row}, {"savmap": "0"}, {"B": "no video"})
+
+
+@pytest.fixture
+def map_file(site: SiteMap, tmp_path: Path) -> Path:
+    write_map(site, tmp_path / "map.json")
+    return tmp_path / "map.json"
+
+
+def survey(tmp_path: Path, name: str) -> Path:
+    row = {"uprights": [[0, 0.1], [2.9, 3.0]], "sections": [{"beams": []}]}
+    content = {"format": "savmap-survey", "version": 1, "units": "m", "rows": {name: row}}
+    (tmp_path / "survey.json").write_text(json.dumps(content), encoding="utf-8")
+    return tmp_path / "survey.json"
+
+
+def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
+    row = site.rows["A"]
+    rooms = rooms_of(site)
+    drawn = drawings_of([rooms[name] for name in row.structures], row, None)
+    assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
+
+
+def test_the_command_writes_a_page_from_a_map_alone(map_file: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["report", str(map_file), "-o", str(tmp_path / "new" / "page.html")])
+    assert result.exit_code == 0, result.output
+    assert "wrote" in result.output
+    text = (tmp_path / "new" / "page.html").read_text(encoding="utf-8")
+    assert "upright 1: width 0.100 \u00b1 0.004 m" in text
+    assert 'id="errors"' not in text
+    assert 'id="time"' not in text
+
+
+def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path) -> None:
+    write_log(RunLog(rows={"A": RowRun(status="mapped", seconds={"solve": 1.5})}, wall_s=2.0), tmp_path / "run.json")
+    report_files(map_file, tmp_path / "page.html", tmp_path / "run.json", survey(tmp_path, "A"))
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert '<section id="errors">' in text
+    assert '<section id="time">' in text
+    assert "V gap" in text
+
+
+def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Path) -> None:
+    report_files(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The survey has none of the rows that were mapped" in text
+    assert '<section id="errors">' not in text
+
+
+def test_a_map_of_failed_rows_only_is_reported(site: SiteMap, tmp_path: Path) -> None:
+    write_map(replace(site, rows={}), tmp_path / "none.json")
+    report_files(tmp_path / "none.json", tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    assert "no video" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_the_page_must_be_named_as_one(map_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"a report is an HTML page; name it \.html"):
+        report_files(map_file, tmp_path / "page.pdf")

@@ -1,0 +1,83 @@
+"""`savmap init`: what it writes is valid, as it stands and with every setting in use, and overwrites nothing."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from savmap.errors import OutputError, VideoError
+from savmap.io.sitefile import load_site
+from savmap.io.siteplaces import Places
+from savmap.settings import settings_problems
+from savmap.site import Site
+from savmap.starter import start, starter_text
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev" / "aisle-dev.mp4"
+
+
+def test_it_is_valid_and_names_its_schema(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "site.yaml"
+    list(start([], path))
+    site = load_site(path)
+    assert site.rows["A"].passes[0].video == tmp_path / "new" / "aisle.mp4"
+    assert set(site.plugins) >= {"shelves", "lights"}
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    schema = json.loads((path.parent / first.removeprefix("# yaml-language-server: $schema=")).read_text())
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), schema)
+
+
+def test_every_setting_that_is_not_in_use_may_be_used(tmp_path: Path) -> None:
+    path = tmp_path / "site.yaml"
+    used = re.sub(r"^#((?:  )*[a-z-])", r"\1", starter_text([], tmp_path), flags=re.MULTILINE)
+    assert used.count("\n#") < 20
+    path.write_text(used, encoding="utf-8")
+    site = load_site(path)
+    assert site.references.markers
+    assert site.layout
+    assert site.rows["A"].place
+    assert site.rows["A"].passes[0].side == "left"
+    assert list(settings_problems(site, list(site.plugins), Places("site.yaml"))) == []
+
+
+def test_videos_become_rows_with_their_times(tmp_path: Path) -> None:
+    odd = tmp_path / "a: 1 # ü.mp4"
+    odd.symlink_to(EXAMPLE)
+    list(start([EXAMPLE, odd], tmp_path / "site.yaml"))
+    text = (tmp_path / "site.yaml").read_text(encoding="utf-8")
+    rows = load_site(tmp_path / "site.yaml").rows
+    assert list(rows) == ["A", "B"]
+    one = rows["A"].passes[0]
+    assert one.video.resolve() == EXAMPLE
+    assert one.end_s == pytest.approx(18.0, abs=10)
+    assert re.search(r"# \d+x\d+ \w+, \d+ frames a second", text)
+
+
+def test_many_videos_are_numbered(tmp_path: Path) -> None:
+    from savmap.io.video import probe
+
+    info = probe(EXAMPLE)
+    assert list(Site.model_validate(yaml.safe_load(starter_text([info] * 30, tmp_path))).rows)[-1] == "30"
+
+
+def test_nothing_is_overwritten_unasked(tmp_path: Path) -> None:
+    path, schema = tmp_path / "site.yaml", tmp_path / "site.schema.json"
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="is there already"):
+        list(start([], path))
+    assert path.read_text(encoding="utf-8") == "mine"
+    assert not schema.exists()
+    schema.write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputError, match="not savmap's"):
+        list(start([], tmp_path / "other.yaml"))
+    list(start([], path, force=True))
+    assert load_site(path)
+    list(start([], tmp_path / "other.yaml"))
+
+
+def test_a_video_that_is_none_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(VideoError):
+        list(start([tmp_path / "none.mp4"], tmp_path / "site.yaml"))
+    assert list(tmp_path.iterdir()) == []
