@@ -8,6 +8,7 @@ from pathlib import Path
 
 import av
 import av.error
+from av.codec.hwaccel import HWAccel
 from av.container import InputContainer
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
@@ -15,8 +16,9 @@ from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
 from savmap.io.clip import MOST_PIXELS, DecodeReport, Picture, Source, VideoInfo, check_shape
+from savmap.io.hardware import accelerator
 from savmap.io.order import in_order
-from savmap.io.planes import picture_of
+from savmap.io.planes import PLANAR, picture_of
 from savmap.io.where import is_url
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
@@ -42,11 +44,11 @@ def probe_file(path: Path) -> VideoInfo:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+def opened(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream."""
     try:
         source = path.open("rb") if is_url(path) else str(path)
-        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S))
+        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(_why_unreadable(path)) from error
     with container:
@@ -86,7 +88,7 @@ def _seconds(pts: int, stream: VideoStream) -> float:
 
 def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
     """Good frames of a file from start_s up to end_s. Frames that the decoder flags as damaged or loses are counted."""
-    with opened(info.path) as (container, stream):
+    with opened(info.path, _hardware(info)) as (container, stream):
         _configure(stream, info)
         if start_s > 0:
             _seek(container, stream, _pts(start_s - SEEK_MARGIN_S, stream))
@@ -163,6 +165,19 @@ def _seek(container: InputContainer, stream: VideoStream, target: int) -> None:
     """
     with suppress(av.error.FFmpegError):
         container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
+
+
+def _hardware(info: VideoInfo) -> HWAccel | None:
+    """A device that decodes a video of large pictures faster than the processor, if there is one."""
+
+    def decodes(device: HWAccel) -> bool:
+        with opened(info.path, device) as (container, stream):
+            _configure(stream, info)
+            frame = next(_frames(container, stream, set()), None)
+            return frame is not None and _fits(frame, info) and frame.format.name in PLANAR
+
+    large = info.width * info.height > LARGE_PIXELS
+    return accelerator((info.codec, info.pixel_format, info.width), decodes) if large else None
 
 
 def _configure(stream: VideoStream, info: VideoInfo) -> None:

@@ -48,6 +48,17 @@ def test_planes_lie_in_the_frame() -> None:
     assert np.shares_memory(planes.luma, np.frombuffer(memoryview(frame.planes[0]), np.uint8))
 
 
+def test_a_device_s_frames_are_the_same() -> None:
+    frame = frame_of("yuv420p", BT709, False, (208, 104))
+    theirs = frame.reformat(format="nv12")
+    planes, other = (picture_of(one, VideoReformatter()) for one in (frame, theirs))
+    assert theirs.format.name == "nv12"
+    assert isinstance(planes, Planes)
+    assert isinstance(other, Planes)
+    for name in ("luma", "blue", "red"):
+        assert np.array_equal(getattr(planes, name), getattr(other, name))
+
+
 @pytest.mark.parametrize(("name", "space"), [("yuv444p", BT601), ("yuv420p", SMPTE240)])
 def test_other_frames_come_as_rgb(name: str, space: int) -> None:
     found = picture_of(frame_of(name, space, False), VideoReformatter())
