@@ -12,6 +12,7 @@ from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
 
 Key = tuple[int, float, float, float, float, int, int]
 KEPT_TABLES = 32
+PIXEL = np.dtype((np.void, 3))
 
 
 class Renderer:
@@ -52,28 +53,28 @@ class Renderer:
 
 
 def _sample(panorama: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
-    """Write a level's pixels into the view; those of finer levels stay."""
-    if level.region is None:
-        source, border = panorama, cv2.BORDER_WRAP
-    else:
-        source, border = shrunk(panorama, level.region, level.halvings), cv2.BORDER_TRANSPARENT
-    cv2.remap(source, level.cells, level.fractions, cv2.INTER_LINEAR, dst=view, borderMode=border)
+    """Write a level's pixels into the view."""
+    source = panorama if level.region is None else shrunk(panorama, level.region, level.halvings)
+    _put(_found(source, level.cells, level.fractions), level, view)
+
+
+def _found(source: NDArray[np.uint8], cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.remap(source, cells, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint8)
+
+
+def _put(found: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
+    """Write what was found for a level's own pixels into the view."""
+    view.view(PIXEL)[..., 0][level.own] = found.view(PIXEL).ravel()[: np.count_nonzero(level.own)]
 
 
 def _sample_planes(planes: Planes, level: Level, view: NDArray[np.uint8]) -> None:
-    """Write a level's luma, blue and red difference into the view; those of finer levels stay.
-
-    One halving makes luma as coarse as colour is.
-    """
+    """Write a level's luma, blue and red difference into the view. One halving makes luma as coarse as colour is."""
     if level.region is None:
-        tables = [(level.cells, level.fractions), level.half_as_fine, level.half_as_fine]
-        sampled = [
-            cv2.remap(plane, *table, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-            for plane, table in zip((planes.luma, planes.blue, planes.red), tables, strict=True)
-        ]
-        cv2.merge(sampled, view)
+        luma = _found(planes.luma, level.cells, level.fractions)
+        blue, red = (_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red))
+        _put(np.asarray(cv2.merge([luma, blue, red]), np.uint8), level, view)
         return
     region, half = level.region, level.region.halved
     coarse = [shrunk(plane, half, level.halvings - 1) for plane in (planes.blue, planes.red)]
-    source = cv2.merge([shrunk(planes.luma, region, level.halvings), *coarse])
-    cv2.remap(source, level.cells, level.fractions, cv2.INTER_LINEAR, dst=view, borderMode=cv2.BORDER_TRANSPARENT)
+    source = np.asarray(cv2.merge([shrunk(planes.luma, region, level.halvings), *coarse]), np.uint8)
+    _put(_found(source, level.cells, level.fractions), level, view)

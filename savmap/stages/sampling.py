@@ -12,7 +12,7 @@ from savmap.types import ViewSpec
 
 Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
-OUTSIDE = -16.0
+PACKED = 512
 LAST_ROW = 1 + 1 / 16
 FRACTIONS = 32
 
@@ -34,8 +34,10 @@ class Region:
 
 @dataclass(frozen=True)
 class Level:
-    """Table (h, w) for the panorama's region shrunk `halvings` times; region None: the panorama itself."""
+    """Table (m, PACKED) for the panorama's region shrunk `halvings` times; region None: the panorama itself. Its first entries are
+    those of the view's pixels where `own` (h, w), row by row; the others are the last of these again."""
 
+    own: NDArray[np.bool_]
     halvings: int
     region: Region | None
     cells: NDArray[np.int16]
@@ -85,18 +87,17 @@ def _halvings(spec: ViewSpec, height: int) -> NDArray[np.int64]:
 
 def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: int) -> Level:
     own = halvings == number
+    pixels = pixels[own]
     if number == 0:
-        return Level(0, None, *_fixed(np.where(own[..., None], pixels, np.float32(0))))
+        return Level(own, 0, None, *_fixed(pixels))
     cell = 2**number
-    region = _region(pixels[own], height, cell)
+    region = _region(pixels, height, cell)
     column = pixels[..., 0] + (0.5 - region.left - cell)
     column[column < 0] += 2 * height
     row = np.clip(
         (pixels[..., 1] + (0.5 - region.top)) / cell - 0.5, 0, (region.bottom - region.top) // cell - LAST_ROW
     )
-    cells = np.stack([column / cell + 0.5, row], axis=-1)
-    cells[~own] = OUTSIDE
-    return Level(number, region, *_fixed(cells))
+    return Level(own, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
 
 
 def _region(pixels: Singles, height: int, cell: int) -> Region:
@@ -112,7 +113,8 @@ def _region(pixels: Singles, height: int, cell: int) -> Region:
 
 
 def _fixed(pixels: Singles) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
-    """Whole parts and 1/32 fractions of panorama pixels, as OpenCV takes them."""
+    """Whole parts and 1/32 fractions of panorama pixels (n, 2), as OpenCV takes them: in rows of PACKED."""
+    pixels = np.pad(pixels, ((0, -len(pixels) % PACKED), (0, 0)), mode="edge").reshape(-1, PACKED, 2)
     cells, fractions = cv2.convertMaps(
         np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1]), cv2.CV_16SC2
     )
