@@ -12,6 +12,8 @@ from pathlib import Path
 
 import av
 import numpy as np
+from av.container import OutputContainer
+from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 Maker = Callable[[Path, np.random.Generator], Path]
@@ -58,6 +60,17 @@ def index_in(image: Picture) -> int:
     return sum(1 << bit for bit in range(8) if top[bit * width // 8 : (bit + 1) * width // 8].mean() > 125)
 
 
+def video_in(
+    container: OutputContainer, codec: str, size: tuple[int, int] = (WIDTH, HEIGHT), pixels: str | None = None
+) -> VideoStream:
+    """A new stream of pictures in a container."""
+    stream = container.add_stream(codec, rate=RATE, options=dict(OPTIONS.get(codec, {})))
+    assert isinstance(stream, VideoStream)
+    stream.width, stream.height = size
+    stream.pix_fmt = pixels or PIXELS.get(codec, "yuv420p")
+    return stream
+
+
 def encode(
     path: Path,
     codec: str = "libx264",
@@ -68,9 +81,7 @@ def encode(
 ) -> Path:
     """A video of `count` pictures at RATE a second, or at `stamps` (s)."""
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=RATE, options=dict(OPTIONS.get(codec, {})))
-        stream.width, stream.height = size
-        stream.pix_fmt = pixels or PIXELS.get(codec, "yuv420p")
+        stream = video_in(container, codec, size, pixels)
         stream.gop_size, stream.bit_rate = 12, 4_000_000
         stream.codec_context.time_base = Fraction(1, 9000) if stamps else Fraction(1, RATE)
         for index in range(count):

@@ -141,7 +141,7 @@ def _transport_poked(folder: Path, rng: np.random.Generator) -> Path:
     if rng.random() < 0.5:
         del packets[int(rng.integers(len(packets)))]
     if rng.random() < 0.3:
-        rng.shuffle(packets)  # type: ignore[arg-type]
+        rng.shuffle(packets)
     return put(folder, "poked.ts", b"".join(packets))
 
 

@@ -4,14 +4,15 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
 import numpy as np
-from broken import FRAMES, RATE, Maker, any_base, encode, picture, put
+from broken import FRAMES, RATE, Maker, any_base, encode, picture, put, video_in
 
 AHEAD = 200
-Packets = list[av.Packet]
+Packets = list["av.Packet[Any]"]
 PIXEL_FORMATS: Sequence[tuple[str, str, str]] = (
     ("libx264", "yuv420p10le", "mp4"),
     ("libx264", "yuv422p", "mp4"),
@@ -103,8 +104,7 @@ def _times(change: Callable[[float, int, np.random.Generator], float]) -> Maker:
         at = int(rng.integers(3, FRAMES - 3))
         codec = "mjpeg" if suffix != "ts" else "mpeg2video"
         with av.open(str(target), "w") as container:
-            stream = container.add_stream(codec, rate=RATE)
-            stream.width, stream.height, stream.pix_fmt = 128, 64, "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            stream = video_in(container, codec)
             stream.gop_size = 0
             for index in range(FRAMES):
                 frame = av.VideoFrame.from_ndarray(picture(index), format="rgb24")
@@ -154,8 +154,7 @@ def _jpeg_sizes(folder: Path, rng: np.random.Generator) -> Path:
     """Motion JPEG in which some pictures say that they are of another size, enormous ones too."""
     target = folder / "sizes.avi"
     with av.open(str(target), "w") as container:
-        stream = container.add_stream("mjpeg", rate=RATE)
-        stream.width, stream.height, stream.pix_fmt = 128, 64, "yuvj420p"
+        stream = video_in(container, "mjpeg")
         for index in range(FRAMES):
             data = bytearray(_jpeg(index, (128, 64)))
             if rng.random() < 0.3 or (index == 0 and rng.random() < 0.5):

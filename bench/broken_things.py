@@ -9,7 +9,8 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
-from broken import Maker, base, encode, picture, put
+from av.audio.stream import AudioStream
+from broken import Maker, base, encode, picture, put, video_in
 
 PLAYLISTS = (
     "#EXTM3U\n#EXT-X-TARGETDURATION:10\n#EXTINF:10,\n{}\n#EXT-X-ENDLIST\n",
@@ -24,6 +25,7 @@ def _sound(folder: Path, rng: np.random.Generator) -> Path:
     path = folder / f"sound.{suffix}"
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=44100)
+        assert isinstance(stream, AudioStream)
         layout = av.AudioFrame.from_ndarray(rng.integers(-99, 99, (1, 44100), np.int16), format="s16", layout="mono")
         layout.sample_rate = 44100
         resampled = av.AudioResampler(
@@ -113,10 +115,8 @@ def _enormous_video(folder: Path, rng: np.random.Generator) -> Path:
     ][int(rng.integers(3))]
     path = folder / f"enormous.{suffix}"
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=30, options={"preset": "ultrafast"} if codec == "libx264" else {})
-        stream.width, stream.height = size
-        stream.pix_fmt = "gray" if codec == "png" else "yuv420p"
-        frame = av.VideoFrame(*size, stream.pix_fmt)
+        stream = video_in(container, codec, size, "gray" if codec == "png" else "yuv420p")
+        frame = av.VideoFrame(*size, stream.pix_fmt or "")
         for plane in frame.planes:
             plane.update(bytes(plane.buffer_size))
         container.mux(stream.encode(frame))

@@ -54,7 +54,7 @@ def made(kind: str, number: int, seed: int, folder: Path) -> Path:
 def read(path: Path, results: Path) -> Found:
     """What becomes of a file in a process of its own; a process that hangs, dies or grows too large has failed."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["fuzz_walk"])
+    context.set_forkserver_preload(["fuzz_walk", "broken_headers", "broken_streams", "broken_things"])
     process = context.Process(target=child, args=(path, results))
     began = time.monotonic()
     process.start()

@@ -71,8 +71,10 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     unset = list(settings_problems(job.site, job.plugins, job.places))
     yield from unset
     yield from checks.output(job)
-    footage = list(checks.footage(job))
-    yield from (one for one in footage if isinstance(one, SavmapError))
+    found = list(checks.footage(job))
+    footage = [one for one in found if isinstance(one, Footage)]
+    yield from (one for one in found if isinstance(one, SavmapError))
+    yield from checks.twins(footage)
     if unset:
         yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
         return
@@ -81,7 +83,7 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     yield from checks.references(job)
     yield from checks.survey(job)
     if not dark:
-        yield from _looked(job, [one for one in footage if isinstance(one, Footage)], pictures)
+        yield from _looked(job, footage, pictures)
 
 
 def _looked(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[SavmapError | str]:

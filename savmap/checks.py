@@ -1,6 +1,6 @@
 """What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from savmap.io.overrides import Location
 from savmap.io.siteplaces import Places
 from savmap.io.survey import read_survey
 from savmap.io.video import expected_frames, probe
+from savmap.io.where import is_url
 from savmap.job import Job, prepare, rooms_for
 from savmap.observe import MIN_FRAMES, clip_of, pass_names
 from savmap.settings import tells_scale
@@ -143,9 +144,23 @@ def _footage(job: Job, found: Footage) -> SavmapError | Footage:
     return replace(found, frames=frames)
 
 
+def twins(footage: Sequence[Footage]) -> Iterator[str]:
+    """Passes of different rows that show the same face: the same frames, looked at in the same way."""
+    first: dict[object, Footage] = {}
+    for one in footage:
+        views = one.one.model_dump_json(include={"views"})
+        other = first.setdefault((one.one.footage, one.one.side, views), one)
+        if other.row != one.row:
+            yield (
+                f"row {one.row}, {one.name}: the same frames, side and views as row {other.row}, {other.name}; "
+                "is it the same face?"
+            )
+
+
 def output(job: Job) -> Iterator[SavmapError]:
     """Whether the output folder can be written; one that is not there is not left behind."""
-    new = [folder for folder in (job.output, *job.output.parents) if not folder.exists()]
+    folders = () if is_url(job.output) else (job.output, *job.output.parents)
+    new = [folder for folder in folders if not folder.exists()]
     try:
         prepare(job.output)
     except OutputError as error:

@@ -62,7 +62,7 @@ class Needs:
             f"about {duration(self.solve_s)}, by the last run's rate" if self.solve_s is not None else "not known yet"
         )
         yield f"solving comes on top: {solve}"
-        yield f"about {self.disk_mb:.0f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
+        yield f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
 
 
 def needs(job: Job, footage: Sequence[Footage]) -> Needs:

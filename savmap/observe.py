@@ -11,6 +11,7 @@ from savmap.ahead import ahead
 from savmap.errors import StructureError
 from savmap.eyes import Eyes
 from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
+from savmap.io.where import is_url
 from savmap.monitor import Monitor
 from savmap.rooms import Room
 from savmap.site import Pass
@@ -110,7 +111,7 @@ def pass_names(passes: Sequence[Pass]) -> list[str]:
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
     """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
     one time are one picture, whichever pass they belong to."""
-    where = [(one.video, one.fps) if one.video.is_dir() else one.video for one in passes]
+    where = [(one.video, one.fps) if not is_url(one.video) and one.video.is_dir() else one.video for one in passes]
     return dict(zip(pass_names(passes), where, strict=True))
 
 

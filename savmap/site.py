@@ -61,7 +61,7 @@ class Pass(Strict):
     model_config = ConfigDict(json_schema_extra=without_video)
 
     video: Where
-    """A panoramic video or a folder of pictures. Default: the row's, or the site's."""
+    """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or the site's."""
     start_s: Annotated[float, Field(ge=0)] = 0.0
     """Where in the video the pass begins."""
     end_s: float | None = None
@@ -137,7 +137,7 @@ class Site(Strict):
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
     survey: Where | None = None
-    """What a surveyor measured: scores are printed, and drawn under the map."""
+    """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None

@@ -142,6 +142,13 @@ layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [A, B, X]}
     ]
 
 
+def test_the_same_face_under_two_names_is_told(folder: Path) -> None:
+    lines, code = told(folder, GOOD + "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}]}\n")
+    assert code == 0
+    assert lines[0] == "row B, pass 1: the same frames, side and views as row A, pass 1; is it the same face?"
+    assert lines[1].startswith("row A, pass 1: 40")
+
+
 def test_what_concerns_all_rows_comes_first(folder: Path) -> None:
     lines, code = told(folder, GOOD.replace("references:", "reference:"))
     assert code == 3
@@ -163,7 +170,9 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
         return PassAims(name, Clip(one.video), {"all": Aim((ViewSpec("face", 0.0),))}), Scout(keys, (), None, np.eye(3))  # type: ignore[arg-type]
 
     monkeypatch.setattr("savmap.preview.aim_pass", aimed)
-    lines, code = told(folder, GOOD + "  B/1:\n    passes: [{video: a.mp4}, {video: a.mp4}]\n", pictures=True)
+    lines, code = told(
+        folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
+    )
     assert code == 0, lines
     assert lines[0] == "row A, pass 1: 40 frames, views in out/views-A-pass-1.jpg"
     assert {path.name for path in (folder / "out").iterdir()} == {

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from savmap.observe import recordings
 from savmap.site import Pass
 
@@ -19,3 +21,9 @@ def test_passes_of_one_video_are_one_recording_at_any_rate_and_folders_at_one_ra
     assert list(found) == ["pass 1", "pass 2", "pass 3", "pass 4"]
     assert found["pass 1"] == found["pass 2"] == video
     assert len(set(found.values())) == 3
+
+
+def test_a_video_at_a_url_is_not_looked_for() -> None:
+    pytest.importorskip("upath")
+    one = Pass.model_validate({"video": "s3://bucket/aisle.mp4"})
+    assert recordings([one, one])["pass 1"] == one.video

@@ -172,3 +172,31 @@ def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> Non
         load_site(write(tmp_path, GOOD.replace("  A:\n", "  A:\n    fps: 0\n")))
     with pytest.raises(SiteError, match=r"site.yaml:1: `views.face.hfov_deg`"):
         load_site(write(tmp_path, "views: {face: {yaw_deg: 0, hfov_deg: 500}}\n" + GOOD))
+
+
+def test_urls_stay_as_they_are(tmp_path: Path) -> None:
+    pytest.importorskip("upath")
+    text = GOOD.replace("a.mp4", "memory://drives/a.mp4").replace("rows:", "survey: file:///s/survey.json\nrows:")
+    site = load_site(write(tmp_path, text))
+    assert str(site.rows["A"].passes[0].video) == "memory://drives/a.mp4"
+    assert site.survey == Path("/s/survey.json")
+    assert '"memory://drives/a.mp4"' in site.model_dump_json()
+
+
+def test_sections_without_values_are_as_good_as_left_out(tmp_path: Path) -> None:
+    text = GOOD.replace("  shelves: {threshold: 0.4}\n", "").replace("      travel_m: 12\n", "")
+    site = load_site(write(tmp_path, text + "calibration:\nlayout:\nviews:\n"))
+    assert site.plugins == {}
+    assert site.row_references("A").travel_m is None
+
+
+def test_what_is_wrong_is_shown_in_short(tmp_path: Path) -> None:
+    deep = "".join(f"  a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12))
+    with pytest.raises(SiteError) as caught:
+        load_site(
+            write(
+                tmp_path,
+                GOOD.replace("value: 3.0", "value: *a11").replace("plugins:", f"x:\n  a0: &a0 0\n{deep}plugins:"),
+            )
+        )
+    assert len(str(caught.value)) < 300

@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
+from reprlib import Repr
 from typing import Any
 
 import yaml
@@ -13,6 +15,9 @@ from savmap.io.overrides import Location
 from savmap.sitedefaults import INHERITED
 from savmap.validation import path_of, text_of
 
+MOST_KEYS = 100_000
+SHORT = Repr()
+SHORT.maxstring = SHORT.maxother = 80
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
 
 
@@ -49,11 +54,18 @@ class Places:
 
 def lines_of(node: yaml.Node | None) -> dict[Location, int]:
     """The line, from 1, of every key and entry of a YAML document."""
-    return dict(_lines(node, (), frozenset())) if node is not None else {}
+    return dict(islice(_lines(node, (), frozenset()), MOST_KEYS)) if node is not None else {}
 
 
-def given_twice(node: yaml.Node | None, location: Location = ()) -> Iterator[tuple[Location, int, int]]:
+def given_twice(node: yaml.Node | None) -> Iterator[tuple[Location, int, int]]:
     """Keys that stand twice in one section, of which YAML would keep the last: location, both lines."""
+    return _twice(node, (), set())
+
+
+def _twice(node: yaml.Node | None, location: Location, seen: set[int]) -> Iterator[tuple[Location, int, int]]:
+    if id(node) in seen:
+        return
+    seen.add(id(node))
     if isinstance(node, yaml.MappingNode):
         first: dict[str, int] = {}
         for key, value in node.value:
@@ -61,10 +73,10 @@ def given_twice(node: yaml.Node | None, location: Location = ()) -> Iterator[tup
             if str(key.value) in first and key.value != "<<":
                 yield inside, first[str(key.value)], line
             first.setdefault(str(key.value), line)
-            yield from given_twice(value, inside)
+            yield from _twice(value, inside, seen)
     elif isinstance(node, yaml.SequenceNode):
         for number, value in enumerate(node.value):
-            yield from given_twice(value, (*location, number))
+            yield from _twice(value, (*location, number), seen)
 
 
 def explained(
@@ -96,7 +108,7 @@ def _explained(problem: ErrorDetails, location: Location, model: type[BaseModel]
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}"
     units = "; lengths are metres, times seconds" if isinstance(problem["input"], int | float) else ""
-    return f"{place}: `{key}`: {text} (it is {problem['input']!r}{units})"
+    return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
 
 
 def _lines(node: yaml.Node, location: Location, above: frozenset[int]) -> Iterator[tuple[Location, int]]:

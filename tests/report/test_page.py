@@ -131,6 +131,13 @@ def test_rows_stand_in_the_plan_as_they_are_placed(page: Element) -> None:
     assert "drawn beneath the others: B2" in page.one("section", id="plan").one("p").text
 
 
+def test_places_are_told_with_their_sigmas(page: Element) -> None:
+    facts = {own.one("dt").text: own.one("dd").text for own in page.one(id="row-A10").one("dl", "facts").all("div")}
+    assert (
+        facts["place in the site"] == "x 0.500 \u00b1 1.000 m, z 4.000 \u00b1 1.000 m, heading 180.00 \u00b1 1.00\u00b0"
+    )
+
+
 def test_rows_without_a_place_are_stacked_and_told() -> None:
     page = parsed(page_text(report(("A", "B"), placed=False)))
     assert "the rows stand in the site is not known" in page.one("section", id="plan").one("p").text

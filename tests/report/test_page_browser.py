@@ -60,9 +60,8 @@ def test_tables_sort_and_are_filtered(page: Any) -> None:
 
 def test_a_face_view_zooms_and_tells_what_is_under_the_pointer(page: Any) -> None:
     face = page.locator("#row-A2-face")
-    written = face.get_attribute("viewBox")
     face.scroll_into_view_if_needed()
-    page.wait_for_function("box => document.querySelector('#row-A2-face').getAttribute('viewBox') !== box", arg=written)
+    page.locator("#row-A2-face.movable").wait_for()
     face.focus()
     page.keyboard.press("0")
     before = face.get_attribute("viewBox")

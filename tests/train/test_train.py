@@ -1,3 +1,4 @@
+import resource
 import sys
 from pathlib import Path
 
@@ -88,6 +89,23 @@ class TestWithTorch:
         for left, right, both in zip(one.parameters(), other.parameters(), mean.parameters(), strict=True):
             assert torch.allclose((left + right) / 2, both)
         assert Segmenter(tmp_path / "m.onnx").classes == ("column",)
+
+    def test_a_full_disk_keeps_the_earlier_checkpoint(self, tmp_path: Path) -> None:
+        from savmap.train.checkpoint import save_checkpoint
+        from savmap.train.network import build
+
+        path, network = tmp_path / "c.pt", build(1, None)
+        save_checkpoint(path, network, ["column"], [])
+        before = path.read_bytes()
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+        try:
+            with pytest.raises(OutputError, match=r"c\.pt: cannot be written"):
+                save_checkpoint(path, network, ["column"], [{"steps": 1}])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert path.read_bytes() == before
+        assert [one.name for one in tmp_path.iterdir()] == ["c.pt"]
 
     def test_not_a_checkpoint(self, tmp_path: Path) -> None:
         from savmap.train.checkpoint import load_checkpoint

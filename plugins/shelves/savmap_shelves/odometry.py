@@ -22,6 +22,7 @@ CHANGE = (0.012, 0.05)
 LARGEST_CHANGE = 15.0
 MATCH, MATCH_SIGMA = 0.1, 0.015
 LARGEST_RISE, USUAL_RISE, RISE_SPREAD = 0.15, 0.05, 0.01
+LEVEL, LEVEL_SIGMA = 0.04, 0.005
 GOOD_VOTE = 0.5
 GOOD_MATCH, HOPEFUL, HOPELESS = 0.5, 3, 0.25
 CORNER_VOTE = 0.2
@@ -153,7 +154,9 @@ def steps_between(views: Sequence[Glance], moved: Floats) -> Floats:
     """Ratio, slide and rise (n - 1, 3) from every frame to the next: p' = ratio p + slide, q' = ratio q + rise."""
     usual = pace(moved)
     loose = np.array([np.clip(0.5 * usual, 0.01, 0.05), np.clip(usual, 0.05, 0.2), 0.05]) / MATCH_SIGMA
-    return np.array([_fit(a, b, s, loose) for a, b, s in zip(views[:-1], views[1:], moved, strict=True)]).reshape(-1, 3)
+    likely = LEVEL * np.maximum(1.0, np.abs(moved) / max(usual, 1e-6))
+    pairs = zip(views[:-1], views[1:], moved, likely, strict=True)
+    return np.array([_fit(a, b, shift, loose, change) for a, b, shift, change in pairs]).reshape(-1, 3)
 
 
 def chained(steps: Floats) -> Floats:
@@ -166,9 +169,9 @@ def chained(steps: Floats) -> Floats:
     return states
 
 
-def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
-    """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone, also where
-    hardly anything agrees: chance finds ratios far from 1 that suit a few things, and a chain breaks there."""
+def _fit(first: Glance, second: Glance, shift: float, loose: Floats, likely: float) -> Floats:
+    """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone. Where hardly
+    anything agrees, a ratio further from 1 than is `likely` is not believed: chance finds such, and the chain would break there."""
     usual = np.array([1.0, -shift, 0.0])
     starts = [usual]
     if _agreement(first, second, usual, MATCH / 2) < GOOD_MATCH * min(len(first.kind), len(second.kind)):
@@ -179,7 +182,9 @@ def _fit(first: Glance, second: Glance, shift: float, loose: Floats) -> Floats:
         starts = [_refined(first, second, start, (usual, loose)) for start in starts]
     best = max(starts, key=lambda way: _agreement(first, second, way, MATCH / 4))
     few = _agreement(first, second, best, MATCH / 4) < HOPELESS * min(len(first.kind), len(second.kind))
-    return usual if few else best
+    if few and abs(best[0] - 1) > likely:
+        return _refined(first, second, usual, (usual, np.append(LEVEL_SIGMA / MATCH_SIGMA, loose[1:])))
+    return best
 
 
 def _agreement(first: Glance, second: Glance, way: Floats, sigma: float) -> float:

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.report.page.figures import Figure
 from savmap.report.page.numbers import centimetres, counted, duration, fixed
@@ -11,6 +13,7 @@ from savmap.report.page.summary import Summary, all_counts, is_off
 from savmap.report.page.ties import is_tie_off
 from savmap.report.page.words import said_of
 from savmap.report.record import Report
+from savmap.types import Placement
 
 Facts = tuple[tuple[str, str], ...]
 
@@ -50,7 +53,7 @@ def tiles(report: Report, rows: Sequence[Summary]) -> Facts:
         found += [("mean absolute error", f"{centimetres(mean_absolute_error(score))} cm")]
         found += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
     found += [("references, off by > 3 \u03c3", f"{len(references)}, {off}")] if references else []
-    found += [("things seen from two rows, off by > 3 \u03c3", f"{len(ties)}, {tie_off}")] if ties else []
+    found += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {tie_off}")] if ties else []
     return (*found, *_run_tiles(report))
 
 
@@ -72,12 +75,22 @@ def _facts(row: Summary) -> Facts:
     off = sum(1 for own in row.references if is_off(own))
     found = [("structures", counted(row.counts))]
     found += [("length", f"{row.length_m:.3f} m")] if row.length_m is not None else []
+    found += [("place in the site", _placed(row.place))] if row.place else []
     found += [("frames", f"{len(row.row.trajectory.frames)} placed of {len(row.row.frames)}; {passes}")]
     found += [("references", f"{len(row.references)}, {off} off by more than 3 \u03c3")] if row.references else []
     if row.score:
         found += [("mean absolute error", f"{centimetres(row.error_m)} cm")]
         found += [("missing; spurious", f"{counted(row.score.missing)}; {counted(row.score.spurious)}")]
     return tuple(found)
+
+
+def _placed(place: Placement) -> str:
+    x, z, heading = np.sqrt(np.diag(place.covariance))
+    metres = (
+        f"{axis} {fixed(value, 3)} \u00b1 {fixed(float(sigma), 3)} m"
+        for axis, value, sigma in (("x", place.x_m, x), ("z", place.z_m, z))
+    )
+    return ", ".join(metres) + f", heading {fixed(place.heading_deg, 2)} \u00b1 {fixed(float(heading), 2)}\u00b0"
 
 
 def _solve(row: Summary) -> Facts:

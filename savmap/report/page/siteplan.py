@@ -58,8 +58,7 @@ def _mapped(row: Summary) -> list[Drawing]:
 
 def _moved(points: Floats, place: Placement) -> Floats:
     """Points (n, 2) mm in the plan of points (n, 3) m in a row's frame."""
-    turned: Floats = points @ place.site_from_row[:3, :3].T + place.site_from_row[:3, 3]
-    flat: Floats = MM * turned[:, [0, 2]]
+    flat: Floats = MM * place.points(points)[:, [0, 2]]
     return flat
 
 

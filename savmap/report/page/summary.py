@@ -10,7 +10,7 @@ import numpy as np
 from savmap.evaluation import Evaluation, Score, mean_absolute_error
 from savmap.report.drawing import Drawing
 from savmap.report.page.numbers import anchors, counted, natural
-from savmap.types import ReferenceUse, RowMap, SiteMap
+from savmap.types import Placement, ReferenceUse, RowMap, SiteMap
 
 if TYPE_CHECKING:
     from savmap.runlog import RowRun, RunLog
@@ -20,7 +20,8 @@ OFF_SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class Summary:
-    """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one."""
+    """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
+    where it stands in the site's frame, where that is known."""
 
     name: str
     anchor: str
@@ -30,6 +31,7 @@ class Summary:
     drawings: tuple[Drawing, ...]
     score: Score | None
     run: "RowRun | None"
+    place: Placement | None = None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -90,6 +92,7 @@ def summaries(
             drawings=tuple(drawings.get(name, ())),
             score=scores.get(name),
             run=runs.get(name),
+            place=site.placed.get(name),
         )
         for name in names
     )

@@ -41,7 +41,7 @@ def pair_table(ties: Sequence[Tie]) -> Table:
     order = {name: k for k, name in enumerate(natural({name for pair in pairs for name in pair}))}
     lines = tuple(_pair(pair, pairs[pair]) for pair in sorted(pairs, key=lambda pair: (order[pair[0]], order[pair[1]])))
     names = ("rows", "shared", "root mean square x, cm", "y, cm", "z, cm", "largest, \u03c3", "off by > 3 \u03c3")
-    return Table("ties-by-pair", "Rows that see the same things, and what is left between them", heads(*names), lines)
+    return Table("ties-by-pair", "Rows that share something, and what is left between them", heads(*names), lines)
 
 
 def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
@@ -50,7 +50,7 @@ def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
     lines = tuple(_line(own, anchors) for own in sorted(ties, key=worst, reverse=True))
     return Table(
         "ties",
-        "Things seen from two rows: what is left between their two places",
+        "What two rows share: what is left between its two places",
         heads(*names),
         lines,
         "only those off by more than 3 \u03c3",

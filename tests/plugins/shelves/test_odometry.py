@@ -22,7 +22,10 @@ def test_a_step_is_what_most_things_agree_on() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_where_hardly_anything_agrees_the_camera_went_on_at_its_distance(seed: int) -> None:
-    first, second = Glance(corners(seed), KINDS), Glance(corners(100 + seed), KINDS)
-    (step,) = steps_between([first, second], np.array([0.2]))
-    assert step == pytest.approx([1.0, -0.2, 0.0])
+def test_where_hardly_anything_agrees_the_camera_went_on_at_about_its_distance(seed: int) -> None:
+    """A sixth of what is seen agrees, by chance, on a distance a tenth larger."""
+    places = corners(seed)
+    moved = np.concatenate([0.91 * places[::6] + [-0.12, 0.0], corners(100 + seed)])
+    second = Glance(moved, np.concatenate([KINDS[::6], KINDS]))
+    (step,) = steps_between([Glance(places, KINDS), second], np.array([0.2]))
+    assert step[0] == pytest.approx(1.0, abs=0.041)

@@ -103,6 +103,7 @@
       svg.setAttribute("viewBox", `${view.x} ${view.y} ${view.w} ${view.h}`);
       const unit = Math.max(view.w / svg.clientWidth, view.h / svg.clientHeight);
       svg.style.setProperty("--u", unit);
+      svg.classList.add("movable");
       declutter(svg);
     };
     const fit = (box) => {
