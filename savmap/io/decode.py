@@ -109,13 +109,12 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
         report.skipped = already + repeated + len(lost)
 
 
-def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Picture]]:
+def decode_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Picture]]:
     """The first good frame at or after each time (ascending); nothing for those that cannot be decoded.
 
     Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice; times that `key_times`
     gave cost nothing but the key frame.
     """
-    found: list[tuple[float, Picture]] = []
     with opened(info.path) as (container, stream):
         _configure(stream, info)
         reformatter = VideoReformatter()
@@ -132,9 +131,8 @@ def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Pictu
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
                 if stamp >= wanted - INSTANT_S and _fits(frame, info):
-                    found.append((stamp, picture_of(frame, reformatter)))
+                    yield stamp, picture_of(frame, reformatter)
                     break
-    return found
 
 
 def key_times(info: VideoInfo) -> list[float]:

@@ -98,10 +98,15 @@ def scout_frames(
     second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
     wanted = sorted([*times, *(times[i] + step for i in second)])
     read = read_at if info.codec == "images" else decode_at
-    found = [
-        panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
-        for stamp, picture in read(info, wanted) or read(info, [start])
-    ]
+
+    def small(times: list[float]) -> list[Panorama]:
+        """Each is shrunk before the next is read: full size they would fill the memory."""
+        return [
+            panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+            for stamp, picture in read(info, times)
+        ]
+
+    found = small(wanted) or small([start])
     if not found:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
     close = tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * step)
