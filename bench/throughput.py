@@ -113,6 +113,7 @@ def map_here(site: Path, target: Path) -> None:
     """Map a site in this process and write what each stage took."""
     from savmap import observe, run, work
     from savmap.eyes import OnceSegmenter
+    from savmap.io.mapfile import read_map
     from savmap.job import job_for
     from savmap.mapping import Way
     from savmap.stages.render import Renderer
@@ -125,16 +126,13 @@ def map_here(site: Path, target: Path) -> None:
     timed(work, "solve", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:
         list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), Way(jobs=0)))
-        frames = [
-            len(row["frames"]["stamps_s"])
-            for row in json.loads((Path(folder) / "map.json").read_text())["rows"].values()
-        ]
+        rows = read_map(Path(folder) / "map.json").rows.values()
     stages = {"decode": SECONDS["walk"] - sum(SECONDS[stage] for stage in WALK)}
     stages |= {stage: SECONDS[stage] for stage in (*WALK, "aim", "solve")}
     unit = 1 if sys.platform == "darwin" else 1024
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
     stages["start, check, write"] = time.process_time() - sum(stages.values())
-    write_text(target, json.dumps({"stages": stages, "peak_mb": peak, "frames": sum(frames)}))
+    write_text(target, json.dumps({"stages": stages, "peak_mb": peak, "frames": sum(len(row.frames) for row in rows)}))
 
 
 def compared(video: Path, times: int, length_s: float, rounds: int) -> Run:
