@@ -23,6 +23,7 @@ import av
 import savmap.engine as engine
 import savmap.observe as observe
 from savmap import run
+from savmap.eyes import OnceSegmenter
 from savmap.io.files import write_text
 from savmap.job import job_for
 from savmap.rooms import Room
@@ -96,7 +97,7 @@ def main() -> None:
     timed_frames()
     timed(observe, "aim_pass", "aim")
     timed(Renderer, "render", "render (with the aim's)")
-    timed(observe.OnceSegmenter, "probabilities", "segment (with the aim's)")
+    timed(OnceSegmenter, "probabilities", "segment (with the aim's)")
     timed(Room, "extract", "extract (with the aim's)")
     timed(Room, "track", "track")
     timed(Room, "constrain", "constrain")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from savmap.errors import ModelError, OutputError, SavmapError, SiteError, SolveError, StructureError, VideoError
+from savmap.eyes import Eyes
 from savmap.io.clip import VideoInfo, time_range
 from savmap.io.overrides import Location
 from savmap.io.siteplaces import Places
@@ -12,7 +13,7 @@ from savmap.io.survey import read_survey
 from savmap.io.video import expected_frames, probe
 from savmap.io.where import is_url
 from savmap.job import Job, prepare, rooms_for
-from savmap.observe import MIN_FRAMES, Eyes, clip_of, pass_names
+from savmap.observe import MIN_FRAMES, clip_of, pass_names
 from savmap.settings import tells_scale
 from savmap.site import Pass
 from savmap.stages.markers import MarkerWatch

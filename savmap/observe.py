@@ -1,12 +1,15 @@
 """The only walk over pixels: every frame decoded once, in order; every view rendered and segmented once."""
 
 from collections.abc import Hashable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from savmap.errors import ModelError, StructureError
+from savmap.ahead import ahead
+from savmap.errors import StructureError
+from savmap.eyes import Eyes
 from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
 from savmap.io.where import is_url
 from savmap.monitor import Monitor
@@ -16,10 +19,10 @@ from savmap.stages.aim import Manual, Scout
 from savmap.stages.flow import FlowWatch, NoFlow
 from savmap.stages.markers import Label, MarkerWatch, Marks
 from savmap.stages.render import Renderer
-from savmap.stages.segment import Segmenter
-from savmap.types import Aim, Detection, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewSpec
+from savmap.types import Aim, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewSpec
 
 MIN_FRAMES = 3
+WORKERS, DEPTH = 2, 3
 
 
 @dataclass(frozen=True)
@@ -34,35 +37,6 @@ class Observations:
     notes: tuple[str, ...]
     marks: Marks
     flows: Sequence[Flow] = ()
-
-
-class Eyes:
-    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once."""
-
-    def __init__(self, rooms: Sequence[Room]) -> None:
-        networks = {path: OnceSegmenter(path) for path in dict.fromkeys(room.model for room in rooms)}
-        self.networks = {room.name: networks[room.model] for room in rooms}
-        for room in rooms:
-            missing = set(room.classes) - set(self.networks[room.name].classes)
-            if missing:
-                raise ModelError(
-                    f"{room.model}: the network does not give `{sorted(missing)[0]}`, which `{room.name}` needs"
-                )
-
-    def see(self, room: Room, view: View) -> list[Detection]:
-        """What a room detects in a view."""
-        return room.detect(view=view, segmenter=self.networks[room.name])
-
-
-class OnceSegmenter(Segmenter):
-    """A segmenter that remembers its last picture, so that rooms which share a view share its inference."""
-
-    _last: tuple[NDArray[np.uint8], NDArray[np.float32]] | None = None
-
-    def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
-        if self._last is None or self._last[0] is not image:
-            self._last = (image, super().probabilities(image))
-        return self._last[1]
 
 
 @dataclass(frozen=True)
@@ -90,6 +64,14 @@ class PassAims:
             )
             for room, aim in self.aims.items()
             for spec in aim.views
+        }
+
+    @cached_property
+    def watched(self) -> dict[ViewSpec, list[str]]:
+        """The rooms, by name, that look at each view."""
+        views = self.views()
+        return {
+            spec: [room for (room, _), own in views.items() if own == spec] for spec in dict.fromkeys(views.values())
         }
 
     def _alone(self, spec: ViewSpec) -> bool:
@@ -186,10 +168,15 @@ class Walk:
         """Walk through one pass."""
         report = DecodeReport()
         first = len(self.passes)
-        frames = panoramas(aimed.clip, first, report)
         total = expected_frames(aimed.clip, probe(aimed.clip.path))
-        for panorama in monitor.each(frames, f"row {row}, {aimed.name}: looking", total):
-            self._frame(panorama, aimed)
+        with ThreadPoolExecutor(WORKERS) as pool:
+            looks = (
+                (panorama, pool.submit(self._look, panorama, aimed))
+                for panorama in panoramas(aimed.clip, first, report)
+            )
+            with ahead(looks, DEPTH) as frames:
+                for panorama, views in monitor.each(frames, f"row {row}, {aimed.name}: looking", total):
+                    self._frame(panorama, views.result(), aimed)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(
                 f"{aimed.clip.path}: {len(self.passes) - first} frames in the range of {aimed.name} are too few to map from"
@@ -209,15 +196,24 @@ class Walk:
         if not report.complete:
             self.notes.append(f"{aimed.clip.path}: {report.text()}")
 
-    def _frame(self, panorama: Panorama, aimed: PassAims) -> None:
+    def _look(self, panorama: Panorama, aimed: PassAims) -> list[View]:
+        """A panorama's views, about which the networks have been asked. Several threads may do this at once."""
+        views = [self.renderer.render(panorama, spec) for spec in aimed.watched]
+        for view in views:
+            for room in self._rooms_at(view, aimed):
+                self.eyes.look_ahead(room, view)
+        return views
+
+    def _frame(self, panorama: Panorama, views: Sequence[View], aimed: PassAims) -> None:
+        """What all rooms see in a frame's views; plugins are asked by one thread, in order."""
         self.stamps.append(panorama.stamp_s)
         self.passes.append(aimed.name)
         self.watch.look(panorama)
-        specs = aimed.views()
-        for spec in dict.fromkeys(specs.values()):
-            view = self.renderer.render(panorama, spec)
-            if any(spec == own and aimed.knows_face(room) for (room, _), own in specs.items()):
+        for view in views:
+            if any(aimed.knows_face(room) for room in aimed.watched[view.spec]):
                 self.flow.look(view)
-            for room in self.rooms:
-                if spec in [own for (name, _), own in specs.items() if name == room.name]:
-                    self.features[room.name] += room.extract(view, self.eyes.see(room, view), panorama)
+            for room in self._rooms_at(view, aimed):
+                self.features[room.name] += room.extract(view, self.eyes.see(room, view), panorama)
+
+    def _rooms_at(self, view: View, aimed: PassAims) -> list[Room]:
+        return [room for room in self.rooms if room.name in aimed.watched[view.spec]]

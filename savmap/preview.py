@@ -5,8 +5,9 @@ from pathlib import Path
 
 import cv2
 
+from savmap.eyes import Eyes
 from savmap.io.files import write_bytes
-from savmap.observe import Eyes, aim_pass, pass_names
+from savmap.observe import aim_pass, pass_names
 from savmap.rooms import Room
 from savmap.site import Pass
 from savmap.stages.aim import Scout

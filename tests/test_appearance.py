@@ -22,7 +22,8 @@ def test_only_the_views_of_the_face_are_looked_at() -> None:
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):
-        walk._frame(Panorama(frame, frame / 15, picture), aimed)
+        panorama = Panorama(frame, frame / 15, picture)
+        walk._frame(panorama, walk._look(panorama, aimed), aimed)
     assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
     assert len(walk.flow.flows[0].pixels) > 50
 

@@ -55,3 +55,31 @@ def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.Captur
     assert figures["places"]["across an aisle x m"] < 0.1
     assert [tie.id_a for tie in assembly.site_map.ties[:2]] == ["32 frames", "light 1"]
     assert "736 vertical and 4920 horizontal" in capsys.readouterr().out
+
+
+def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share(tmp_path: Path) -> None:
+    import throughput
+
+    from savmap.io.sitefile import load_site
+
+    throughput.write_site(tmp_path / "8k-2.mp4", 2, 16.5, tmp_path / "site.yaml")
+    rows = load_site(tmp_path / "site.yaml").rows
+    assert [(name, row.passes[0].start_s, row.passes[0].end_s) for name, row in rows.items()] == [
+        ("A1", 0.0, 16.5),
+        ("A2", 16.5, 33.0),
+    ]
+    way = {"clock_s": 13.0, "processor_s": 20.0, "peak_mb": 900.0}
+    lines = throughput.table(
+        {
+            "length": 2,
+            "rounds": 1,
+            "frames": 100,
+            "ours": way,
+            "bound": {"clock_s": 10.0, "processor_s": 16.0},
+            "stages": {"decode": 16.0, "segment": 4.0},
+            "ratio": {"clock_s": 1.3, "processor_s": 1.25},
+        }
+    )
+    assert "decode                          16.0   80.0%       160.0" in lines
+    assert "ratio 1.30 by the clock, 1.25 by processor time" in lines
+    assert lines[-1] == "peak memory 900 MB"

@@ -23,7 +23,8 @@ def test_every_frame_that_is_walked_through_is_looked_at() -> None:
     walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
     aimed = observe.PassAims("pass 1", Clip(Path("none")), {})
     for frame in range(3):
-        walk._frame(marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1)), aimed)
+        panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
+        walk._frame(panorama, walk._look(panorama, aimed), aimed)
     assert walk.watch.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
 
 

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import VideoError
+from savmap.types import Planes
 
 Image = NDArray[np.uint8]
-Source = Iterator[tuple[float, Callable[[], Image | None]]]
-"""Frames in order: time in the video, and a function that gives the RGB picture, or None where it is damaged."""
+Picture = Image | Planes
+Source = Iterator[tuple[float, Callable[[], Picture | None]]]
+"""Frames in order: time in the video, and a function that gives the picture, or None where it is damaged."""
 
 END_TOLERANCE_S = 0.5
 MOST_WIDTH = 16384

@@ -8,15 +8,17 @@ from pathlib import Path
 
 import av
 import av.error
-import numpy as np
+from av.codec.hwaccel import HWAccel
 from av.container import InputContainer
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
-from savmap.io.clip import MOST_PIXELS, DecodeReport, Image, Source, VideoInfo, check_shape
+from savmap.io.clip import MOST_PIXELS, DecodeReport, Picture, Source, VideoInfo, check_shape
+from savmap.io.hardware import accelerator
 from savmap.io.order import in_order
+from savmap.io.planes import PLANAR, picture_of
 from savmap.io.where import is_url
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
@@ -42,11 +44,11 @@ def probe_file(path: Path) -> VideoInfo:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+def opened(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream."""
     try:
         source = path.open("rb") if is_url(path) else str(path)
-        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S))
+        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(_why_unreadable(path)) from error
     with container:
@@ -86,10 +88,10 @@ def _seconds(pts: int, stream: VideoStream) -> float:
 
 def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
     """Good frames of a file from start_s up to end_s. Frames that the decoder flags as damaged or loses are counted."""
-    with opened(info.path) as (container, stream):
+    with opened(info.path, _hardware(info)) as (container, stream):
         _configure(stream, info)
         if start_s > 0:
-            _seek(container, stream, start_s)
+            _seek(container, stream, _pts(start_s - SEEK_MARGIN_S, stream))
         reformatter = VideoReformatter()
         expected: set[float] = set()
         good: set[float] = set()
@@ -102,33 +104,48 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             if follows and stamp >= start_s - INSTANT_S and _fits(frame, info):
                 report.decoded += 1
                 good.add(stamp)
-                yield stamp, _converter(frame, reformatter)
+                yield stamp, _reader(frame, reformatter)
         lost = {s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good
         report.skipped = already + repeated + len(lost)
 
 
-def decode_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image]]:
+def decode_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Picture]]:
     """The first good frame at or after each time (ascending); nothing for those that cannot be decoded.
 
-    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice.
+    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice; times that `key_times`
+    gave cost nothing but the key frame.
     """
-    found: list[tuple[float, Image]] = []
     with opened(info.path) as (container, stream):
         _configure(stream, info)
         reformatter = VideoReformatter()
         frames = _frames(container, stream, set())
         entry = 0
+        keys = _keys(stream)
         for wanted in stamps_s:
-            ahead = stream.index_entries.search_timestamp(_pts(wanted - SEEK_MARGIN_S, stream))
+            target = _pts(wanted, stream)
+            target = target if target in keys else _pts(wanted - SEEK_MARGIN_S, stream)
+            ahead = stream.index_entries.search_timestamp(target)
             if ahead > entry:
-                _seek(container, stream, wanted)
+                _seek(container, stream, target)
                 frames, entry = _frames(container, stream, set()), ahead
             for frame in frames:
                 stamp = _seconds(frame.pts or 0, stream)
                 if stamp >= wanted - INSTANT_S and _fits(frame, info):
-                    found.append((stamp, _converter(frame, reformatter)()))
+                    yield stamp, picture_of(frame, reformatter)
                     break
-    return found
+
+
+def key_times(info: VideoInfo) -> list[float]:
+    """Times of a file's key frames, s, where its index tells them: of frames that are shown in another order than they are decoded
+    in (B frames) it does not."""
+    with opened(info.path) as (_, stream):
+        return [_seconds(key, stream) for key in sorted(_keys(stream))]
+
+
+def _keys(stream: VideoStream) -> set[int]:
+    if stream.codec_context.has_b_frames:
+        return set()
+    return {entry.timestamp for entry in stream.index_entries if entry.is_keyframe and not entry.is_discard}
 
 
 def _fits(frame: VideoFrame, info: VideoInfo) -> bool:
@@ -136,16 +153,29 @@ def _fits(frame: VideoFrame, info: VideoInfo) -> bool:
 
 
 def _pts(stamp_s: float, stream: VideoStream) -> int:
-    return int(stamp_s / (stream.time_base or Fraction(1))) + (stream.start_time or 0)
+    return round(stamp_s / (stream.time_base or Fraction(1))) + (stream.start_time or 0)
 
 
-def _seek(container: InputContainer, stream: VideoStream, stamp_s: float) -> None:
+def _seek(container: InputContainer, stream: VideoStream, target: int) -> None:
     """To the key frame before a time. Key frames are found by decoding time, which runs ahead of the time shown.
 
     A file whose index is damaged stays where it is: it is read on from there.
     """
     with suppress(av.error.FFmpegError):
-        container.seek(max(_pts(stamp_s - SEEK_MARGIN_S, stream), stream.start_time or 0), stream=stream, backward=True)
+        container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
+
+
+def _hardware(info: VideoInfo) -> HWAccel | None:
+    """A device that decodes a video of large pictures faster than the processor, if there is one."""
+
+    def decodes(device: HWAccel) -> bool:
+        with opened(info.path, device) as (container, stream):
+            _configure(stream, info)
+            frame = next(_frames(container, stream, set()), None)
+            return frame is not None and _fits(frame, info) and frame.format.name in PLANAR
+
+    large = info.width * info.height > LARGE_PIXELS
+    return accelerator((info.codec, info.pixel_format, info.width), decodes) if large else None
 
 
 def _configure(stream: VideoStream, info: VideoInfo) -> None:
@@ -184,8 +214,5 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
                 yield frame
 
 
-def _converter(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Image]:
-    def convert() -> Image:
-        return np.asarray(reformatter.reformat(frame, format="rgb24").to_ndarray(), np.uint8)
-
-    return convert
+def _reader(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Picture]:
+    return lambda: picture_of(frame, reformatter)

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image as Pillow
 
 from savmap.errors import VideoError
-from savmap.io.clip import DecodeReport, Image, Source, VideoInfo, check_shape
+from savmap.io.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape
 from savmap.io.files import write_bytes
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
@@ -87,13 +87,11 @@ def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             yield stamp, _reader(path, info, report)
 
 
-def read_at(info: VideoInfo, stamps_s: list[float]) -> list[tuple[float, Image]]:
+def read_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Picture]]:
     """The first good picture at or after each time (ascending)."""
-    found: list[tuple[float, Image]] = []
     for wanted in stamps_s:
         frames = read_folder(info, wanted, np.inf, DecodeReport())
-        found.extend(next(([(stamp, image)] for stamp, read in frames if (image := read()) is not None), []))
-    return found
+        yield from next(([(stamp, image)] for stamp, read in frames if (image := read()) is not None), [])
 
 
 def _reader(path: Path, info: VideoInfo, report: DecodeReport) -> Callable[[], Image | None]:

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from savmap.errors import VideoError
-from savmap.io.clip import Clip, DecodeReport, Image, Source, VideoInfo, time_range
-from savmap.io.decode import decode_at, decode_file, probe_file
+from savmap.io.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
+from savmap.io.decode import decode_at, decode_file, key_times, probe_file
 from savmap.io.images import probe_folder, read_at, read_folder
-from savmap.types import Panorama
+from savmap.types import Floats, Panorama, Planes, panorama_of
 
 __all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "probe", "scout_frames"]
 
@@ -52,7 +52,7 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     last, gap = start, 0.0
     for stamp, image in _sampled(_source(info, start, end, report), clip.fps, report):
         last, gap = stamp, max(gap, stamp - last)
-        yield Panorama(first_frame + report.used - 1, stamp, image)
+        yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
     usual = 0.2 + 3 / min(clip.fps, info.rate_fps or clip.fps)
@@ -66,7 +66,7 @@ def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport)
     return read(info, start_s, end_s, report)
 
 
-def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Image]]:
+def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Picture]]:
     """The first good frame of each tick of 1/fps counted from the first; stamps may jitter by a fifth of a tick."""
     origin: float | None = None
     last_tick = -1
@@ -85,19 +85,28 @@ def scout_frames(
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.
 
-    Found by seeking; `frame` is their number by time alone. Pictures higher than `max_height` are shrunk.
+    Found by seeking, to the video's own key frames where these lie closer than the ones wanted; `frame` is their number by time
+    alone. Pictures higher than `max_height` are shrunk.
     """
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
     step = 1 / min(clip.fps, info.rate_fps or clip.fps)
-    times = start + (min(end, info.duration_s) - start) * (np.arange(keys) + 0.5) / keys
+    last = min(end, info.duration_s)
+    times = start + (last - start) * (np.arange(keys) + 0.5) / keys
+    if info.codec != "images":
+        times = _at_keys(times, [key for key in key_times(info) if start <= key < last], (last - start) / keys / 2)
     second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
     wanted = sorted([*times, *(times[i] + step for i in second)])
     read = read_at if info.codec == "images" else decode_at
-    found = [
-        Panorama(round((stamp - start) * clip.fps), stamp, _shrunk(image, max_height))
-        for stamp, image in read(info, wanted) or read(info, [start])
-    ]
+
+    def small(times: list[float]) -> list[Panorama]:
+        """Each is shrunk before the next is read: full size they would fill the memory."""
+        return [
+            panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+            for stamp, picture in read(info, times)
+        ]
+
+    found = small(wanted) or small([start])
     if not found:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
     close = tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * step)
@@ -105,7 +114,25 @@ def scout_frames(
     return tuple(panorama for panorama in found if id(panorama) not in followers), close
 
 
-def _shrunk(image: Image, max_height: int) -> Image:
-    if image.shape[0] <= max_height:
+def _at_keys(times: Floats, keys_s: list[float], within_s: float) -> Floats:
+    """Times (n,) moved to the nearest of the keys where that is so close."""
+    if not keys_s:
+        return times
+    nearest = np.array(keys_s)[np.abs(np.array(keys_s) - times[:, None]).argmin(axis=1)]
+    moved: Floats = np.where(np.abs(nearest - times) <= within_s, nearest, times)
+    return moved
+
+
+def _shrunk(picture: Picture, max_height: int) -> Picture:
+    if isinstance(picture, Planes):
+        luma = _lower(picture.luma, max_height)
+        blue, red = (_lower(plane, max_height // 2) for plane in (picture.blue, picture.red))
+        return Planes(luma, blue, red, picture.rgb_from_yuv)
+    return _lower(picture, max_height)
+
+
+def _lower(image: Image, height: int) -> Image:
+    """A picture at most so high, by averaging."""
+    if image.shape[0] <= height:
         return image
-    return np.asarray(cv2.resize(image, (2 * max_height, max_height), interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(cv2.resize(image, (2 * height, height), interpolation=cv2.INTER_AREA), np.uint8)

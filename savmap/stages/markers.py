@@ -76,7 +76,7 @@ class MarkerWatch:
 
     def _follow(self, panorama: Panorama, labels: Iterable[Label]) -> bool:
         """Measure markers whose views are known, and aim those anew; says whether any was lost."""
-        resolution, lost = len(panorama.image) / np.pi, False
+        resolution, lost = panorama.height / np.pi, False
         for label in labels:
             spec = self._near.pop(label)
             corners = _detected(self._renderer.render(panorama, spec).image, label[0], fine=True).get(label[1])
@@ -97,7 +97,7 @@ class MarkerWatch:
 
     def _search(self, panorama: Panorama) -> list[Label]:
         """Find the markers that are not followed, all around; gives those that were found, with views at them set."""
-        resolution = len(panorama.image) / np.pi
+        resolution = panorama.height / np.pi
         found: dict[Label, ViewSpec] = {}
         for spec in _ring(resolution):
             image = self._renderer.render(panorama, spec).image

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from savmap.geometry import sphere
 from savmap.geometry.lines import Lines
-from savmap.types import Floats, Ints, Panorama, ViewSpec
+from savmap.types import FilmedPanorama, Floats, Ints, Panorama, ViewSpec
 
 Singles = NDArray[np.float32]
 
@@ -89,7 +89,7 @@ def profiles_of(
 
     The part of the panorama that they all lie in is decoded once.
     """
-    height = len(panorama.image)
+    height = panorama.height
     scales, samples = [], []
     for pieces in groups:
         scale, along = _scales(spec, pieces, height)
@@ -98,7 +98,7 @@ def profiles_of(
         nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height)
         scales.append((scale, rows))
         samples.append(_samples(nodes, rows, 2 * reach + 1))
-    values = _radiance_at(panorama.image, samples) if groups else []
+    values = _radiance_at(panorama, samples) if groups else []
     return [
         Profiles(
             own.reshape(len(own), rows, -1).sum(axis=1, dtype=np.float32) / np.float32(rows * RADIANCE_UNIT), scale
@@ -107,9 +107,9 @@ def profiles_of(
     ]
 
 
-def _radiance_at(image: NDArray[np.uint8], groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
+def _radiance_at(panorama: Panorama, groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
     """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation."""
-    height, width = image.shape[:2]
+    height, width = panorama.height, 2 * panorama.height
     directions = np.concatenate([pixels[0, :, 0] for pixels in groups]) * np.float32(2 * np.pi / width)
     about = np.float32(
         np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
@@ -118,12 +118,20 @@ def _radiance_at(image: NDArray[np.uint8], groups: Sequence[Singles]) -> list[ND
     ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
     left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
     top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
-    part = _columns(image[top:bottom], left, min(right, left + width))
-    radiance = cv2.LUT(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), np.round(RADIANCE * RADIANCE_UNIT).astype(np.uint16))
+    part, grey = _grey(panorama, (top, bottom), (left, min(right, left + width)))
+    radiance = cv2.LUT(part, np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16))
     return [
         np.asarray(cv2.remap(radiance, x - left, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
         for x, y in zip(xs, ys, strict=True)
     ]
+
+
+def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[NDArray[np.uint8], Floats]:
+    """Values of part of a panorama, and the grey (256,), 0..255, that each stands for."""
+    if isinstance(panorama, FilmedPanorama):
+        return _columns(panorama.planes.luma[slice(*rows)], *columns), panorama.planes.grey
+    part = _columns(panorama.image[slice(*rows)], *columns)
+    return np.asarray(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), np.uint8), np.arange(256.0)
 
 
 def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint8]:

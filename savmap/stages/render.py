@@ -1,50 +1,80 @@
 """Rectilinear views sampled straight from panoramas (paper, section III-B)."""
 
 from collections import OrderedDict
+from threading import Lock
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.stages.sampling import Level, shrunk, table
-from savmap.types import Panorama, View, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
 
 Key = tuple[int, float, float, float, float, int, int]
 KEPT_TABLES = 32
+PIXEL = np.dtype((np.void, 3))
 
 
 class Renderer:
     """Cuts views out of panoramas and keeps the tables of the last views it was asked for.
 
     Bilinear, at pixel centres, over the seam and the poles. With `antialias`, the panorama is first averaged down where
-    it is two or more times finer than the view.
+    it is two or more times finer than the view. What came as planes of luma and colour is sampled as such, and only the view
+    is turned into RGB. Threads may share one.
     """
 
     def __init__(self, antialias: bool = True) -> None:
         self._antialias = antialias
         self._tables: OrderedDict[Key, tuple[Level, ...]] = OrderedDict()
+        self._lock = Lock()
 
     def render(self, panorama: Panorama, spec: ViewSpec) -> View:
         """The view of `panorama` that `spec` describes."""
         image = np.empty((spec.height, spec.width, 3), np.uint8)
-        for level in self._table(spec, panorama.image.shape[0]):
-            _sample(panorama.image, level, image)
+        levels = self._table(spec, panorama.height)
+        if isinstance(panorama, FilmedPanorama):
+            for level in levels:
+                _sample_planes(panorama.planes, level, image)
+            image = panorama.planes.coloured(image)
+        else:
+            for level in levels:
+                _sample(panorama.image, level, image)
         return View(spec, panorama.frame, panorama.stamp_s, image)
 
     def _table(self, spec: ViewSpec, height: int) -> tuple[Level, ...]:
         key = (height, spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg, spec.width, spec.height)
-        if key not in self._tables:
-            self._tables[key] = table(spec, height, self._antialias)
-            if len(self._tables) > KEPT_TABLES:
-                self._tables.popitem(last=False)
-        self._tables.move_to_end(key)
-        return self._tables[key]
+        with self._lock:
+            if key not in self._tables:
+                self._tables[key] = table(spec, height, self._antialias)
+                if len(self._tables) > KEPT_TABLES:
+                    self._tables.popitem(last=False)
+            self._tables.move_to_end(key)
+            return self._tables[key]
 
 
 def _sample(panorama: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
-    """Write a level's pixels into the view; those of finer levels stay."""
+    """Write a level's pixels into the view."""
+    source = panorama if level.region is None else shrunk(panorama, level.region, level.halvings)
+    _put(_found(source, level.cells, level.fractions), level, view)
+
+
+def _found(source: NDArray[np.uint8], cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.remap(source, cells, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint8)
+
+
+def _put(found: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
+    """Write what was found for a level's own pixels into the view."""
+    view.view(PIXEL)[..., 0][level.own] = found.view(PIXEL).ravel()[: np.count_nonzero(level.own)]
+
+
+def _sample_planes(planes: Planes, level: Level, view: NDArray[np.uint8]) -> None:
+    """Write a level's luma, blue and red difference into the view. One halving makes luma as coarse as colour is."""
     if level.region is None:
-        source, border = panorama, cv2.BORDER_WRAP
-    else:
-        source, border = shrunk(panorama, level.region, level.halvings), cv2.BORDER_TRANSPARENT
-    cv2.remap(source, level.cells, level.fractions, cv2.INTER_LINEAR, dst=view, borderMode=border)
+        luma = _found(planes.luma, level.cells, level.fractions)
+        blue, red = (_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red))
+        _put(np.asarray(cv2.merge([luma, blue, red]), np.uint8), level, view)
+        return
+    region, half = level.region, level.region.halved
+    coarse = [shrunk(plane, half, level.halvings - 1) for plane in (planes.blue, planes.red)]
+    source = np.asarray(cv2.merge([shrunk(planes.luma, region, level.halvings), *coarse]), np.uint8)
+    _put(_found(source, level.cells, level.fractions), level, view)

@@ -1,6 +1,7 @@
 """Which panorama pixels a rectilinear view samples: fixed-point tables for `cv2.remap`, at several levels of detail."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -11,8 +12,9 @@ from savmap.types import ViewSpec
 
 Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
-OUTSIDE = -16.0
+PACKED = 512
 LAST_ROW = 1 + 1 / 16
+FRACTIONS = 32
 
 
 @dataclass(frozen=True)
@@ -24,15 +26,29 @@ class Region:
     left: int
     width: int
 
+    @property
+    def halved(self) -> "Region":
+        """The same part of a panorama of half the resolution."""
+        return Region(self.top // 2, self.bottom // 2, self.left // 2, self.width // 2)
+
 
 @dataclass(frozen=True)
 class Level:
-    """Table (h, w) for the panorama's region shrunk `halvings` times; region None: the panorama itself."""
+    """Table (m, PACKED) for the panorama's region shrunk `halvings` times; region None: the panorama itself. Its first entries are
+    those of the view's pixels where `own` (h, w), row by row; the others are the last of these again."""
 
+    own: NDArray[np.bool_]
     halvings: int
     region: Region | None
     cells: NDArray[np.int16]
     fractions: NDArray[np.uint16]
+
+    @cached_property
+    def half_as_fine(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+        """Tables that find in a panorama of half the resolution what these find in it with every pixel doubled each way."""
+        odd = (self.cells & 1).astype(np.uint16)
+        across, down = self.fractions % FRACTIONS, self.fractions // FRACTIONS
+        return self.cells >> 1, across * odd[..., 0] + FRACTIONS * down * odd[..., 1]
 
 
 def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
@@ -71,18 +87,17 @@ def _halvings(spec: ViewSpec, height: int) -> NDArray[np.int64]:
 
 def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: int) -> Level:
     own = halvings == number
+    pixels = pixels[own]
     if number == 0:
-        return Level(0, None, *_fixed(np.where(own[..., None], pixels, np.float32(0))))
+        return Level(own, 0, None, *_fixed(pixels))
     cell = 2**number
-    region = _region(pixels[own], height, cell)
+    region = _region(pixels, height, cell)
     column = pixels[..., 0] + (0.5 - region.left - cell)
     column[column < 0] += 2 * height
     row = np.clip(
         (pixels[..., 1] + (0.5 - region.top)) / cell - 0.5, 0, (region.bottom - region.top) // cell - LAST_ROW
     )
-    cells = np.stack([column / cell + 0.5, row], axis=-1)
-    cells[~own] = OUTSIDE
-    return Level(number, region, *_fixed(cells))
+    return Level(own, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
 
 
 def _region(pixels: Singles, height: int, cell: int) -> Region:
@@ -98,7 +113,8 @@ def _region(pixels: Singles, height: int, cell: int) -> Region:
 
 
 def _fixed(pixels: Singles) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
-    """Whole parts and 1/32 fractions of panorama pixels, as OpenCV takes them."""
+    """Whole parts and 1/32 fractions of panorama pixels (n, 2), as OpenCV takes them: in rows of PACKED."""
+    pixels = np.pad(pixels, ((0, -len(pixels) % PACKED), (0, 0)), mode="edge").reshape(-1, PACKED, 2)
     cells, fractions = cv2.convertMaps(
         np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1]), cv2.CV_16SC2
     )
@@ -110,7 +126,8 @@ def shrunk(image: Image, region: Region, halvings: int) -> Image:
     pieces, left, rest = [], region.left, region.width
     while rest > 0:
         columns = min(rest, image.shape[1] - left)
-        pieces.append(_halved(image[region.top : region.bottom, left : left + columns]))
+        piece = image[region.top : region.bottom, left : left + columns]
+        pieces.append(_halved(piece) if halvings else piece)
         left, rest = 0, rest - columns
     part = pieces[0] if len(pieces) == 1 else np.hstack(pieces)
     for _ in range(halvings - 1):

@@ -114,8 +114,12 @@ def regions(label: str, probability: Probabilities, threshold: float, min_pixels
     kept = [number for number in range(1, count) if stats[number, cv2.CC_STAT_AREA] >= min_pixels]
     found = []
     for number in kept:
-        mask = numbers == number
-        found.append(Detection(label, float(probability[mask].mean(dtype=np.float64)), mask, probability))
+        left, top, width, height = stats[number, :4]
+        place = slice(top, top + height), slice(left, left + width)
+        inside = numbers[place] == number
+        mask = np.zeros(numbers.shape, dtype=np.bool_)
+        mask[place] = inside
+        found.append(Detection(label, float(probability[place][inside].mean(dtype=np.float64)), mask, probability))
     return found
 
 

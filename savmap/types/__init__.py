@@ -7,6 +7,7 @@ at integer coordinates.
 
 from savmap.types.common import Axis, Floats, Ints, Place
 from savmap.types.pictures import Aim, Detection, Feature, Flow, Panorama, View, ViewSpec
+from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import (
     FrameTable,
     Placement,
@@ -26,6 +27,7 @@ __all__ = [
     "Axis",
     "Detection",
     "Feature",
+    "FilmedPanorama",
     "Floats",
     "Flow",
     "FrameTable",
@@ -33,6 +35,7 @@ __all__ = [
     "Panorama",
     "Place",
     "Placement",
+    "Planes",
     "ReferenceUse",
     "RowFacts",
     "RowMap",
@@ -44,4 +47,5 @@ __all__ = [
     "Trajectory",
     "View",
     "ViewSpec",
+    "panorama_of",
 ]

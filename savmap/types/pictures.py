@@ -26,6 +26,11 @@ class Panorama:
             "image must be (H, 2H, 3) uint8",
         )
 
+    @property
+    def height(self) -> int:
+        """H, pixels."""
+        return len(self.image)
+
 
 @dataclass(frozen=True)
 class ViewSpec:

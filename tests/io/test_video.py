@@ -1,7 +1,8 @@
 """Passes of video: formats, sampling by time, damage, and the one-line errors."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -10,6 +11,7 @@ import pytest
 from made_up_video import evenly, picture, write_video
 
 from savmap.errors import VideoError
+from savmap.io import decode
 from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
 
 
@@ -222,3 +224,25 @@ def test_scouting_takes_key_frames_and_close_pairs(tmp_path: Path, video: Path, 
     assert all(key.image.shape == (32, 64, 3) for key in keys)
     expected = cv2.resize(picture(round(stamps[3] * 30)), (64, 32), interpolation=cv2.INTER_AREA)
     assert np.abs(keys[3].image.astype(int) - expected).mean() < 4
+
+
+def test_scouting_decodes_key_frames_alone_where_they_are_close(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two hundred frames, a key frame every ten: nine wanted and three that follow cost what lies next to them."""
+    coding = {"x265-params": "log-level=none:keyint=10:min-keyint=10:scenecut=0:bframes=0"}
+    path = write_video(tmp_path / "a.mp4", evenly(200, 30), "libx265", options=coding)
+    inner, decoded = decode._frames, list[float]()
+
+    def counted(container: Any, stream: Any, expected: set[float]) -> Iterator[Any]:
+        for frame in inner(container, stream, expected):
+            decoded.append(frame.time)
+            yield frame
+
+    monkeypatch.setattr(decode, "_frames", counted)
+    keys, pairs = scout_frames(Clip(path))
+    stamps = np.array([key.stamp_s for key in keys])
+    assert np.allclose(np.round(stamps * 3), stamps * 3, atol=0.01)
+    assert np.abs(stamps - 200 / 30 * (np.arange(9) + 0.5) / 9).max() <= 0.2
+    assert [b.stamp_s - a.stamp_s for a, b in pairs] == pytest.approx([1 / 15] * 3, abs=0.01)
+    assert len(decoded) < 30

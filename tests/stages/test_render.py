@@ -7,8 +7,9 @@ import py360convert
 import pytest
 
 from savmap.geometry import pinhole, sphere
+from savmap.io.planes import rgb_from_yuv
 from savmap.stages.render import KEPT_TABLES, Renderer
-from savmap.types import Panorama, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
 
 VIEWS = [
     ViewSpec("ahead", 0, hfov_deg=90),
@@ -107,3 +108,26 @@ def test_tables_are_kept_but_not_for_ever() -> None:
     first = next(reversed(renderer._tables.values()))
     renderer.render(picture, again)
     assert next(reversed(renderer._tables.values())) is first
+
+
+@lru_cache
+def planes(height: int) -> Planes:
+    """Planes of brightness and colour that all stand for colours, over a panorama."""
+    rays = sphere.rays_from_panorama_pixels(grid(2 * height, height), height)
+    luma = 60 + 0.5 * colour(rays)[..., 1]
+    blue, red = (108 + 0.16 * colour(rays[::2, ::2])[..., channel] for channel in (0, 2))
+    whole = (np.asarray(plane.round(), np.uint8) for plane in (luma, blue, red))
+    return Planes(*whole, rgb_from_yuv(0.299, 0.114, full=False))
+
+
+@pytest.mark.parametrize("spec", VIEWS, ids=lambda spec: spec.name)
+@pytest.mark.parametrize("height", [512, 1504])
+def test_planes_give_the_view_that_their_rgb_gives(spec: ViewSpec, height: int) -> None:
+    filmed = FilmedPanorama(7, 1.5, planes(height))
+    theirs = Renderer().render(Panorama(7, 1.5, planes(height).rgb), spec).image.astype(int)
+    view = Renderer().render(filmed, spec)
+    assert (view.frame, view.stamp_s) == (7, 1.5)
+    assert np.abs(view.image - theirs).max() <= 4
+    assert (np.abs(view.image - theirs) > 1).mean() < 0.06
+    assert abs((view.image - theirs).mean()) < 0.2
+    assert "image" not in vars(filmed)

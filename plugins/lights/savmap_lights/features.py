@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, Feature, Floats, View
+from savmap.types import Detection, Feature, Floats, Ints, View
 
 STRIP_RATIO = 2.5
 SIGMA_CENTRE_PX = 0.7
@@ -24,7 +25,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
 
 
 def _lamp(view: View, detection: Detection, instance: int) -> list[Feature]:
-    rows, columns = np.nonzero(_grown(detection.mask))
+    rows, columns = _grown_pixels(detection.mask)
     weights = detection.probability[rows, columns].astype(np.float64)
     if weights.sum() <= 0:
         return []
@@ -74,6 +75,14 @@ def _fraction(profile: Floats, index: int, step: int, level: float) -> float:
     if not 0 <= after < len(profile):
         return 0.0
     return float(min(1.0, profile[after] / max(profile[index], 1e-9)))
+
+
+def _grown_pixels(mask: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+    """Rows and columns (n,), in scan order, of a mask grown by a pixel."""
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    left, top = max(left - 1, 0), max(top - 1, 0)
+    rows, columns = np.nonzero(_grown(mask[top : top + height + 2, left : left + width + 2]))
+    return rows + top, columns + left
 
 
 def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

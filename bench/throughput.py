@@ -1,0 +1,213 @@
+"""One `savmap map` of 8K HEVC against decoding the same file to nowhere, by stage, and its memory at several times the length.
+
+    python bench/throughput.py [--keep DIR] [--rounds 2] [--lengths 1,4] [-o bench/results/throughput.json]
+
+The footage of examples/aisle-dev is scaled to 7680x3840 at 30 frames a second, given a sensor's noise, and coded as a camera does it
+(P frames only, a key frame a second, 133 Mbit/s); it is mapped at 15 frames a second with two views of 640x480. Encoding takes
+minutes: `--keep` keeps the file for the next time. Longer files are the same one several times over; each part is mapped as a
+row. The bound is `ffmpeg -threads 2 -i FILE -f null -`; the two take turns. Other work on the machine makes both slower by the clock;
+processor time does not count it.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from savmap.io.files import write_text
+
+ROOT = Path(__file__).parent.parent
+SITE = ROOT / "examples" / "aisle-dev" / "site.yaml"
+FILTERS = "fps=30,scale=7680:3840:flags=bicubic,noise=alls=8:allf=t,format=yuv420p"
+RATE_KBIT = 133_000
+CODER = f"keyint=30:min-keyint=30:scenecut=0:open-gop=0:bframes=0:vbv-maxrate={RATE_KBIT}:vbv-bufsize={RATE_KBIT}:log-level=error"
+SECONDS: dict[str, float] = defaultdict(float)
+WALK = ("render", "segment", "plugins")
+Run = dict[str, Any]
+
+
+def ffmpeg(*arguments: object) -> None:
+    """Run ffmpeg, quietly; it is for the bench alone."""
+    subprocess.run(["ffmpeg", "-v", "error", *map(str, arguments)], check=True, stdin=subprocess.DEVNULL)
+
+
+def footage(folder: Path) -> Path:
+    """The 8K file, made where it is not there yet."""
+    video = folder / "8k.mp4"
+    if not video.exists():
+        part = folder / "part.mp4"
+        source = SITE.parent / "aisle-dev.mp4"
+        coding = ["-c:v", "libx265", "-preset", "ultrafast", "-b:v", f"{RATE_KBIT}k", "-x265-params", CODER]
+        ffmpeg("-y", "-i", source, "-vf", FILTERS, *coding, "-tag:v", "hvc1", part)
+        part.rename(video)
+    return video
+
+
+def repeated(video: Path, times: int) -> Path:
+    """The file so many times over."""
+    longer = video.with_name(f"8k-{times}.mp4")
+    if times > 1 and not longer.exists():
+        listed = video.with_name("parts.txt")
+        listed.write_text(f"file '{video.resolve()}'\n" * times, encoding="utf-8")
+        part = longer.with_name(f"part-{times}.mp4")
+        ffmpeg("-y", "-f", "concat", "-safe", "0", "-i", listed, "-c", "copy", part)
+        part.rename(longer)
+    return longer if times > 1 else video
+
+
+def write_site(video: Path, times: int, length_s: float, path: Path) -> None:
+    """A site file whose rows are the parts of a repeated file, with the references of the small one."""
+    site = yaml.safe_load(SITE.read_text(encoding="utf-8"))
+    row = site["rows"].pop("A")
+    del site["survey"]
+    for number in range(times):
+        part = {
+            "video": str(video.resolve()),
+            "side": "left",
+            "start_s": number * length_s,
+            "end_s": (number + 1) * length_s,
+        }
+        site["rows"][f"A{number + 1}"] = {**row, "passes": [part]}
+    path.write_text(yaml.safe_dump(site), encoding="utf-8")
+
+
+def measured(command: Sequence[object]) -> Run:
+    """Seconds of a command, by the clock and of the processor."""
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([str(part) for part in command], check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"clock_s": time.perf_counter() - begin, "processor_s": processor}
+
+
+def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None:
+    """Add what a clock shows for every call of owner.name to a stage; calls while views are aimed belong to the aim."""
+    inner: Callable[..., Any] = getattr(owner, name)
+
+    def outer(*arguments: Any, **named: Any) -> Any:
+        if "aiming" in SECONDS:
+            return inner(*arguments, **named)
+        if stage == "aim":
+            SECONDS["aiming"] = 1.0
+        begin = clock()
+        try:
+            return inner(*arguments, **named)
+        finally:
+            SECONDS[stage] += clock() - begin
+            if stage == "aim":
+                del SECONDS["aiming"]
+
+    setattr(owner, name, outer)
+
+
+def map_here(site: Path, target: Path) -> None:
+    """Map a site in this process and write what each stage took."""
+    from savmap import observe, run, work
+    from savmap.eyes import OnceSegmenter
+    from savmap.io.mapfile import read_map
+    from savmap.job import job_for
+    from savmap.mapping import Way
+    from savmap.stages.render import Renderer
+
+    timed(observe, "aim_pass", "aim", time.process_time)
+    timed(observe.Walk, "over", "walk", time.process_time)
+    timed(Renderer, "render", "render", time.thread_time)
+    timed(OnceSegmenter, "probabilities", "segment", time.thread_time)
+    timed(observe.Walk, "_frame", "plugins", time.thread_time)
+    timed(work, "solve", "solve", time.process_time)
+    with tempfile.TemporaryDirectory() as folder:
+        list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), Way(jobs=0)))
+        rows = read_map(Path(folder) / "map.json").rows.values()
+    stages = {"decode": SECONDS["walk"] - sum(SECONDS[stage] for stage in WALK)}
+    stages |= {stage: SECONDS[stage] for stage in (*WALK, "aim", "solve")}
+    unit = 1 if sys.platform == "darwin" else 1024
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    stages["start, check, write"] = time.process_time() - sum(stages.values())
+    write_text(target, json.dumps({"stages": stages, "peak_mb": peak, "frames": sum(len(row.frames) for row in rows)}))
+
+
+def compared(video: Path, times: int, length_s: float, rounds: int) -> Run:
+    """Both ways, in turn; sums over all rounds."""
+    bound: dict[str, float] = defaultdict(float)
+    ours: dict[str, float] = defaultdict(float)
+    stages: dict[str, float] = defaultdict(float)
+    with tempfile.TemporaryDirectory() as folder:
+        site, target = Path(folder) / "site.yaml", Path(folder) / "run.json"
+        write_site(video, times, length_s, site)
+        for _ in range(rounds):
+            add(bound, measured(["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]))
+            add(ours, measured([sys.executable, __file__, "--map", site, "-o", target]))
+            told = json.loads(target.read_text())
+            add(stages, told["stages"])
+            ours["peak_mb"] = max(ours["peak_mb"], told["peak_mb"])
+    ratios = {key: ours[key] / bound[key] for key in ("clock_s", "processor_s")}
+    return {
+        "length": times,
+        "rounds": rounds,
+        "frames": told["frames"],
+        "bound": dict(bound),
+        "ours": dict(ours),
+        "stages": dict(stages),
+        "ratio": ratios,
+    }
+
+
+def add(total: dict[str, float], more: Mapping[str, float]) -> None:
+    for key, value in more.items():
+        total[key] += value
+
+
+def table(result: Run) -> list[str]:
+    """Lines for people: processor time by stage, then both ways as a whole."""
+    whole = result["ours"]["processor_s"]
+    frames = result["frames"] * result["rounds"]
+    lines = [f"length {result['length']}, {result['frames']} frames used, sums of {result['rounds']} rounds"]
+    lines.append(f"{'':24s}{'processor s':>12}{'share':>8}{'ms a frame':>12}{'clock s':>10}")
+    for stage, seconds in result["stages"].items():
+        lines.append(f"{stage:24s}{seconds:12.1f}{seconds / whole:8.1%}{1e3 * seconds / frames:12.1f}")
+    for name, way in (("savmap map", "ours"), ("ffmpeg -threads 2", "bound")):
+        seconds, clock = result[way]["processor_s"], result[way]["clock_s"]
+        lines.append(f"{name:24s}{seconds:12.1f}{seconds / whole:8.1%}{1e3 * seconds / frames:12.1f}{clock:10.1f}")
+    ratio = result["ratio"]
+    lines.append(f"ratio {ratio['clock_s']:.2f} by the clock, {ratio['processor_s']:.2f} by processor time")
+    lines.append(f"peak memory {result['ours']['peak_mb']:.0f} MB")
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--keep", type=Path, help="folder for the generated files")
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--lengths", default="1,4")
+    parser.add_argument("--map", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "throughput.json")
+    arguments = parser.parse_args()
+    if arguments.map:
+        map_here(arguments.map, arguments.output)
+        return
+    from savmap.io.video import probe
+
+    with tempfile.TemporaryDirectory() as folder:
+        keep = arguments.keep or Path(folder)
+        keep.mkdir(parents=True, exist_ok=True)
+        video = footage(keep)
+        length_s = probe(video).duration_s
+        results = []
+        for times in map(int, arguments.lengths.split(",")):
+            rounds = arguments.rounds if times == 1 else 1
+            results.append(compared(repeated(video, times), times, length_s, rounds))
+            print("\n".join(table(results[-1])), end="\n\n", flush=True)
+    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

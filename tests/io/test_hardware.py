@@ -1,0 +1,79 @@
+"""The choice of a device that decodes; none is needed for these."""
+
+from pathlib import Path
+
+import pytest
+from av.codec.hwaccel import HWAccel
+from made_up_video import evenly, write_video
+
+from savmap.errors import VideoError
+from savmap.io import decode, hardware
+from savmap.io.video import Clip, panoramas
+
+BUILT_WITH = ["cuda", "vaapi", "drm", "qsv"]
+
+
+@pytest.mark.parametrize(
+    ("wish", "names"),
+    [
+        ("auto", ["cuda", "vaapi", "qsv"]),
+        ("", ["cuda", "vaapi", "qsv"]),
+        ("off", []),
+        ("VAAPI", ["vaapi"]),
+        ("metal", []),
+    ],
+)
+def test_what_is_tried(wish: str, names: list[str]) -> None:
+    assert hardware.candidates(wish, BUILT_WITH) == names
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    monkeypatch.setattr(hardware, "_FOUND", {})
+    monkeypatch.setattr(hardware, "hwdevices_available", lambda: BUILT_WITH)
+    monkeypatch.delenv(hardware.VARIABLE, raising=False)
+    return []
+
+
+def test_the_first_that_decodes_is_taken_and_asked_once(tried: list[object]) -> None:
+    def decodes(device: HWAccel) -> bool:
+        tried.append(device)
+        if len(tried) == 1:
+            raise PermissionError("no such device")
+        return len(tried) == 3
+
+    found = [hardware.accelerator("hevc", decodes) for _ in range(2)]
+    assert len(tried) == 3
+    assert all(isinstance(one, HWAccel) for one in found)
+    assert found[0] is not found[1]
+
+
+@pytest.mark.parametrize("error", [None, VideoError("gone"), RuntimeError("no stream is compatible")])
+def test_without_one_the_processor_decodes(tried: list[object], error: Exception | None) -> None:
+    def decodes(device: HWAccel) -> bool:
+        tried.append(device)
+        if error is not None:
+            raise error
+        return False
+
+    assert hardware.accelerator("hevc", decodes) is None
+    assert hardware.accelerator("hevc", decodes) is None
+    assert len(tried) == 3
+
+
+def test_off_touches_no_device(tried: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(hardware.VARIABLE, "off")
+    assert hardware.accelerator("hevc", lambda device: True) is None
+
+
+def test_large_video_comes_out_the_same_on_a_machine_without_a_device(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Devices are really tried here: those that FFmpeg knows and this machine lacks."""
+    path = write_video(tmp_path / "a.mp4", evenly(6, 15))
+    plain = [panorama.image for panorama in panoramas(Clip(path))]
+    monkeypatch.setattr(decode, "LARGE_PIXELS", 100)
+    monkeypatch.setattr(hardware, "_FOUND", {})
+    again = [panorama.image for panorama in panoramas(Clip(path))]
+    assert hardware._FOUND
+    assert all((one == other).all() for one, other in zip(plain, again, strict=True))

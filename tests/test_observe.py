@@ -1,0 +1,111 @@
+"""The walk over a pass: what runs ahead changes nothing of what plugins are asked, in which order, and what they see."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from savmap import observe
+from savmap.errors import PluginError
+from savmap.eyes import Eyes
+from savmap.hookspecs import hookimpl
+from savmap.io.video import Clip, panoramas
+from savmap.monitor import Quiet
+from savmap.rooms import Room, room_of
+from savmap.stages.flow import NoFlow
+from savmap.stages.markers import MarkerWatch
+from savmap.stages.render import Renderer
+from savmap.types import Aim, Detection, Feature, View, ViewSpec
+
+from .io.made_up_video import evenly, write_video
+
+ROOT = Path(__file__).parent.parent
+LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
+AHEAD, UP = ViewSpec("ahead", 10.0, width=96, height=64), ViewSpec("up", 0.0, 80.0, width=96, height=64)
+Extract = Callable[[View, list[Detection]], list[Feature]]
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    threshold: float = 0.01
+
+
+def room(name: str, extract: Extract) -> Room:
+    class Watcher:
+        classes = ("light",)
+        model = LAMPS
+
+        def __init__(self, config: Config) -> None: ...
+
+        @hookimpl
+        def extract_features(self, view: View, detections: Any) -> list[Feature]:
+            return extract(view, detections)
+
+    return room_of(name, Watcher, Config())
+
+
+@pytest.fixture
+def aimed(tmp_path: Path) -> observe.PassAims:
+    video = write_video(tmp_path / "a.mp4", evenly(24, 30))
+    return observe.PassAims("pass 1", Clip(video), {"one": Aim((AHEAD, UP)), "two": Aim((UP,))})
+
+
+def threads() -> set[threading.Thread]:
+    return set(threading.enumerate())
+
+
+def walk_of(rooms: list[Room]) -> observe.Walk:
+    return observe.Walk(rooms, Eyes(rooms), Renderer(), MarkerWatch(()), NoFlow())
+
+
+def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: observe.PassAims) -> None:
+    before = threads()
+    asked: list[tuple[str, int, str, int]] = []
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def watcher(name: str) -> Extract:
+        def extract(view: View, detections: list[Detection]) -> list[Feature]:
+            asked.append((name, view.frame, view.spec.name, threading.get_ident()))
+            if name == "one":
+                probability = detections[0].probability if detections else np.zeros(())
+                seen.append((view.image, probability))
+            return []
+
+        return extract
+
+    rooms = [room("one", watcher("one")), room("two", watcher("two"))]
+    walk = walk_of(rooms)
+    walk.over("A", aimed, Quiet())
+    views = [("one", "pass 1 / ahead"), ("one", "pass 1 / up"), ("two", "pass 1 / up")]
+    here = threading.get_ident()
+    assert asked == [(name, frame, view, here) for frame in range(12) for name, view in views]
+    renderer, network = Renderer(), Eyes(rooms).networks["one"]
+    alone = [renderer.render(one, spec) for one in panoramas(aimed.clip) for spec in aimed.watched]
+    for (image, probability), view in zip(seen, alone, strict=True):
+        assert np.array_equal(image, view.image)
+        assert not probability.shape or np.array_equal(probability, network.probabilities(view.image)[1])
+    assert threads() == before
+
+
+def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: observe.PassAims) -> None:
+    before, frames = threads(), []
+
+    def extract(view: View, detections: list[Detection]) -> list[Feature]:
+        frames.append(view.frame)
+        return [] if view.frame < 3 else 1 / 0  # type: ignore[return-value]
+
+    walk = walk_of([room("one", extract)])
+    with pytest.raises(PluginError, match="`one` failed in `extract_features`: ZeroDivisionError"):
+        walk.over("A", aimed, Quiet())
+    assert max(frames) == 3
+    assert threads() == before
+
+
+def test_pictures_are_forgotten_when_they_are_done_with(aimed: observe.PassAims) -> None:
+    walk = walk_of([room("one", lambda view, detections: [])])
+    walk.over("A", aimed, Quiet())
+    assert not walk.eyes.networks["one"]._said
