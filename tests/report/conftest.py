@@ -1,4 +1,4 @@
-"""Makes `made_up_site` and `parsed_page` importable by the tests beside them."""
+"""Makes `made_up_page` and `parsed_page` importable by the tests beside them."""
 
 import sys
 from pathlib import Path

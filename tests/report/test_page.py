@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_site import EVIL, ODD, drawings, evaluation, report, row
+from made_up_page import EVIL, ODD, drawings, evaluation, report, row
 from parsed_page import Element, parsed
 
 from savmap.errors import OutputError

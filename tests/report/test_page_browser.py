@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_site import EVIL, report
+from made_up_page import EVIL, report
 
 from savmap.report.page import write_page
 
