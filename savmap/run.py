@@ -56,9 +56,12 @@ def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
     from savmap.observe import recordings
     from savmap.placing import placements
 
-    rooms = rooms_of(site_map)
+    priors, rooms = placements(job.site), rooms_of(site_map)
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
-    found = assembled(site_map, placements(job.site), footage, lambda plugin, own: rooms[plugin].shared(structures=own))
+    try:
+        found = assembled(site_map, priors, footage, lambda plugin, own: rooms[plugin].shared(structures=own))
+    except SavmapError as error:
+        return site_map, (f"rows are not placed in one frame: {error}",)
     return found.site_map, found.notes
 
 

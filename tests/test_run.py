@@ -1,0 +1,25 @@
+"""What ends a run, and what only is told."""
+
+from pathlib import Path
+
+import pytest
+
+from savmap import run
+from savmap.errors import PluginError
+from savmap.job import job_for
+from savmap.types import SiteMap
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+
+
+def test_a_plugin_that_fails_at_the_end_costs_the_rows_places_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fails(*_: object) -> None:
+        raise PluginError("plugin `things` failed in `shared`")
+
+    monkeypatch.setattr("savmap.assembly.assembled", fails)
+    mapped = SiteMap({}, {"savmap": "0"})
+    site_map, notes = run.in_one_frame(job_for(EXAMPLE / "site.yaml", None, tmp_path), mapped)
+    assert site_map is mapped
+    assert notes == ("rows are not placed in one frame: plugin `things` failed in `shared`",)
