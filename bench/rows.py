@@ -18,6 +18,7 @@ from savmap import run
 from savmap.errors import SavmapError
 from savmap.io.files import write_text
 from savmap.job import job_for
+from savmap.mapping import Way
 from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
 
@@ -46,7 +47,7 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     """Map a site and score it; an error counts as everything missing and is named."""
     start = time.perf_counter()
     try:
-        list(run.run(job_for(site, None, output)))
+        list(run.run(job_for(site, None, output), Way(fresh=True)))
         evaluation = run.evaluate_files(output / "map.json", site.with_name("survey.json"))
         figures = json.loads(run.scores_json(evaluation))
         figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "lights") if key in figures}

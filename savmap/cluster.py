@@ -3,6 +3,7 @@
 Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or a URL.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import suppress
@@ -14,6 +15,7 @@ from savmap.job import Job, rooms_for
 from savmap.monitor import Monitor
 from savmap.workers import DiedError
 
+ADDRESS = re.compile(r"\w+://\S+:\d+")
 CONNECT_S = 15
 DEATHS = 3
 
@@ -26,6 +28,8 @@ class Cluster:
     def __init__(self, address: str, job: Job) -> None:
         """Raises SavmapError where the extra is missing, the scheduler does not answer, or a worker runs other code."""
         distributed = _library()
+        if not ADDRESS.fullmatch(address):
+            raise SavmapError(f"--cluster {address}: give the scheduler's address as tcp://host:8786")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

@@ -11,7 +11,7 @@ from typing import TypeVar
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, SavmapError
 from savmap.io.files import reason, write_text
 from savmap.io.where import is_url
 
@@ -54,7 +54,7 @@ class Console:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
-            log.error(str(error), exc_info=error)
+            log.error(str(error), exc_info=None if isinstance(error, SavmapError) else error)
         log.removeHandler(self.handler)
         with suppress(OSError):
             self.handler.close()

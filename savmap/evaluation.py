@@ -117,7 +117,10 @@ def as_table(evaluation: Evaluation) -> str:
     blocks = [_block(f"Row {name}", score) for name, score in evaluation.rows.items()]
     if len(blocks) > 1:
         blocks.append(_block("All rows", pool(evaluation.rows.values())))
-    left_out = (("Not mapped", evaluation.not_mapped), ("Not surveyed", evaluation.not_surveyed))
+    left_out = (
+        ("In the survey, but not mapped", evaluation.not_mapped),
+        ("Mapped, but not in the survey", evaluation.not_surveyed),
+    )
     blocks += [f"{what}: {', '.join(names)}\n" for what, names in left_out if names]
     return "\n".join(blocks)
 

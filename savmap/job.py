@@ -48,6 +48,8 @@ def job_for(
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
+    if plugins is not None and not plugins:
+        raise SiteError("--plugins: names none; give one or more, with commas between, or leave the option out")
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, Places(str(source)), Path(), overrides)
@@ -112,6 +114,8 @@ def rooms_for(job: Job, row: str) -> Sequence[Room]:
 def prepare(folder: Path) -> None:
     """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing."""
     probe = folder / ".savmap-probe"
+    if folder.is_file():
+        raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.write_bytes(bytes(LEAST_ROOM))

@@ -70,9 +70,19 @@ def mapped_rows(job: Job, way: Way, monitor: Monitor) -> Mapped:
         raise next(iter(rows.failed.values()))
     order = [name for name in job.site.rows if name in rows.texts]
     maps = {name: map_of(rows.texts[name].decode(), name).rows[name] for name in order}
+    for name, row in maps.items():
+        if name not in rows.seconds:
+            tell_again(row, monitor)
     done = {name: rows.told(name, maps.get(name)) for name in job.site.rows}
     failed = {name: rows.failed[name] for name in job.site.rows if name in rows.failed}
     return Mapped(maps, failed, RunLog(rows=done, wall_s=round(time.monotonic() - begin, 2), jobs=jobs))
+
+
+def tell_again(row: RowMap, monitor: Monitor) -> None:
+    """The notes of a row that was kept from an earlier run."""
+    for key, text in row.report.items():
+        if key.startswith(work.NOTE):
+            monitor.note(f"row {row.name}: {str(text).removeprefix(f'row {row.name}: ')}")
 
 
 def drives_of(job: Job) -> Sequence[tuple[str, ...]]:
@@ -171,7 +181,7 @@ class Rows:
     def _fail(self, name: str, failure: work.Failure) -> None:
         self.failed[name] = failure.error
         if len(self.job.site.rows) > 1:
-            self.monitor.note(f"row {name} is not mapped: {failure.error}")
+            self.monitor.note(f"row {name} is not mapped: {str(failure.error).removeprefix(f'row {name}: ')}")
         if failure.trace:
             log.error("row %s: %s", name, failure.trace)
 

@@ -85,7 +85,7 @@ def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterato
 
     write_map(site_map, job.output / "map.json")
     write_log(log, job.output / "run.json")
-    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_defaults=True) + "\n")
+    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
     yield f"wrote {job.output / 'map.json'}"
     survey = read_survey(job.site.survey) if job.site.survey else None
     sheets = survey.rows if survey else {}

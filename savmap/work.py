@@ -1,11 +1,13 @@
 """What a worker does, in this process, in another one, or on another machine: from a job to bytes, without writing a file."""
 
+import logging
 import resource
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from savmap.engine import Row
 
 Item = TypeVar("Item")
+NOTE = "note "
 PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10
 
 
@@ -73,9 +76,13 @@ def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -
         rows = [
             (row_of(job, name), rooms_for(job, name), unpacked(content, Observations)) for name, content in seen.items()
         ]
-        found = map_rows(rows, notes)
+        heard = Notes()
+        with warnings_told(heard):
+            found = map_rows(rows, notes)
         return {
-            name: map_text(SiteMap({name: own}, {})).encode() if isinstance(own, RowMap) else Failure(own)
+            name: map_text(SiteMap({name: with_notes(own, heard.lines)}, {})).encode()
+            if isinstance(own, RowMap)
+            else Failure(own)
             for name, own in zip(seen, found, strict=True)
         }
 
@@ -92,9 +99,10 @@ def _done(
     notes = Notes()
     begin = time.monotonic()
     content: Mapping[str, bytes | Failure]
+    talk = monitor or notes
     try:
-        with threadpool_limits(1, "blas"):
-            content = work(monitor or notes)
+        with threadpool_limits(1, "blas"), warnings_told(talk):
+            content = work(talk)
     except SavmapError as error:
         content = {name: Failure(error) for name in names}
     except Exception as error:
@@ -105,9 +113,39 @@ def _done(
     return Done(content, tuple(notes.lines), time.monotonic() - begin, peak)
 
 
+class _Telling(logging.Handler):
+    """Warnings of plugins and libraries, as notes."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        super().__init__(logging.WARNING)
+        self.monitor = monitor
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.name != "savmap":
+            self.monitor.note(record.getMessage())
+
+
+@contextmanager
+def warnings_told(monitor: Monitor) -> Iterator[None]:
+    """While this lasts, what plugins and libraries log as a warning goes to the user and the log as a note."""
+    handler = _Telling(monitor)
+    logging.getLogger().addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(handler)
+
+
 def _unexpected(error: Exception) -> Failure:
     text = f"unexpected {type(error).__name__}: {error}; please report it with savmap.log"
     return Failure(SavmapError(text), traceback.format_exc())
+
+
+def with_notes(row: RowMap, lines: Sequence[str]) -> RowMap:
+    """The row's map with those of the lines in its report that begin with its name."""
+    own = [line.removeprefix(f"row {row.name}: ") for line in lines if line.startswith(f"row {row.name}: ")]
+    first = 1 + sum(name.startswith(NOTE) for name in row.report)
+    return replace(row, report={**row.report, **{f"{NOTE}{n}": line for n, line in enumerate(own, first)}})
 
 
 def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:

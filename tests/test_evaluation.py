@@ -106,4 +106,4 @@ def test_table_is_aligned_and_says_what_is_missing() -> None:
     assert widths[1].split() == ["width", "0", "-", "-", "-", "-"]
     assert "  missing: 1 thing; spurious: 2 thing" in lines
     assert "  spots: 1 matched, mean 10.0 cm, largest 10.0 cm; 1 missing, 0 spurious" in lines
-    assert lines[-1] == "Not mapped: C"
+    assert lines[-1] == "In the survey, but not mapped: C"

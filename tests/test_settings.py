@@ -65,3 +65,20 @@ def test_what_may_tell_the_scale(references: dict[str, Any], settings: dict[str,
     rows = {"A": {"passes": [{"video": "a.mp4"}]}}
     site = Site.model_validate({"references": references, "plugins": settings, "rows": rows})
     assert tells_scale(site, "A", ["shelves", "lights"]) is tells
+
+
+@pytest.mark.parametrize("given", [0.3, [0.3, 4.2], {"values": [0.3, 4.2]}])
+def test_heights_of_lowest_beams_may_stand_alone(given: object) -> None:
+    from savmap_shelves.plugin import Settings
+
+    known = Settings.model_validate({"lowest_beam_bottom_height_m": given}).lowest_beam_bottom_height_m
+    assert known is not None
+    assert known.values == (0.3 if given == 0.3 else (0.3, 4.2))
+    assert known.sigma == 0.002
+
+
+def test_a_height_in_another_unit_is_refused() -> None:
+    from savmap_shelves.plugin import Settings
+
+    with pytest.raises(ValueError, match="less than 50"):
+        Settings.model_validate({"lowest_beam_bottom_height_m": [0.3, 424]})

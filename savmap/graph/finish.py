@@ -22,6 +22,7 @@ LEAST_SPARE = 1e-6
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
+UNSEEN = 2
 DRIFT_M = 0.05
 LEAST_APART_M = 0.01
 
@@ -52,6 +53,7 @@ def conclude(
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
+    _refuse_unseen(problem, fit)
     tested, covariance = covariances.tested, covariances.told
     verdicts = [*_heights(problem, estimate, tested), *_relations(problem, estimate, tested)]
     _refuse_contradiction(problem, verdicts)
@@ -207,6 +209,23 @@ def _refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
     if gross:
         told = "; ".join(_told(verdict) for verdict in sorted(gross, key=lambda v: -v.off)[:3])
         raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
+
+
+def _refuse_unseen(problem: Problem, fit: Fit) -> None:
+    """Raises SolveError where references hold only because all that was seen of their landmarks was rejected: another one, grossly
+    wrong, has won."""
+    seen, used = (np.bincount(keys, minlength=len(problem.keys)) for keys in (problem.at_key, problem.at_key[fit.kept]))
+    lost = [
+        relation.name
+        for relation in problem.relations
+        if relation.name
+        and any(seen[at] and not used[at] for at in map(problem.index, filter(None, (relation.a, relation.b))))
+    ]
+    if len(lost) >= UNSEEN:
+        raise SolveError(
+            f"row {problem.frames.facts.name}: the references contradict one another or the video: nothing that was seen of "
+            f"{', '.join(lost[:3])} fits the others"
+        )
 
 
 def _told(verdict: Verdict) -> str:

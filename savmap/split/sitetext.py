@@ -20,7 +20,7 @@ _HEAD = """\
 # - strike out rows that are no rows, and name the others as you like;
 # - times are seconds in the video: check them where the confidence is below 0.5;
 # - a face seen in several passes is one row: put its passes under one name;
-# - add what is known (references, plugins, survey), see docs/site-file.md, then run `savmap map`.
+# - add what is known (references, plugins, survey), see docs/site-file.md, then run `savmap check` and `savmap map` on this file.
 format: savmap-site
 version: 1
 """

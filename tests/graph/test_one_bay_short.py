@@ -1,10 +1,15 @@
 """A row mapped one bay short is refused where its length or its sections are known."""
 
+from dataclasses import replace
+
 import made_up_rack as made
+import numpy as np
 import pytest
+import two_faces
 
 from savmap.errors import SiteError, SolveError
 from savmap.graph import KnownLength, References
+from savmap.graph.optimise import concluded, settled
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -24,3 +29,12 @@ def test_heights_of_one_section_less() -> None:
     settings = GridSettings(world.rack.lowest[:2])
     with pytest.raises(SiteError, match="gives 2 values, but 3 sections"):
         constrain(world.tracks, world.facts, made.begin(world), settings=settings)
+
+
+def test_references_whose_landmarks_were_all_rejected() -> None:
+    state = settled(two_faces.problems(*two_faces.faces(4, frames=12))[0])
+    heights = [one.a for one in state.problem.relations if one.name.startswith("height")][:2]
+    assert len(heights) == 2
+    kept = state.fit.kept & ~np.isin(state.problem.observations.keys, heights)
+    with pytest.raises(SolveError, match="nothing that was seen of height of the lowest edge of section 1, height"):
+        concluded(replace(state, fit=replace(state.fit, kept=kept)))

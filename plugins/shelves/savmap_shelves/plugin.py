@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from savmap.hookspecs import hookimpl
 from savmap.types import (
@@ -23,16 +23,23 @@ from savmap.types import (
 )
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
+Height = Annotated[float, Field(gt=-1, lt=50)]
 
 
 class LowestBeam(BaseModel):
-    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres."""
+    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres. The values
+    alone mean these with the usual sigma."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    values: float | tuple[float, ...]
+    values: Height | tuple[Height, ...]
     """One value, or one a section, left to right."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
     """Standard deviation of each."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _values_alone(cls, given: Any) -> Any:
+        return {"values": given} if isinstance(given, int | float | list | tuple) else given
 
 
 class BayPitch(BaseModel):
