@@ -55,7 +55,7 @@ def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
     names = [str(key.value) for key, _ in rows.value]
     taken = [int(found[1]) for name in names if (found := re.match(rf"{_STEM}-(\d+)-", name))]
     indent = " " * rows.value[0][0].start_mark.column
-    at = _after(text, rows.value[-1][1])
+    at = _past_comments(text, _after(text, rows.value[-1][1]), indent)
     before = text[:at] if text[:at].endswith("\n") else text[:at] + "\n"
     added = _rows(passes, _relative(video, path), max(taken, default=0) + 1, indent)
     write_text(path, f"{before}{indent}# found by `savmap split` in {video.name}: to be confirmed\n{added}{text[at:]}")
@@ -68,6 +68,12 @@ def _after(text: str, node: yaml.Node) -> int:
         node = last[1] if isinstance(last, tuple) else last
     end = text.find("\n", max(node.end_mark.index - 1, node.start_mark.index))
     return len(text) if end < 0 else end + 1
+
+
+def _past_comments(text: str, at: int, indent: str) -> int:
+    """The index after the comments from `at` on that belong to the last row, for they stand further in than its name."""
+    found = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
+    return found.end() if found else at
 
 
 def _rows(passes: Sequence[PassFound], video: str, first: int, indent: str) -> str:

@@ -133,6 +133,17 @@ def test_rows_are_added_to_a_site_file_that_is_otherwise_left_alone(tmp_path: Pa
     assert site.joint == ("joint" not in ending)
 
 
+def test_rows_are_added_after_the_comments_of_the_last_one(tmp_path: Path) -> None:
+    from savmap.split.sitetext import add_to_site
+
+    text = "references: {camera_height_m: {value: 3}}\nrows:\n  A:\n    passes:\n      - video: a.mp4\n        # side: left\n    # place: {x_m: 0}\n  # B is to come\nplugins: {}\n"
+    (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
+    add_to_site([ONE], tmp_path / "b.mp4", tmp_path / "site.yaml")
+    before, after = (tmp_path / "site.yaml").read_text(encoding="utf-8").split("  # found by `savmap split`")
+    assert before.endswith("    # place: {x_m: 0}\n")
+    assert after.endswith("  # B is to come\nplugins: {}\n")
+
+
 def test_rows_within_braces_are_not_touched(tmp_path: Path) -> None:
     from savmap.split.sitetext import add_to_site
 
