@@ -17,7 +17,6 @@ from savmap.workers import DiedError
 
 ADDRESS = re.compile(r"\w+://\S+:\d+")
 CONNECT_S = 15
-DEATHS = 3
 
 
 class Cluster:
