@@ -106,7 +106,16 @@ def _ends(path: Path) -> str:
 
 def _file(path: Path | None) -> str:
     """Digest of a file; empty where there is none, which whoever reads it will tell."""
-    return sha256(path) if path is not None and path.is_file() else ""
+    if path is None or not path.is_file():
+        return ""
+    facts = path.stat()
+    return _unchanged(path, facts.st_size, facts.st_mtime_ns)
+
+
+@cache
+def _unchanged(path: Path, size: int, changed_ns: int) -> str:
+    """Digest of a file as it was then: every row asks for the same networks."""
+    return sha256(path)
 
 
 def _package_of(kind: type) -> Path:

@@ -101,6 +101,7 @@ class Rows:
     monitor: Monitor
     drives: Sequence[tuple[str, ...]]
     prints: dict[str, str] = field(default_factory=dict)
+    solved_prints: dict[tuple[str, ...], str] = field(default_factory=dict)
     seen: dict[str, bytes] = field(default_factory=dict)
     texts: dict[str, bytes] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
@@ -172,7 +173,9 @@ class Rows:
         return True
 
     def _solved_print(self, names: tuple[str, ...]) -> str:
-        return solved_print(self.job, {name: self.prints[name] for name in names})
+        if names not in self.solved_prints:
+            self.solved_prints[names] = solved_print(self.job, {name: self.prints[name] for name in names})
+        return self.solved_prints[names]
 
     def _submit(self, key: Key, do: Callable[..., work.Done], what: object) -> None:
         talk = () if self.workers.monitor is None else (self.workers.monitor,)

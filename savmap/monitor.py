@@ -28,3 +28,13 @@ class Quiet:
 
     def note(self, line: str) -> None:
         log.info(line)
+
+
+class Notes(Quiet):
+    """Keeps its lines for whoever wants them."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, line: str) -> None:
+        self.lines.append(line)

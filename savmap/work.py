@@ -5,22 +5,21 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
 from savmap.errors import SavmapError, SiteError
 from savmap.job import Job, rooms_for
-from savmap.monitor import Monitor
+from savmap.monitor import Monitor, Notes
 from savmap.types import RowMap, SiteMap, Trajectory
 
 if TYPE_CHECKING:
     from savmap.engine import Row
 
-Item = TypeVar("Item")
 NOTE = "note "
 PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10
 
@@ -42,19 +41,6 @@ class Done:
     notes: Sequence[str] = ()
     seconds: float = 0.0
     peak_mb: float = 0.0
-
-
-@dataclass
-class Notes:
-    """A Monitor that keeps its lines, for whoever gave the work."""
-
-    lines: list[str] = field(default_factory=list)
-
-    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        return iter(items)
-
-    def note(self, line: str) -> None:
-        self.lines.append(line)
 
 
 def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:

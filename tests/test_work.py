@@ -4,8 +4,9 @@ import logging
 
 import numpy as np
 
+from savmap.monitor import Notes
 from savmap.types import FrameTable, RowMap, Trajectory
-from savmap.work import Notes, warnings_told, with_notes
+from savmap.work import warnings_told, with_notes
 
 
 def row() -> RowMap:
