@@ -1,13 +1,15 @@
 """Records as bytes and back, exactly: dataclasses of savmap, their mappings and arrays; nothing in the bytes is ever run.
 
-The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' own bytes.
+The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' own bytes. Sequences of
+records of one kind, of which there may be many thousands, stand field by field.
 """
 
 import dataclasses
 import json
 import sys
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +19,7 @@ LEVEL = 1
 HEAD = 8
 PACKAGE = "savmap."
 NUMBERS = "biuf"
+PLAIN = {type(None), bool, int, float, str}
 
 
 def packed(record: object) -> bytes:
@@ -33,7 +36,7 @@ def unpacked(content: bytes, kind: type[Record]) -> Record:
         size = int.from_bytes(plain[:HEAD], "little")
         tree = json.loads(bytes(plain[HEAD : HEAD + size]))
         record = _record(tree, plain[HEAD + size :])
-    except (zlib.error, KeyError, IndexError, TypeError, AttributeError, json.JSONDecodeError) as error:
+    except (zlib.error, KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"not a stored {kind.__name__}: {error}") from error
     if not isinstance(record, kind):
         raise ValueError(f"not a stored {kind.__name__} but a {type(record).__name__}")
@@ -58,8 +61,36 @@ def _tree(value: Any, arrays: bytearray) -> Any:
     if isinstance(value, frozenset):
         return {"set": [_tree(own, arrays) for own in sorted(value)]}
     if isinstance(value, Sequence):
-        return {"tuple" if isinstance(value, tuple) else "list": [_tree(own, arrays) for own in value]}
+        return {"tuple" if isinstance(value, tuple) else "list": _items(value, arrays)}
     raise TypeError(f"a {type(value).__name__} cannot be stored")
+
+
+def _items(values: Sequence[Any], arrays: bytearray) -> Any:
+    """A sequence's items: one by one, or field by field where all are records of one kind."""
+    kinds = {type(value) for value in values}
+    kind = next(iter(kinds), None)
+    if len(kinds) != 1 or kind is None or not dataclasses.is_dataclass(kind) or not dataclasses.fields(kind):
+        return [_tree(own, arrays) for own in values]
+    if not kind.__module__.startswith(PACKAGE):
+        raise TypeError(f"a {kind.__name__} cannot be stored")
+    columns = [_column([getattr(value, own.name) for value in values], arrays) for own in dataclasses.fields(kind)]
+    return {"records": [kind.__module__, kind.__qualname__, columns]}
+
+
+def _column(values: list[Any], arrays: bytearray) -> Any:
+    """One field of many records. Arrays that differ in length alone stand one after the other."""
+    kinds = {type(value) for value in values}
+    if kinds <= PLAIN or (kinds == {dict} and all(_is_plain(value) for value in values)):
+        return {"plain": values}
+    alike = kinds == {np.ndarray} and len({(value.dtype, value.shape[1:]) for value in values}) == 1
+    if alike and all(value.ndim for value in values):
+        return {"arrays": [[len(value) for value in values], _tree(np.concatenate(values), arrays)]}
+    return {"each": [_tree(value, arrays) for value in values]}
+
+
+def _is_plain(mapping: dict[Any, Any]) -> bool:
+    """Whether JSON gives back the very same."""
+    return all(type(key) is str and type(value) in PLAIN for key, value in mapping.items())
 
 
 def _record(tree: Any, arrays: memoryview) -> Any:
@@ -75,8 +106,27 @@ def _record(tree: Any, arrays: memoryview) -> Any:
         return _class(module, name)(*(_record(own, arrays) for own in fields))
     if kind == "mapping":
         return {_record(key, arrays): _record(own, arrays) for key, own in content}
-    items = (_record(own, arrays) for own in content)
+    items = _made(content, arrays) if isinstance(content, dict) else (_record(own, arrays) for own in content)
     return {"set": frozenset, "tuple": tuple, "list": list}[kind](items)
+
+
+def _made(tree: Any, arrays: memoryview) -> Iterator[Any]:
+    """Records of one kind, of which the fields are stored."""
+    module, name, columns = tree["records"]
+    kind = _class(module, name)
+    return (kind(*fields) for fields in zip(*(_values(column, arrays) for column in columns), strict=True))
+
+
+def _values(column: Any, arrays: memoryview) -> list[Any]:
+    """One field of many records."""
+    ((kind, content),) = column.items()
+    if kind == "plain":
+        return list(content)
+    if kind == "each":
+        return [_record(own, arrays) for own in content]
+    lengths, joined = content[0], _record(content[1], arrays)
+    ends = list(accumulate(lengths))
+    return [joined[end - length : end] for length, end in zip(lengths, ends, strict=True)]
 
 
 def _class(module: str, name: str) -> Any:
