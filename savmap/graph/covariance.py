@@ -4,19 +4,22 @@
 is left, the points' information, is small and inverted whole: joint covariances come with it.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_solve, cholesky
+from scipy.linalg.lapack import dpotri
 from scipy.sparse import coo_matrix, csc_array, csc_matrix, hstack, vstack
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from savmap.errors import SolveError
 from savmap.types import Floats, Ints
 
 CHUNK = 256
+BLOCK = 144
 Bools = NDArray[np.bool_]
 
 
@@ -77,8 +80,10 @@ def covariance(
     frames: list[int],
     centres: list[int],
     shared: Shared | None = None,
+    only: Collection[int] | None = None,
 ) -> Covariance:
-    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places.
+    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places. With `only` it is of these
+    variables and the shared unknowns, without the frames' places.
 
     Raises SolveError if the graph leaves a variable undetermined.
     """
@@ -90,23 +95,46 @@ def covariance(
     outer = np.concatenate([*own, np.arange(len(inner) + count, information.shape[0])])
     near = splu(information[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     cross = information[inner][:, outer].tocsc()
-    position = np.empty(information.shape[0], np.int64)
-    position[inner] = np.arange(len(inner))
-    wanted = position[np.concatenate([slots[key] for key in centres])]
-    solved, schur = np.empty((len(wanted), len(outer))), information[outer][:, outer].toarray()
+    asked = [slots[key] for key in (centres if only is None else ())]
+    places = np.searchsorted(inner, np.concatenate([np.zeros(0, np.int64), *asked]))
+    schur, solved = _eliminated(near, cross, information[outer][:, outer].toarray(), places)
+    right = gradient[outer] - cross.T @ near.solve(gradient[inner])
+    kept = [index for index, key in enumerate(outer_keys) if only is None or key in only]
+    points = (3 * np.array(kept, np.int64)[:, None] + np.arange(3)).ravel()
+    joint, step, followed = _joint(schur, right, shared, np.append(points, np.arange(count, len(outer))))
+    spread = np.zeros(0)
+    if only is None:
+        spread = _diagonal(near, places, len(inner)) + np.einsum("ij,ij->i", solved @ joint, solved)
+    size = len(points)
+    return Covariance(
+        tuple(outer_keys[index] for index in kept),
+        joint[:size, :size],
+        spread.reshape(-1, 3),
+        joint[size:, size:],
+        step[count:],
+        followed[:size],
+    )
+
+
+def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -> tuple[Floats, Floats]:
+    """What is left of the `outer` information (k, k) without the frames', `near` (n, n), and the `wanted` rows of near^-1 cross.
+
+    A frame shows few of the points, neighbours the same ones: frames are taken some at a time, with dense blocks.
+    """
+    rows = cross.tocsr()
+    blocks: list[tuple[slice, Ints, Floats]] = []
+    for first in range(0, cross.shape[0], BLOCK):
+        own = slice(first, min(first + BLOCK, cross.shape[0]))
+        columns = np.unique(rows[own].indices)
+        blocks.append((own, columns, rows[own][:, columns].toarray().T))
+    solved = np.empty((len(wanted), len(outer)))
     for first in range(0, len(outer), CHUNK):
         part = slice(first, min(first + CHUNK, len(outer)))
-        columns = near.solve(cross[:, part].toarray())
-        schur[:, part] -= cross.T @ columns
-        solved[:, part] = columns[wanted]
-    right = gradient[outer] - cross.T @ near.solve(gradient[inner])
-    joint, step, followed = _joint((schur + schur.T) / 2, right, shared)
-    alone = np.concatenate(
-        [_diagonal(near, wanted[first : first + CHUNK], len(inner)) for first in range(0, len(wanted), CHUNK)]
-    )
-    places = alone + np.einsum("ij,ij->i", solved @ joint, solved)
-    points, biases = joint[:count, :count], joint[count:, count:]
-    return Covariance(tuple(outer_keys), points, places.reshape(-1, 3), biases, step[count:], followed[:count])
+        found = near.solve(cross[:, part].toarray())
+        for own, columns, block in blocks:
+            outer[columns, part] -= block @ found[own]
+        solved[:, part] = found[wanted]
+    return (outer + outer.T) / 2, solved
 
 
 def _information(
@@ -135,46 +163,76 @@ def _information(
     return csc_matrix(whole.T @ whole), np.asarray(whole.T @ right), slots
 
 
-def _joint(information: Floats, right: Floats, shared: Shared | None) -> tuple[Floats, Floats, Floats]:
-    """Covariance (n, n) of all unknowns, shared ones last, the step (n,) to their optimum, and how far (n, c) they follow
-    each shared one that is not free, a standard deviation off.
+def _joint(information: Floats, right: Floats, shared: Shared | None, wanted: Ints) -> tuple[Floats, Floats, Floats]:
+    """Covariance (w, w) of the `wanted` (w,) among the unknowns (n,), shared ones being last, the step (n,) to the optimum of
+    all, and how far (w, c) the wanted follow each shared one that is not free, a standard deviation off.
 
     Shared ones that are not free keep their prior, and the others' estimates follow them.
     """
     fixed = np.zeros(len(information), np.bool_)
     if shared is not None and len(shared.free):
         fixed[-len(shared.free) :] = ~shared.free
-    free = ~fixed
-    joint, step = np.zeros_like(information), np.zeros(len(information))
-    own = _inverse(information[np.ix_(free, free)])
-    joint[np.ix_(free, free)] = own
-    step[free] = own @ right[free]
-    followed = np.zeros((len(information), int(fixed.sum())))
+    free = np.flatnonzero(~fixed)
+    place = np.full(len(information), -1)
+    place[free] = np.arange(len(free))
+    mine = np.flatnonzero(~fixed[wanted])
+    own = Inverse.of(information[np.ix_(free, free)])
+    columns = own.columns(place[wanted[mine]])
+    joint, step = np.zeros((len(wanted), len(wanted))), np.zeros(len(information))
+    joint[np.ix_(mine, mine)] = columns[place[wanted[mine]]]
+    step[free] = own.times(right[free])
+    followed = np.zeros((len(wanted), int(fixed.sum())))
     if shared is not None and fixed.any():
         prior = np.diag(shared.prior[~shared.free])
-        followed[free], followed[fixed] = -own @ information[np.ix_(free, fixed)] @ prior, prior
+        followed[mine] = -columns.T @ information[np.ix_(free, np.flatnonzero(fixed))] @ prior
+        followed[fixed[wanted]] = prior
         joint += followed @ followed.T
     return joint, step, followed
 
 
-def _inverse(matrix: Floats) -> Floats:
-    """Inverse of a positive definite matrix, scaled so that tight and loose variables do not drown one another."""
-    diagonal = np.diag(matrix)
-    if not np.isfinite(matrix).all() or diagonal.min() <= 0:
-        raise SolveError("the solution leaves some points undetermined: too few observations for what is asked")
-    scale = 1.0 / np.sqrt(diagonal)
-    try:
-        inverse = cho_solve(cho_factor(matrix * scale[:, None] * scale), np.eye(len(matrix)))
-    except LinAlgError as error:
-        raise SolveError(
-            "the solution leaves some points undetermined: too few observations for what is asked"
-        ) from error
-    result: Floats = inverse * scale[:, None] * scale
-    return result
+@dataclass(frozen=True)
+class Inverse:
+    """Inverse of a positive definite matrix (n, n), by the Cholesky `factor` of the matrix scaled (n,) so that tight and loose
+    variables do not drown one another."""
+
+    factor: Floats
+    scale: Floats
+
+    @classmethod
+    def of(cls, matrix: Floats) -> "Inverse":
+        """Raises SolveError for a matrix that is not positive definite."""
+        diagonal = np.diag(matrix)
+        undetermined = "the solution leaves some points undetermined: too few observations for what is asked"
+        if not np.isfinite(matrix).all() or diagonal.min() <= 0:
+            raise SolveError(undetermined)
+        scale = 1.0 / np.sqrt(diagonal)
+        try:
+            return cls(cholesky(matrix * scale[:, None] * scale, lower=True, check_finite=False), scale)
+        except LinAlgError as error:
+            raise SolveError(undetermined) from error
+
+    def columns(self, wanted: Ints) -> Floats:
+        """Columns (n, w) of the inverse."""
+        if len(wanted) < len(self.scale) // 3:
+            return self.times(np.eye(len(self.scale))[:, wanted])
+        half, _ = dpotri(self.factor, lower=1)
+        whole = np.tril(half) + np.tril(half, -1).T
+        inverse: Floats = (whole * self.scale[:, None] * self.scale)[:, wanted]
+        return inverse
+
+    def times(self, right: Floats) -> Floats:
+        """The inverse times (n,) or (n, w)."""
+        scale = self.scale if right.ndim == 1 else self.scale[:, None]
+        product: Floats = scale * cho_solve((self.factor, True), scale * right, check_finite=False)
+        return product
 
 
-def _diagonal(near: object, wanted: Ints, size: int) -> Floats:
-    unit = np.zeros((size, len(wanted)))
-    unit[wanted, np.arange(len(wanted))] = 1.0
-    solved: Floats = near.solve(unit)  # type: ignore[attr-defined]
-    return solved[wanted, np.arange(len(wanted))]
+def _diagonal(near: SuperLU, wanted: Ints, size: int) -> Floats:
+    """The diagonal (w,) of near^-1 (n, n) at the `wanted` rows."""
+    found = np.empty(len(wanted))
+    for first in range(0, len(wanted), CHUNK):
+        some = wanted[first : first + CHUNK]
+        unit = np.zeros((size, len(some)))
+        unit[some, np.arange(len(some))] = 1.0
+        found[first : first + CHUNK] = near.solve(unit)[some, np.arange(len(some))]
+    return found

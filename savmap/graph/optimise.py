@@ -1,6 +1,6 @@
 """The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without what does not fit, until that is settled."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,6 +20,7 @@ from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, Start, starts
+from savmap.graph.verdicts import tested_keys
 from savmap.types import Floats
 
 Mask = NDArray[np.bool_]
@@ -94,7 +95,7 @@ def settled(problem: Problem, options: SolveOptions | None = None) -> State:
 def concluded(state: State, joint: Covariances | None = None) -> Solution:
     """What an optimum says, with its covariances or the `joint` ones of several rows. Raises SolveError if references
     contradict one another grossly."""
-    joint = joint or Covariances(_covariance(state, None), _covariance(state.told, None))
+    joint = joint or Covariances(_covariance(state, None, tested_keys(state.problem)), _covariance(state.told, None))
     found = calibrated(state.problem.frames.calibration, state.bias, joint.told, state.first_scale, state.fit.scale)
     notes = (*state.notes, *found.notes)
     inflation = state.told.inflation
@@ -151,7 +152,7 @@ def _bias_step(state: State, huber: float | None) -> Floats:
     """What would bring the free biases (k,) to their optimum; zeros where that is near."""
     if not state.problem.observations.shared.free.any():
         return np.zeros(len(state.bias))
-    joint = _covariance(state, huber)
+    joint = _covariance(state, huber, ())
     near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
     return np.zeros(len(state.bias)) if near.all() else joint.step
 
@@ -170,12 +171,12 @@ def minimum(
         raise SolveError(f"{row}: the graph cannot be solved ({reason})") from error
 
 
-def _covariance(state: State, huber: float | None) -> Covariance:
+def _covariance(state: State, huber: float | None, only: Collection[int] | None = None) -> Covariance:
     graph = whole_graph(state.problem, state.estimate, state.kept, state.inflation, huber)
     used = state.problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     values = values_of(state.problem, state.estimate)
-    return covariance(graph, values, frames, centres, shared_biases(state, huber))
+    return covariance(graph, values, frames, centres, shared_biases(state, huber), only)
 
 
 def shared_biases(state: State, huber: float | None) -> Shared:

@@ -25,6 +25,7 @@ from savmap.graph.problem import Problem
 from savmap.graph.residuals import fit_of
 from savmap.graph.solution import Solution
 from savmap.graph.ties import Tie, first_transform, tie_factors, ties_of
+from savmap.graph.verdicts import tested_keys
 from savmap.types import Floats, Ints
 
 OFF_SIGMA = 5.0
@@ -89,7 +90,8 @@ class Together:
             for row, (own, problem) in enumerate(zip(self.states, problems, strict=True))
         ]
         _require_pictures_fit(self.states, found)
-        tested = _parts(found, self._covariance(found, values))
+        asked = {carried_key(key, row) for row, state in enumerate(found) for key in tested_keys(state.problem)}
+        tested = _parts(found, self._covariance(found, values, asked))
         told = _parts(found, self._covariance([state.told for state in found], values))
         solutions = [
             concluded(replace(new, problem=own.problem), Covariances(*parts))
@@ -130,7 +132,9 @@ class Together:
                 graph.push_back(carried_factor(factor, row))
         return graph
 
-    def _covariance(self, states: Sequence[State], values: gtsam.Values) -> Covariance:
+    def _covariance(
+        self, states: Sequence[State], values: gtsam.Values, only: Collection[int] | None = None
+    ) -> Covariance:
         frames = [carried_key(frame_key(f), row) for row, s in enumerate(states) for f in s.problem.used.tolist()]
         places = [carried_key(centre_key(f), row) for row, s in enumerate(states) for f in s.problem.used.tolist()]
         own = [shared_biases(state, None) for state in states]
@@ -139,7 +143,7 @@ class Together:
             *(np.concatenate([getattr(one, name) for one in own]) for name in ("value", "prior", "free")),
         )
         graph = self._graph(states, values, robust=False)
-        return covariance(graph, values, [*frames, *(tie.key for tie in self.ties)], places, shared)
+        return covariance(graph, values, [*frames, *(tie.key for tie in self.ties)], places, shared, only)
 
 
 def _poses(state: State, frames: Ints) -> Floats:

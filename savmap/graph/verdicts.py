@@ -60,6 +60,13 @@ def judged(problem: Problem, estimate: Estimate, covariance: Covariance) -> list
     return [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
 
 
+def tested_keys(problem: Problem) -> frozenset[int]:
+    """The variables whose covariance `judged` asks for."""
+    masts = range(0 if problem.frames.fixed is not None else len(problem.frames.references.camera_heights))
+    named = (key for relation in problem.relations if relation.name for key in (relation.a, relation.b))
+    return frozenset((*map(mast_key, masts), *(key for key in named if key is not None)))
+
+
 def _heights(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[Verdict]:
     if problem.frames.fixed is not None:
         return
