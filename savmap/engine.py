@@ -16,6 +16,7 @@ from savmap.graph import (
     Solution,
     SolveOptions,
     gauge,
+    located,
     marker_constraints,
     merge,
     motion_constraints,
@@ -145,7 +146,7 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
     path, attitudes = row.path, start.world_from_rig[:, :3, :3]
     for room in rooms:
         if path is None and constraints:
-            path = located(merge(frames, *constraints.values(), *markers))
+            path = (vouched if seen.flows else located)(merge(frames, *constraints.values(), *markers))
         try:
             own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
@@ -163,11 +164,11 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
 
 def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
     """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
-    return motion_constraints(flows, path or located(problem), problem.used)
+    return motion_constraints(flows, path or vouched(problem), problem.used)
 
 
-def located(problem: Problem) -> Trajectory:
-    """Where the camera was, good enough to look for other things."""
+def vouched(problem: Problem) -> Trajectory:
+    """Where the camera was, and how well that is known: good enough to look for other things."""
     return solve(problem, SolveOptions(rounds=1)).trajectory
 
 

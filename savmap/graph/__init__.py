@@ -6,7 +6,7 @@ from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_dista
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.markers import marker_constraints
 from savmap.graph.observations import Biases, Observations, observe
-from savmap.graph.optimise import PUBLISHED, SolveOptions, solve
+from savmap.graph.optimise import PUBLISHED, SolveOptions, located, solve
 from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
 from savmap.graph.solution import Landmark, Rejected, Solution
@@ -39,6 +39,7 @@ __all__ = [
     "gauge",
     "known_distance",
     "known_length",
+    "located",
     "marker_constraints",
     "merge",
     "motion_constraints",

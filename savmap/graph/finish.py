@@ -40,7 +40,7 @@ def conclude(
     scale_sigma = _scale_sigma(problem, estimate, covariance)
     scale.require_known(problem, scale_sigma)
     return Solution(
-        trajectory=_trajectory(problem, estimate, covariance),
+        trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.places, 0.0))),
         landmarks=_landmarks(problem, estimate, fit, covariance),
         references=tuple(verdict.use for verdict in verdicts),
         rejected=tuple(_rejected(problem, fit)),
@@ -86,10 +86,10 @@ def _landmarks(
     return {room.room: {name: landmark(key) for name, key in room.keys.items()} for room in problem.rooms}
 
 
-def _trajectory(problem: Problem, estimate: Estimate, covariance: Covariance) -> Trajectory:
-    """Solved frames, and those between them: interpolated within a pass, with a sigma that grows with the gap."""
+def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None) -> Trajectory:
+    """Solved frames, whose places are good to `sigma` (f, 3), and those between them: interpolated within a pass, with a sigma that
+    grows with the gap."""
     table = problem.frames.facts.frames
-    sigma = np.sqrt(np.maximum(covariance.places, 0.0))
     frames, poses, sigmas = [], [], []
     for chunk in problem.passes():
         if not len(chunk):
@@ -99,10 +99,12 @@ def _trajectory(problem: Problem, estimate: Estimate, covariance: Covariance) ->
         wanted = own[(own >= known[0]) & (own <= known[-1])]
         frames.append(wanted)
         poses.append(_between(wanted, known, estimate.poses[chunk]))
-        gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
-        sigmas.append(_columns(wanted, known, sigma[chunk]) + DRIFT_M * gap)
+        if sigma is not None:
+            gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
+            sigmas.append(_columns(wanted, known, sigma[chunk]) + DRIFT_M * gap)
     order = np.argsort(np.concatenate(frames), kind="stable")
-    return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], np.concatenate(sigmas)[order])
+    spread = np.concatenate(sigmas)[order] if sigma is not None else None
+    return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], spread)
 
 
 def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:

@@ -13,7 +13,7 @@ from savmap.errors import SolveError
 from savmap.graph.calibrated import calibrated
 from savmap.graph.covariance import Covariance, Covariances, Shared, covariance
 from savmap.graph.factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.finish import conclude
+from savmap.graph.finish import conclude, trajectory
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.observations import Observations
 from savmap.graph.problem import Problem
@@ -21,7 +21,7 @@ from savmap.graph.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solution import Solution
 from savmap.graph.start import Estimate, Start, starts
 from savmap.graph.verdicts import tested_keys
-from savmap.types import Floats
+from savmap.types import Floats, Trajectory
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
@@ -79,6 +79,13 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     """Solve, reject, repeat; then covariances. Raises SolveError if scale or place are not observable, if references
     contradict one another, or if the graph cannot be solved."""
     return concluded(settled(problem, options))
+
+
+def located(problem: Problem) -> Trajectory:
+    """Where the camera was by one round, good enough to look for other things: `solve` without covariances, and without what is
+    told by them. Raises SolveError if scale or place are not observable, or if the graph cannot be solved."""
+    state = settled(problem, SolveOptions(rounds=1))
+    return trajectory(state.problem, state.estimate)
 
 
 def settled(problem: Problem, options: SolveOptions | None = None) -> State:
