@@ -125,8 +125,8 @@ def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -
     blocks: list[tuple[slice, Ints, Floats]] = []
     for first in range(0, cross.shape[0], BLOCK):
         own = slice(first, min(first + BLOCK, cross.shape[0]))
-        columns = np.unique(rows[own].indices)
-        blocks.append((own, columns, rows[own][:, columns].toarray().T))
+        columns = np.unique(rows[own].indices).astype(np.int64)
+        blocks.append((own, columns, np.asarray(rows[own][:, columns].toarray().T, np.float64)))
     solved = np.empty((len(wanted), len(outer)))
     for first in range(0, len(outer), CHUNK):
         part = slice(first, min(first + CHUNK, len(outer)))

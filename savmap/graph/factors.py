@@ -35,15 +35,15 @@ def observation_factors(
     loss = gtsam.noiseModel.mEstimator.Huber.Create(huber) if huber is not None else None
     rows = zip(
         observations.pixels,
-        observations.covariances,
+        np.linalg.cholesky(np.linalg.inv(inflation * observations.covariances)).swapaxes(1, 2),
         observations.frames.tolist(),
         observations.keys.tolist(),
         observations.view.tolist(),
         strict=True,
     )
     made: list[gtsam.NonlinearFactor] = []
-    for pixel, covariance, frame, key, view in rows:
-        plain = gtsam.noiseModel.Gaussian.Covariance(covariance * inflation)
+    for pixel, whiten, frame, key, view in rows:
+        plain = gtsam.noiseModel.Gaussian.SqrtInformation(whiten, False)
         noise = gtsam.noiseModel.Robust.Create(loss, plain) if loss is not None else plain
         made.append(
             gtsam.GenericProjectionFactorCal3_S2(
@@ -63,7 +63,7 @@ def whole_graph(
     """All factors of a problem, those of `observations` last; `at`, `inflation` and `huber` as below and above."""
     graph = other_factors(problem, at)
     for factor in observation_factors(observations, inflation, huber):
-        graph.push_back(factor)
+        graph.add(factor)
     return graph
 
 
@@ -71,16 +71,16 @@ def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
     """All but the observations: relations, frames, references, and the plugins' own. `at` gives the motion to keep near to."""
     graph = gtsam.NonlinearFactorGraph()
     for relation in problem.relations:
-        graph.push_back(relation_factor(relation))
+        graph.add(relation_factor(relation))
     for key in problem.keys.tolist():
-        graph.push_back(
+        graph.add(
             gtsam.PriorFactorPoint3(key, at.points[problem.index(key)], gtsam.noiseModel.Isotropic.Sigma(3, LOOSE_M))
         )
     for room in problem.rooms:
         if room.factors is not None:
             graph.push_back(room.factors)
     for factor in _frame_factors(problem, at):
-        graph.push_back(factor)
+        graph.add(factor)
     return graph
 
 

@@ -16,6 +16,7 @@ from savmap.graph.factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.finish import conclude, trajectory
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.observations import Observations
+from savmap.graph.order import along_aisle
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solution import Solution
@@ -141,7 +142,10 @@ def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iter
     for number in range(options.rounds):
         freed = problem.without(bias, estimate.poses, estimate.points)
         graph = whole_graph(freed, estimate, freed.observations.take(kept), weight, huber)
-        values = minimum(graph, values_of(freed, estimate), row, options.max_iterations, FINE if number else ROUGH)
+        settings = LevenbergMarquardt(
+            row, along_aisle(freed, estimate), options.max_iterations, FINE if number else ROUGH
+        )
+        values = settings.minimum(graph, values_of(freed, estimate))
         estimate = estimate_of(freed, values, estimate)
         freed = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(freed, estimate, kept, options.reject_sigma)
@@ -164,18 +168,27 @@ def _bias_step(state: State, huber: float | None) -> Floats:
     return np.zeros(len(state.bias)) if near.all() else joint.step
 
 
-def minimum(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, row: str, iterations: int = 50, change: float = FINE
-) -> gtsam.Values:
-    """Levenberg-Marquardt from some values. Raises SolveError, naming the row, if the graph cannot be solved."""
-    settings = gtsam.LevenbergMarquardtParams()
-    settings.setMaxIterations(iterations)
-    settings.setRelativeErrorTol(change)
-    try:
-        return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-        raise SolveError(f"{row}: the graph cannot be solved ({reason})") from error
+@dataclass(frozen=True)
+class LevenbergMarquardt:
+    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more than a
+    share of it, `change`."""
+
+    row: str
+    ordering: gtsam.Ordering
+    iterations: int = 50
+    change: float = FINE
+
+    def minimum(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
+        """The minimum near some values. Raises SolveError if the graph cannot be solved."""
+        settings = gtsam.LevenbergMarquardtParams()
+        settings.setMaxIterations(self.iterations)
+        settings.setRelativeErrorTol(self.change)
+        settings.setOrdering(self.ordering)
+        try:
+            return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
+        except RuntimeError as error:
+            reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+            raise SolveError(f"{self.row}: the graph cannot be solved ({reason})") from error
 
 
 def _covariance(state: State, huber: float | None, only: Collection[int] | None = None) -> Covariance:

@@ -20,7 +20,8 @@ from savmap.graph.factors import HUBER, estimate_of, observation_factors, other_
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.markers import ROOM as MARKERS
 from savmap.graph.once import counted_once, level_floor
-from savmap.graph.optimise import SolveOptions, State, concluded, minimum, settled, shared_biases
+from savmap.graph.optimise import LevenbergMarquardt, SolveOptions, State, concluded, settled, shared_biases
+from savmap.graph.order import Place, hubs, ordered, places
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import fit_of
 from savmap.graph.solution import Solution
@@ -45,7 +46,9 @@ def solve_rows(
     """
     found: list[State | SolveError] = [_attempt(settled, problem, options) for problem in problems]
     states = {row: own for row, own in enumerate(found) if isinstance(own, State)}
-    solutions = iter(_solutions(list(states.values()), [moments[row] for row in states], everywhere))
+    number: dict[Hashable, int] = {}
+    pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in states]
+    solutions = iter(_solutions(list(states.values()), pictures, everywhere))
     return [own if isinstance(own, SolveError) else next(solutions) for own in found]
 
 
@@ -84,7 +87,8 @@ class Together:
         problems = counted_once([state.problem for state in self.states], self.moments, self.everywhere)
         begin = [replace(state, problem=problem) for state, problem in zip(self.states, problems, strict=True)]
         values = self._begin(begin)
-        values = minimum(self._graph(begin, values, robust=True), values, self._names)
+        graph = self._graph(begin, values, robust=True)
+        values = LevenbergMarquardt(self._names, self._order(begin, values)).minimum(graph, values)
         found = [
             replace(_moved(own, values, row), problem=problem)
             for row, (own, problem) in enumerate(zip(self.states, problems, strict=True))
@@ -114,22 +118,34 @@ class Together:
             )
         return values
 
+    def _order(self, states: Sequence[State], values: gtsam.Values) -> gtsam.Ordering:
+        """Variables by their places along the aisle, as the first row of each group has it."""
+        aisle_from_row = {tie.b: (tie.a, values.atPose3(tie.key)) for tie in reversed(self.ties)}
+        spots, late = list[Place](), [tie.key for tie in self.ties]
+        for row, state in enumerate(states):
+            lead, transform = aisle_from_row.get(row, (row, gtsam.Pose3()))
+            if lead in aisle_from_row:
+                transform = aisle_from_row[lead][1].compose(transform)
+            spots += places(state.problem, state.estimate, transform, row)
+            late += hubs(state.problem, row)
+        return ordered(spots, late)
+
     def _graph(self, states: Sequence[State], values: gtsam.Values, robust: bool) -> gtsam.NonlinearFactorGraph:
         """All rows' factors and the ties, the observations' last."""
         graph = gtsam.NonlinearFactorGraph()
         for row, state in enumerate(states):
             others = other_factors(state.problem, state.estimate)
             for factor in (others.at(number) for number in range(others.size())):
-                graph.push_back(carried_factor(factor, row))
+                graph.add(carried_factor(factor, row))
         for tie in self.ties:
             for factor in tie_factors(tie, values.atPose3(tie.key)):
-                graph.push_back(factor)
+                graph.add(factor)
         for factor in level_floor([state.problem for state in states]):
-            graph.push_back(factor)
+            graph.add(factor)
         for row, state in enumerate(states):
             huber = HUBER * state.fit.scale / float(np.sqrt(state.inflation)) if robust else None
             for factor in observation_factors(state.kept, state.inflation, huber):
-                graph.push_back(carried_factor(factor, row))
+                graph.add(carried_factor(factor, row))
         return graph
 
     def _covariance(

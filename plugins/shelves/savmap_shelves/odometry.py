@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from savmap.types import Floats, Ints
@@ -27,7 +28,8 @@ GOOD_VOTE = 0.5
 GOOD_MATCH, HOPEFUL, HOPELESS = 0.5, 3, 0.25
 CORNER_VOTE = 0.2
 RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
-EDGES, CORNERS = (0, 1), (2, 3, 4, 5)
+FIRST_CORNER = 2
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -124,11 +126,9 @@ def _evidence(first: Glance, second: Glance, grid: Floats) -> Floats:
 
 def _votes(first: Glance, second: Glance, grid: Floats, ratio: float) -> Floats:
     """For each shift, the share of things in one frame that have a like one in the other (near 1 at best)."""
-    edges, corners = (_differences(first, second, kinds, ratio) for kinds in (EDGES, CORNERS))
-    possible = sum(
-        weight * min(np.isin(first.kind, kinds).sum(), np.isin(second.kind, kinds).sum())
-        for weight, kinds in ((1.0, EDGES), (CORNER_VOTE, CORNERS))
-    )
+    (a, b), (c, d) = ((glance.kind < FIRST_CORNER, glance.kind >= FIRST_CORNER) for glance in (first, second))
+    edges, corners = _differences(first, second, (a, c), ratio), _differences(first, second, (b, d), ratio)
+    possible = min(a.sum(), c.sum()) + CORNER_VOTE * min(b.sum(), d.sum())
     width = float(grid[1] - grid[0])
     if possible == 0 or width < 1e-6:
         return np.zeros_like(grid)
@@ -142,8 +142,8 @@ def _votes(first: Glance, second: Glance, grid: Floats, ratio: float) -> Floats:
     return share
 
 
-def _differences(first: Glance, second: Glance, kinds: tuple[int, ...], ratio: float) -> Floats:
-    a, b = np.isin(first.kind, kinds), np.isin(second.kind, kinds)
+def _differences(first: Glance, second: Glance, chosen: tuple[Mask, Mask], ratio: float) -> Floats:
+    a, b = chosen
     apart = ratio * first.places[a][:, None] - second.places[b]
     like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 1]) < MATCH)
     differences: Floats = apart[..., 0][like]
@@ -197,7 +197,7 @@ def _agreement(first: Glance, second: Glance, way: Floats, sigma: float) -> floa
 def _refined(first: Glance, second: Glance, start: Floats, prior: tuple[Floats, Floats]) -> Floats:
     """Least squares over the things that match under `start` (3,), robust, held to `prior` (value, sigma over MATCH_SIGMA)."""
     a, b = _matches(first, second, start)
-    before, after, level = first.places[a], second.places[b], first.kind[a] >= 2
+    before, after, level = first.places[a], second.places[b], first.kind[a] >= FIRST_CORNER
     rows = np.concatenate([_rows(before[:, 0], 1), _rows(before[level, 1], 2), np.diag(1 / prior[1])])
     values = np.concatenate([after[:, 0], after[level, 1], prior[0] / prior[1]])
     solution, trust = start, np.ones(len(rows))
@@ -232,13 +232,13 @@ def _matches(first: Glance, second: Glance, way: Floats) -> tuple[Ints, Ints]:
 
 
 def _moved(glance: Glance, way: Floats) -> Floats:
-    return np.asarray(way[0] * glance.places + np.where(glance.kind[:, None] >= 2, way[1:], [way[1], 0.0]))
+    return np.asarray(way[0] * glance.places + np.where(glance.kind[:, None] >= FIRST_CORNER, way[1:], [way[1], 0.0]))
 
 
 def rise_between(first: Glance, second: Glance, ratio: float, slide: float) -> tuple[float, float]:
     """What q grew by beside `ratio`, for a known ratio and slide: the densest of the matching corners' differences, and how
     many agree on it."""
-    a, b = first.kind >= 2, second.kind >= 2
+    a, b = first.kind >= FIRST_CORNER, second.kind >= FIRST_CORNER
     apart = second.places[b] - ratio * first.places[a][:, None]
     like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 0] - slide) < MATCH)
     values = apart[..., 1][like & (np.abs(apart[..., 1]) < LARGEST_RISE)]
