@@ -5,10 +5,11 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.graph import SolveOptions, gauge, merge, solve
+from savmap.graph import SolveOptions, gauge, located, merge, solve
 from savmap.graph.covariance import covariance
-from savmap.graph.factors import observation_factors, other_factors, values_of
-from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.factors import observation_factors, other_factors, values_of, whole_graph
+from savmap.graph.keys import ORIGIN, centre_key, frame_key
+from savmap.graph.order import along_aisle
 from savmap.graph.start import starts
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -92,6 +93,35 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     for index in (0, 7, len(used) - 1):
         place = np.diag(theirs.marginalCovariance(centre_key(used[index])))
         np.testing.assert_allclose(ours.places[index], place, rtol=1e-3)
+
+
+def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> None:
+    problem = made.problem(small, made.begin(small))
+    estimate = starts(problem, "linear")[0].estimate
+    graph, values = whole_graph(problem, estimate, problem.observations, 1.5, None), values_of(problem, estimate)
+    frames, centres = ([key(f) for f in problem.used.tolist()] for key in (frame_key, centre_key))
+    asked = problem.keys[[3, 40, 7]].tolist()
+    whole, part = covariance(graph, values, frames, centres), covariance(graph, values, frames, centres, only=asked)
+    assert set(part.keys) == set(asked)
+    np.testing.assert_allclose(part.of(asked), whole.of(asked), rtol=1e-6, atol=1e-12)
+
+
+def test_the_path_alone_is_that_of_the_solution(small: made.World) -> None:
+    problem = made.problem(small, made.begin(small))
+    whole, path = solve(problem, SolveOptions(rounds=1)).trajectory, located(problem)
+    assert np.array_equal(path.world_from_rig, whole.world_from_rig)
+    assert path.sigma_m is None
+
+
+def test_variables_are_eliminated_along_the_aisle(small: made.World) -> None:
+    problem = made.problem(small, made.begin(small))
+    estimate = starts(problem, "linear")[0].estimate
+    order = along_aisle(problem, estimate)
+    keys = [order.at(index) for index in range(order.size())]
+    assert sorted(keys) == sorted(values_of(problem, estimate).keys())
+    cameras = [keys.index(centre_key(frame)) for frame in problem.used.tolist()]
+    assert np.array_equal(np.argsort(cameras), np.argsort(estimate.poses[:, 0, 3]))
+    assert keys[-1] == ORIGIN
 
 
 def test_the_same_twice(small: made.World) -> None:

@@ -10,7 +10,7 @@ import pytest
 from savmap.io.records import packed, unpacked
 from savmap.observe import Observations
 from savmap.stages.markers import Marks
-from savmap.types import Feature, FrameTable, RowFacts, ViewSpec
+from savmap.types import Axis, Feature, FrameTable, RowFacts, ViewSpec
 
 
 def seen() -> Observations:
@@ -47,6 +47,24 @@ def test_what_is_packed_comes_back_to_the_last_bit() -> None:
                 other.neighbours,
             )
     assert packed(after) == packed(before)
+
+
+def test_records_of_one_kind_stand_field_by_field() -> None:
+    def feature(count: int, axis: Axis | None, neighbours: dict[str, int]) -> Feature:
+        rng = np.random.default_rng(count)
+        pixels, spread = rng.normal(size=(count, 2)), rng.normal(size=(count, 2, 2))
+        return Feature(0, "up", "beam", "", count, pixels, spread, axis, 0.25, neighbours)
+
+    before = (feature(1, None, {"left": 2}), feature(2, "x", {}), feature(2, "y", {"right": 1, "left": 0}))
+    content = packed(before)
+    after = unpacked(content, tuple)
+    assert zlib.decompress(content).count(b"savmap.types.pictures") == 1
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one.pixels, other.pixels)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+        assert list(one.neighbours.items()) == list(other.neighbours.items())
+        assert (one.axis, one.instance, one.score) == (other.axis, other.instance, other.score)
+    assert packed(after) == content
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
