@@ -25,7 +25,7 @@ from savmap.train.dataset import Sample, read_dataset, split
 OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize"]
 
 
-class Pictures(CalibrationDataReader):  # type: ignore[misc]
+class Pictures(CalibrationDataReader):
     """Pictures as the network takes them, one after another."""
 
     def __init__(self, samples: Sequence[Sample], size: tuple[int, int]) -> None:
