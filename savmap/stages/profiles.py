@@ -108,22 +108,32 @@ def profiles_of(
 
 
 def _radiance_at(panorama: Panorama, groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
-    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation."""
+    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation.
+
+    The pixels are moved into the part of the panorama that is read: fresh memory for them would cost more than the sums.
+    """
     height, width = panorama.height, 2 * panorama.height
     directions = np.concatenate([pixels[0, :, 0] for pixels in groups]) * np.float32(2 * np.pi / width)
     about = np.float32(
         np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
     )
-    xs = [pixels[0] - np.float32(width) * np.floor((pixels[0, :, :1] - about) / width) for pixels in groups]
-    ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
-    left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
-    top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
+    for x, y in groups:
+        x -= np.float32(width) * np.floor((x[:, :1] - about) / width)
+        np.clip(y, 0, height - 1, out=y)
+    left, right = int(min(x.min() for x, _ in groups)) - 1, int(max(x.max() for x, _ in groups)) + 3
+    top, bottom = int(min(y.min() for _, y in groups)), int(max(y.max() for _, y in groups)) + 2
     part, grey = _grey(panorama, (top, bottom), (left, min(right, left + width)))
-    radiance = cv2.LUT(part, np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16))
+    table = np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16)
+    radiance = cv2.LUT(np.ascontiguousarray(part), table)
     return [
-        np.asarray(cv2.remap(radiance, x - left, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
-        for x, y in zip(xs, ys, strict=True)
+        np.asarray(cv2.remap(radiance, *_moved(pixels, left, top), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
+        for pixels in groups
     ]
+
+
+def _moved(pixels: Singles, left: int, top: int) -> Singles:
+    pixels -= np.array([left, top], np.float32)[:, None, None]
+    return pixels
 
 
 def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[NDArray[np.uint8], Floats]:
@@ -182,8 +192,7 @@ def _samples(nodes: Floats, rows: int, columns: int) -> Singles:
     along = _second_order((np.arange(rows) + 0.5) / rows * 2 - 1)
     across = _second_order(np.linspace(-1, 1, columns))
     basis = np.einsum("ra,cb->abrc", along, across).reshape(9, -1).astype(np.float32)
-    flat = nodes.reshape(-1, 9, 2).astype(np.float32)
-    return np.asarray(np.stack([flat[..., 0] @ basis, flat[..., 1] @ basis]))
+    return np.asarray(np.ascontiguousarray(nodes.reshape(-1, 9, 2).transpose(2, 0, 1), np.float32) @ basis)
 
 
 def _second_order(x: Floats) -> Floats:
