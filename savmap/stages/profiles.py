@@ -125,15 +125,13 @@ def _radiance_at(panorama: Panorama, groups: Sequence[Singles]) -> list[NDArray[
     part, grey = _grey(panorama, (top, bottom), (left, min(right, left + width)))
     table = np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16)
     radiance = cv2.LUT(np.ascontiguousarray(part), table)
+    for x, y in groups:
+        x -= left
+        y -= top
     return [
-        np.asarray(cv2.remap(radiance, *_moved(pixels, left, top), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
-        for pixels in groups
+        np.asarray(cv2.remap(radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+        for x, y in groups
     ]
-
-
-def _moved(pixels: Singles, left: int, top: int) -> Singles:
-    pixels -= np.array([left, top], np.float32)[:, None, None]
-    return pixels
 
 
 def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[NDArray[np.uint8], Floats]:
