@@ -1,11 +1,11 @@
 """One `savmap map` of 8K HEVC against decoding the same file to nowhere, by stage, and its memory at several times the length.
 
-    python bench/throughput.py [--keep DIR] [--rounds 2] [--lengths 1,4] [-o bench/results/throughput.json]
+    python bench/throughput.py [--source SITE] [--keep DIR] [--rounds 2] [--lengths 1,4] [--jobs N] [-o bench/results/throughput.json]
 
-The footage of examples/aisle-dev is scaled to 7680x3840 at 30 frames a second, given a sensor's noise, and coded as a camera does it
+The footage of a site (its first row's; examples/aisle-dev, or what `savmap simulate` wrote) is scaled to 7680x3840 at 30 frames a second, given a sensor's noise, and coded as a camera does it
 (P frames only, a key frame a second, 133 Mbit/s); it is mapped at 15 frames a second with two views of 640x480. Encoding takes
 minutes: `--keep` keeps the file for the next time. Longer files are the same one several times over; each part is mapped as a
-row. The bound is `ffmpeg -threads 2 -i FILE -f null -`; the two take turns. Other work on the machine makes both slower by the clock;
+row: one after another in this process, with a table of stages, or with `--jobs` in so many processes. The bound is `ffmpeg -threads 2 -i FILE -f null -`; the two take turns. Other work on the machine makes both slower by the clock;
 processor time does not count it.
 """
 
@@ -40,12 +40,20 @@ def ffmpeg(*arguments: object) -> None:
     subprocess.run(["ffmpeg", "-v", "error", *map(str, arguments)], check=True, stdin=subprocess.DEVNULL)
 
 
-def footage(folder: Path) -> Path:
+def first_row(site: Path) -> Run:
+    """The first row of a site file, its reference and plugin sections beside it."""
+    told = yaml.safe_load(site.read_text(encoding="utf-8"))
+    name = next(iter(told["rows"]))
+    return {**told, "rows": {name: told["rows"][name]}}
+
+
+def footage(folder: Path, site: Path) -> Path:
     """The 8K file, made where it is not there yet."""
-    video = folder / "8k.mp4"
+    video = folder / ("8k.mp4" if site == SITE else f"8k-{site.parent.name}.mp4")
     if not video.exists():
         part = folder / "part.mp4"
-        source = SITE.parent / "aisle-dev.mp4"
+        row = next(iter(first_row(site)["rows"].values()))
+        source = site.parent / row["passes"][0]["video"]
         coding = ["-c:v", "libx265", "-preset", "ultrafast", "-b:v", f"{RATE_KBIT}k", "-x265-params", CODER]
         ffmpeg("-y", "-i", source, "-vf", FILTERS, *coding, "-tag:v", "hvc1", part)
         part.rename(video)
@@ -54,7 +62,7 @@ def footage(folder: Path) -> Path:
 
 def repeated(video: Path, times: int) -> Path:
     """The file so many times over."""
-    longer = video.with_name(f"8k-{times}.mp4")
+    longer = video.with_name(f"{video.stem}-{times}.mp4")
     if times > 1 and not longer.exists():
         listed = video.with_name("parts.txt")
         listed.write_text(f"file '{video.resolve()}'\n" * times, encoding="utf-8")
@@ -64,15 +72,15 @@ def repeated(video: Path, times: int) -> Path:
     return longer if times > 1 else video
 
 
-def write_site(video: Path, times: int, length_s: float, path: Path) -> None:
+def write_site(source: Path, video: Path, times: int, length_s: float, path: Path) -> None:
     """A site file whose rows are the parts of a repeated file, with the references of the small one."""
-    site = yaml.safe_load(SITE.read_text(encoding="utf-8"))
-    row = site["rows"].pop("A")
-    del site["survey"]
+    site = first_row(source)
+    _, row = site["rows"].popitem()
+    site.pop("survey", None)
     for number in range(times):
         part = {
             "video": str(video.resolve()),
-            "side": "left",
+            "side": row["passes"][0].get("side", "left"),
             "start_s": number * length_s,
             "end_s": (number + 1) * length_s,
         }
@@ -135,23 +143,38 @@ def map_here(site: Path, target: Path) -> None:
     write_text(target, json.dumps({"stages": stages, "peak_mb": peak, "frames": sum(len(row.frames) for row in rows)}))
 
 
-def compared(video: Path, times: int, length_s: float, rounds: int) -> Run:
+def map_beside(site: Path, target: Path, jobs: int) -> Run:
+    """Map a site in processes, as a user does; stages are not told apart."""
+    from savmap.io.mapfile import read_map
+    from savmap.runlog import read_log
+
+    with tempfile.TemporaryDirectory() as folder:
+        taken = measured([Path(sys.executable).with_name("savmap"), "map", site, "-o", folder, "--jobs", jobs])
+        frames = sum(len(row.frames) for row in read_map(Path(folder) / "map.json").rows.values())
+        peak = max(row.peak_mb for row in read_log(Path(folder) / "run.json").rows.values())
+    write_text(target, json.dumps({"stages": {}, "peak_mb": peak, "frames": frames}))
+    return taken
+
+
+def compared(source: Path, video: Path, times: int, length_s: float, rounds: int, jobs: int) -> Run:
     """Both ways, in turn; sums over all rounds."""
     bound: dict[str, float] = defaultdict(float)
     ours: dict[str, float] = defaultdict(float)
     stages: dict[str, float] = defaultdict(float)
     with tempfile.TemporaryDirectory() as folder:
         site, target = Path(folder) / "site.yaml", Path(folder) / "run.json"
-        write_site(video, times, length_s, site)
+        write_site(source, video, times, length_s, site)
         for _ in range(rounds):
             add(bound, measured(["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]))
-            add(ours, measured([sys.executable, __file__, "--map", site, "-o", target]))
+            here = [sys.executable, __file__, "--map", site, "-o", target]
+            add(ours, map_beside(site, target, jobs) if jobs else measured(here))
             told = json.loads(target.read_text())
             add(stages, told["stages"])
             ours["peak_mb"] = max(ours["peak_mb"], told["peak_mb"])
     ratios = {key: ours[key] / bound[key] for key in ("clock_s", "processor_s")}
     return {
         "length": times,
+        "jobs": jobs,
         "rounds": rounds,
         "frames": told["frames"],
         "bound": dict(bound),
@@ -170,7 +193,9 @@ def table(result: Run) -> list[str]:
     """Lines for people: processor time by stage, then both ways as a whole."""
     whole = result["ours"]["processor_s"]
     frames = result["frames"] * result["rounds"]
-    lines = [f"length {result['length']}, {result['frames']} frames used, sums of {result['rounds']} rounds"]
+    lines = [
+        f"length {result['length']}, {result['frames']} frames used, jobs {result['jobs']}, sums of {result['rounds']} rounds"
+    ]
     lines.append(f"{'':24s}{'processor s':>12}{'share':>8}{'ms a frame':>12}{'clock s':>10}")
     for stage, seconds in result["stages"].items():
         lines.append(f"{stage:24s}{seconds:12.1f}{seconds / whole:8.1%}{1e3 * seconds / frames:12.1f}")
@@ -186,6 +211,8 @@ def table(result: Run) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--keep", type=Path, help="folder for the generated files")
+    parser.add_argument("--source", type=Path, default=SITE, help="a site file; its first row is taken")
+    parser.add_argument("--jobs", type=int, default=0, help="processes for rows; 0: this one, with a table of stages")
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--lengths", default="1,4")
     parser.add_argument("--map", type=Path, help=argparse.SUPPRESS)
@@ -199,12 +226,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         keep = arguments.keep or Path(folder)
         keep.mkdir(parents=True, exist_ok=True)
-        video = footage(keep)
+        video = footage(keep, arguments.source)
         length_s = probe(video).duration_s
         results = []
         for times in map(int, arguments.lengths.split(",")):
             rounds = arguments.rounds if times == 1 else 1
-            results.append(compared(repeated(video, times), times, length_s, rounds))
+            results.append(compared(arguments.source, repeated(video, times), times, length_s, rounds, arguments.jobs))
             print("\n".join(table(results[-1])), end="\n\n", flush=True)
     write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 

@@ -31,6 +31,23 @@ Output = Annotated[
 ]
 
 
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"savmap {version('savmap')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Metric, semantic wireframe maps of structured places from panoramic video."""
+
+
 @app.command("map")
 def map_(
     source: Annotated[

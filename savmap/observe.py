@@ -88,7 +88,8 @@ def aim_pass(
 ) -> tuple[PassAims, Scout]:
     """Ask every room for its views of a pass; what one finds out about the attitude, the next is told."""
     clip = clip_of(one)
-    scout = Scout.look(*scout_frames(clip), renderer=renderer)
+    frames = expected_frames(clip, probe(clip.path, clip.images_fps))
+    scout = Scout.look(*scout_frames(clip), renderer=renderer, frames=frames)
     manual = {key: Manual(**view.model_dump()) for key, view in one.views.items()}
     aims: dict[str, Aim] = {}
     for room in rooms:
@@ -198,7 +199,7 @@ class Walk:
 
     def _look(self, panorama: Panorama, aimed: PassAims) -> list[View]:
         """A panorama's views, about which the networks have been asked. Several threads may do this at once."""
-        views = [self.renderer.render(panorama, spec) for spec in aimed.watched]
+        views = [self.renderer.render(panorama, spec) for spec in aimed.watched if spec.shows(panorama.frame)]
         for view in views:
             for room in self._rooms_at(view, aimed):
                 self.eyes.look_ahead(room, view)

@@ -97,8 +97,13 @@ def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterato
             draw(drawings_of(rooms_for(job, name), row, sheets.get(name)), row, *pictures)
             store.keep(name, DRAWN, print_, b"")
         yield f"wrote {pictures[0]} and {pictures[1]}"
-    report_for(site_map, job.output / "report.html", log, survey, job.source.stem)
+    report_for(site_map, job.output / "report.html", log, survey, _title(job.source))
     yield f"wrote {job.output / 'report.html'}"
+
+
+def _title(source: Path) -> str:
+    """What a report is called: the file's name, or its folder's where that says no more than what it is."""
+    return source.absolute().parent.name if source.stem == "site" else source.stem
 
 
 def draw(drawings: "Sequence[Drawing]", row: RowMap, face: Path, plan: Path) -> None:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -87,8 +88,12 @@ def test_help_needs_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
+def test_the_version_is_told(tmp_path: Path) -> None:
+    assert savmap("--version", folder=tmp_path).stdout == f"savmap {metadata.version('savmap')}\n"
+
+
 def test_help_and_plugins_answer(tmp_path: Path) -> None:
     assert "map" in savmap("--help", folder=tmp_path).stdout
     listed = savmap("plugins", folder=tmp_path).stdout
     assert "upright, beam" in listed
-    assert "lights.onnx" in listed
+    assert "lights.int8.onnx" in listed

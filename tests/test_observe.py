@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,21 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
         assert np.array_equal(image, view.image)
         assert not probability.shape or np.array_equal(probability, network.probabilities(view.image)[1])
     assert threads() == before
+
+
+def test_a_view_is_cut_from_each_so_many_frames(aimed: observe.PassAims) -> None:
+    seen: list[tuple[str, int]] = []
+
+    def extract(view: View, detections: list[Detection]) -> list[Feature]:
+        seen.append((view.spec.name, view.frame))
+        return []
+
+    walk = walk_of([room("one", extract)])
+    seldom = replace(aimed, aims={"one": Aim((AHEAD, replace(UP, every=3)))})
+    walk.over("A", seldom, Quiet())
+    assert [frame for name, frame in seen if name.endswith("up")] == [0, 3, 6, 9]
+    assert [frame for name, frame in seen if name.endswith("ahead")] == list(range(12))
+    assert len(walk.stamps) == 12
 
 
 def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: observe.PassAims) -> None:

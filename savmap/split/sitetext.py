@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from savmap.errors import SiteError
+from savmap.errors import OutputError, SiteError
 from savmap.io.files import read_text, write_text
 from savmap.io.sitefile import load_site
 from savmap.split.records import PassFound
@@ -27,13 +27,13 @@ version: 1
 
 
 def check_new(path: Path) -> None:
-    """Raises SiteError where there is a file already."""
+    """Raises OutputError where there is a file already."""
     if path.exists():
-        raise SiteError(f"{path}: is there already; add the rows to it with --into, or give another name with -o")
+        raise OutputError(f"{path}: is there already; add the rows to it with --into, or give another name with -o")
 
 
 def new_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
-    """Write a site file with a row for each side of each pass. Raises SiteError where there is a file already."""
+    """Write a site file with a row for each side of each pass. Raises OutputError where there is a file already."""
     check_new(path)
     write_text(path, _HEAD.format(video=video.name) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  "))
 

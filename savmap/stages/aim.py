@@ -61,12 +61,13 @@ class Manual:
 @dataclass(frozen=True)
 class Scout:
     """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
-    rig_from_manhattan (3, 3)."""
+    rig_from_manhattan (3, 3). `frames`: roughly how many frames of the pass will be used; 0: not known."""
 
     keys: tuple[Panorama, ...]
     pairs: tuple[tuple[Panorama, Panorama], ...]
     renderer: Renderer
     rig_from_manhattan: Floats
+    frames: int = 0
 
     @classmethod
     def look(
@@ -74,10 +75,11 @@ class Scout:
         keys: Sequence[Panorama],
         pairs: Sequence[tuple[Panorama, Panorama]] = (),
         renderer: Renderer | None = None,
+        frames: int = 0,
     ) -> "Scout":
         """Find the building's axes in the key frames. StructureError where none stand out."""
         renderer = renderer or Renderer()
-        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer))
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer), frames)
 
     def views(self, spec: ViewSpec) -> list[View]:
         """The view of every key frame."""

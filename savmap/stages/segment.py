@@ -74,6 +74,14 @@ def _resized(maps: Probabilities, width: int, height: int) -> Probabilities:
     return np.stack([cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in maps])
 
 
+def network_input(image: NDArray[np.uint8], size: tuple[int, int]) -> Probabilities:
+    """Picture (H, W, 3) uint8 RGB of any size -> (1, 3, h, w) float32 0..255 of `size` (w, h)."""
+    width, height = image.shape[1], image.shape[0]
+    how = cv2.INTER_AREA if width > size[0] else cv2.INTER_LINEAR
+    picture = image if (width, height) == size else cv2.resize(image, size, interpolation=how)
+    return np.stack(cv2.split(picture)).astype(np.float32)[None]
+
+
 class Segmenter:
     """A network ready to run. Raises ModelError for a file that is missing, is no ONNX model, or breaks the contract."""
 
@@ -91,17 +99,10 @@ class Segmenter:
     def probabilities(self, image: NDArray[np.uint8]) -> Probabilities:
         """Picture (H, W, 3) uint8 RGB of any size -> (1 + classes, H, W) float32 in 0..1, background first."""
         height, width = image.shape[:2]
-        fits = (width, height) == self.input_size
-        shrinks = width > self.input_size[0]
-        picture = (
-            image
-            if fits
-            else cv2.resize(image, self.input_size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-        )
-        planes = np.stack(cv2.split(picture)).astype(np.float32)[None]
+        planes = network_input(image, self.input_size)
         result: Probabilities = self._session.run(None, {self._input_name: planes})[0][0]
         maps = _softmax(result) if self._gives_logits else result
-        return maps if fits else _resized(maps, width, height)
+        return maps if (width, height) == self.input_size else _resized(maps, width, height)
 
 
 def regions(label: str, probability: Probabilities, threshold: float, min_pixels: int) -> list[Detection]:

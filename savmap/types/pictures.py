@@ -35,7 +35,8 @@ class Panorama:
 
 @dataclass(frozen=True)
 class ViewSpec:
-    """Which way a rectilinear view looks: angles as `pinhole.rig_from_view` takes them, degrees; size in pixels."""
+    """Which way a rectilinear view looks: angles as `pinhole.rig_from_view` takes them, degrees; size in pixels. It is cut
+    from frames whose number in the row is a multiple of `every`."""
 
     name: str
     yaw_deg: float
@@ -44,10 +45,16 @@ class ViewSpec:
     hfov_deg: float = 90.0
     width: int = 640
     height: int = 480
+    every: int = 1
 
     def __post_init__(self) -> None:
         require(0 < self.hfov_deg < 175, self, f"hfov_deg {self.hfov_deg} is not between 0 and 175")
         require(self.width > 1 and self.height > 1, self, "a view needs at least 2x2 pixels")
+        require(self.every > 0, self, f"every {self.every} is not positive")
+
+    def shows(self, frame: int) -> bool:
+        """Whether the view is cut from a frame of the row."""
+        return frame % self.every == 0
 
     @property
     def rig_from_view(self) -> Floats:

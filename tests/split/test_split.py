@@ -111,7 +111,7 @@ def test_the_site_file_holds_the_passes_and_is_not_overwritten(woven: Woven, tmp
     picture = cv2.imread(str(sheet))
     assert picture.shape[0] == 240 + 3 * 208
     assert picture.shape[1] == 320 + 3 * 400
-    with pytest.raises(SiteError, match="--into"):
+    with pytest.raises(OutputError, match="--into"):
         list(split(woven.file, output))
 
 

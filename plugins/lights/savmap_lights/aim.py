@@ -11,16 +11,23 @@ from savmap.types import Aim, Detection, Floats, View, ViewSpec
 from savmap_lights.features import touches_border
 
 HFOV_DEG = 110.0
+ENOUGH_FRAMES, MOST_APART = 100, 3
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 def aim_at_ceiling(
-    scout: Scout, see: Callable[[View], list[Detection]], manual: Mapping[str, Manual], attitude: Floats | None
+    scout: Scout,
+    see: Callable[[View], list[Detection]],
+    manual: Mapping[str, Manual],
+    attitude: Floats | None,
+    every: int | None = None,
 ) -> Aim:
-    """The view "ceiling" of a pass: its optical axis is the building's vertical, its x axis the aisle's where known."""
+    """The view "ceiling" of a pass, in each of `every` frames: its optical axis is the building's vertical, its x axis the
+    aisle's where known."""
+    apart = every or int(np.clip(scout.frames // ENOUGH_FRAMES, 1, MOST_APART))
     rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
     yaw, pitch, roll = angles_from_rotation(rig_from_world @ WORLD_FROM_VIEW)
-    spec = ViewSpec("ceiling", yaw, pitch, roll, HFOV_DEG)
+    spec = ViewSpec("ceiling", yaw, pitch, roll, HFOV_DEG, every=apart)
     fitted = fit_count(scout, spec, lambda view: whole(see(view)), at_least=2, manual=manual.get("ceiling", Manual()))
     return Aim((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
 

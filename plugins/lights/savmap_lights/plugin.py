@@ -20,6 +20,9 @@ class Settings(BaseModel):
     """Another network's ONNX file."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
+    every: Annotated[int, Field(gt=0)] | None = None
+    """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass of 200
+    frames, three from 300 on."""
     line: bool = False
     """Whether the lamps are on one line along the aisle, at one height."""
 
@@ -29,7 +32,7 @@ class Lights:
 
     name = "lights"
     classes = ("light",)
-    model = Path(__file__).parent / "model" / "lights.onnx"
+    model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
     scale_settings = ()
     after_pixels = ("line",)
@@ -43,7 +46,7 @@ class Lights:
     ) -> Aim:
         from savmap_lights.aim import aim_at_ceiling
 
-        return aim_at_ceiling(scout, see, manual, attitude)
+        return aim_at_ceiling(scout, see, manual, attitude, self.config.every)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:

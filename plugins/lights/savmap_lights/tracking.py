@@ -133,13 +133,13 @@ def _nearest_line(seen: Sightings, height_m: float) -> tuple[Sightings, float]:
 
 
 def _shown(points: Floats, facts: RowFacts, start: Trajectory) -> Ints:
-    """In how many frames points (n, 3) lie well inside a view that looks up: (n,)."""
+    """In how many frames points (n, 3) lie well inside a view of it that looks up: (n,)."""
     count = np.zeros(len(points), dtype=np.int64)
     for frame, pose in zip(start.frames.tolist(), start.world_from_rig, strict=True):
         inside = np.zeros(len(points), dtype=bool)
         for name, spec in facts.views.items():
             looks_up = (pose[:3, :3] @ spec.rig_from_view)[1, 2] > UPWARDS
-            if looks_up and name.startswith(facts.frames.passes[frame]):
+            if looks_up and spec.shows(frame) and name.startswith(facts.frames.passes[frame]):
                 pixels = project((points - pose[:3, 3]) @ pose[:3, :3] @ spec.rig_from_view, spec.camera)
                 room = np.array([spec.width, spec.height]) - 1
                 inside |= ((pixels > MARGIN_PX) & (pixels < room - MARGIN_PX)).all(axis=1)

@@ -75,7 +75,7 @@ class Shelves:
 
     name = "shelves"
     classes = ("upright", "beam")
-    model = Path(__file__).parent / "model" / "shelves.onnx"
+    model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     Config = Settings
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")

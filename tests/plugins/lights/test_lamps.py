@@ -10,7 +10,10 @@ import pytest
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
 from savmap.graph import gauge, merge, solve
-from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+from savmap.stages.aim import Scout
+from savmap.stages.render import Renderer
+from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Trajectory, View, ViewSpec
+from savmap_lights.aim import aim_at_ceiling
 from savmap_lights.constraints import constrain
 from savmap_lights.describe import describe
 from savmap_lights.features import extract_features
@@ -113,6 +116,24 @@ def test_lamps_are_mapped_from_a_known_path() -> None:
         assert np.abs(structure.vertices.mean(axis=0) - truth.mean(axis=0)).max() < 0.02
         assert np.abs(structure.vertices - truth).max() < 0.04
         assert (np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)) < 0.05).all()
+
+
+def test_lamps_seen_in_every_third_frame_are_as_well_supported() -> None:
+    seldom = replace(facts(), views={CEILING.name: replace(CEILING, every=3)})
+    features = [feature for feature in features_of([ends()]) if feature.frame % 3 == 0]
+    tracks = track_lamps(features, seldom, path())
+    assert [t.name for t in tracks] == [f"light {k} / end {e}" for k in range(1, 6) for e in (0, 1)]
+    with pytest.raises(StructureError, match="no lamp was seen"):
+        track_lamps(features, facts(), path())
+
+
+@pytest.mark.parametrize(
+    ("frames", "given", "every"), [(0, None, 1), (199, None, 1), (250, None, 2), (771, None, 3), (771, 1, 1)]
+)
+def test_a_long_pass_looks_up_less_often(frames: int, given: int | None, every: int) -> None:
+    panorama = Panorama(0, 0.0, np.zeros((64, 128, 3), np.uint8))
+    scout = Scout((panorama,), (), Renderer(), np.eye(3), frames)
+    assert aim_at_ceiling(scout, lambda view: [], {}, None, given).views[0].every == every
 
 
 def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
