@@ -86,7 +86,7 @@ def scout_frames(
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.
 
     Found by seeking, to the video's own key frames where these lie closer than the ones wanted; `frame` is their number by time
-    alone. Pictures higher than `max_height` are shrunk.
+    alone. Pictures higher than `max_height` are shrunk by a whole factor.
     """
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
@@ -125,14 +125,20 @@ def _at_keys(times: Floats, keys_s: list[float], within_s: float) -> Floats:
 
 def _shrunk(picture: Picture, max_height: int) -> Picture:
     if isinstance(picture, Planes):
-        luma = _lower(picture.luma, max_height)
-        blue, red = (_lower(plane, max_height // 2) for plane in (picture.blue, picture.red))
-        return Planes(luma, blue, red, picture.rgb_from_yuv)
-    return _lower(picture, max_height)
+        factor = _factor(picture.luma, max_height)
+        luma, blue, red = (_lower(plane, factor) for plane in (picture.luma, picture.blue, picture.red))
+        return Planes(luma[: 2 * len(blue), : 2 * blue.shape[1]], blue, red, picture.rgb_from_yuv)
+    return _lower(picture, _factor(picture, max_height))
 
 
-def _lower(image: Image, height: int) -> Image:
-    """A picture at most so high, by averaging."""
-    if image.shape[0] <= height:
+def _factor(image: Image, max_height: int) -> int:
+    """The least whole factor that makes a picture low enough; OpenCV averages by these ten times faster than by others."""
+    return math.ceil(len(image) / max_height)
+
+
+def _lower(image: Image, factor: int) -> Image:
+    """A picture so many times lower, by averaging."""
+    if factor == 1:
         return image
+    height = len(image) // factor
     return np.asarray(cv2.resize(image, (2 * height, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -139,17 +139,20 @@ def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: 
     """
     specs = face_candidates(scout.rig_from_manhattan, hfov_deg)
     travels = [way for spec in specs[::4] for way in travel_directions(scout.pairs, spec, scout.renderer)]
-    scores = [float(np.mean([score(spec, panorama) for panorama in _some(scout.keys)])) for spec in specs]
-    faces = [Face(*each) for each in zip(specs, travels, scores, strict=True)]
+    ways = list(zip(specs, travels, strict=True))
     wanted = {"left": 1, "right": -1}.get(side or "", 0)
-    across = [face for face in faces if face.travel and wanted in (0, face.travel)]
-    best = max(across or faces, key=lambda face: face.score)
+    across = [(spec, travel) for spec, travel in ways if travel and wanted in (0, travel)]
+    best = max((_scored(scout, score, *way) for way in across or ways), key=lambda face: face.score)
     if best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"
         raise StructureError(
             f"no structure is seen {where}; check the side, or give the view's angles in the site file"
         )
     return best
+
+
+def _scored(scout: Scout, score: Score, spec: ViewSpec, travel: int) -> Face:
+    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _some(scout.keys)])))
 
 
 def _some(keys: Sequence[Panorama]) -> list[Panorama]:

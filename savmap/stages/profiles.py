@@ -23,6 +23,7 @@ FEWEST_ALONG, MOST_ALONG = 3, 12
 BEYOND_PX = 1.0
 SHOULDER = 1.0
 RADIANCE_UNIT = 65535
+LEBESGUE = 1.25**2
 
 
 def _radiance() -> Floats:
@@ -89,41 +90,76 @@ def profiles_of(
 
     The part of the panorama that they all lie in is decoded once.
     """
-    height = panorama.height
-    scales, samples = [], []
-    for pieces in groups:
-        scale, along = _scales(spec, pieces, height)
-        reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
-        rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
-        nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height)
-        scales.append((scale, rows))
-        samples.append(_samples(nodes, rows, 2 * reach + 1))
-    values = _radiance_at(panorama, samples) if groups else []
-    return [
-        Profiles(
-            own.reshape(len(own), rows, -1).sum(axis=1, dtype=np.float32) / np.float32(rows * RADIANCE_UNIT), scale
-        )
-        for own, (scale, rows) in zip(values, scales, strict=True)
-    ]
+    patches = [_patches(spec, pieces, panorama.height, reach_px, least) for pieces in groups]
+    if not patches:
+        return []
+    window = _window(panorama, patches)
+    return [Profiles(_across(window, own), own.scale) for own in patches]
 
 
-def _radiance_at(panorama: Panorama, groups: Sequence[Singles]) -> list[NDArray[np.uint16]]:
-    """Radiance (n, m), 0..65535, at panorama pixels (2, n, m) of each group, by linear interpolation."""
-    height, width = panorama.height, 2 * panorama.height
-    directions = np.concatenate([pixels[0, :, 0] for pixels in groups]) * np.float32(2 * np.pi / width)
-    about = np.float32(
-        np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+@dataclass(frozen=True)
+class _Patches:
+    """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows` along
+    the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
+
+    nodes: Singles
+    basis: Singles
+    rows: int
+    scale: Floats
+
+    @property
+    def extent(self) -> tuple[Singles, Singles]:
+        """Least and largest pixels (2,), no less than samples reach: parabolas through three nodes each way leave half the nodes'
+        range by a quarter of it at most (Lebesgue's constant is 5/4)."""
+        low, high = self.nodes.min(axis=-1), self.nodes.max(axis=-1)
+        beyond = (high - low) * (LEBESGUE - 1) / 2
+        return (low - beyond).min(axis=-1), (high + beyond).max(axis=-1)
+
+
+def _patches(spec: ViewSpec, pieces: Pieces, height: int, reach_px: float, least: float) -> _Patches:
+    scale, along = _scales(spec, pieces, height)
+    reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
+    rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
+    nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height).reshape(-1, 9, 2)
+    return _Patches(
+        np.ascontiguousarray(nodes.transpose(2, 0, 1), np.float32), _basis(rows, 2 * reach + 1), rows, scale
     )
-    xs = [pixels[0] - np.float32(width) * np.floor((pixels[0, :, :1] - about) / width) for pixels in groups]
-    ys = [np.clip(pixels[1], 0, height - 1) for pixels in groups]
-    left, right = int(min(x.min() for x in xs)) - 1, int(max(x.max() for x in xs)) + 3
-    top, bottom = int(min(y.min() for y in ys)), int(max(y.max() for y in ys)) + 2
-    part, grey = _grey(panorama, (top, bottom), (left, min(right, left + width)))
-    radiance = cv2.LUT(part, np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16))
-    return [
-        np.asarray(cv2.remap(radiance, x - left, y - top, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
-        for x, y in zip(xs, ys, strict=True)
-    ]
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Radiance (h, w), 0..65535, of part of a panorama; its first column and row; the panorama's last row."""
+
+    radiance: NDArray[np.uint16]
+    left: int
+    top: int
+    last_row: int
+
+
+def _window(panorama: Panorama, all_patches: Sequence[_Patches]) -> _Window:
+    """The part that patches lie in; they are moved by whole turns to lie next to one another."""
+    height, width = panorama.height, 2 * panorama.height
+    directions = np.concatenate([own.nodes[0, :, 4] for own in all_patches]) * np.float32(2 * np.pi / width)
+    about = np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+    for own in all_patches:
+        own.nodes[0] -= np.float32(width) * np.floor((own.nodes[0, :, 4:5] - np.float32(about)) / width)
+    extents = np.array([own.extent for own in all_patches])
+    (left, top), (right, bottom) = np.floor(extents[:, 0].min(axis=0)), np.ceil(extents[:, 1].max(axis=0)) + 2
+    columns, rows = (int(left), int(min(right, left + width))), (int(np.clip(top, 0, height - 1)), int(max(bottom, 1)))
+    part, grey = _grey(panorama, rows, columns)
+    table = np.round(np.interp(grey, np.arange(256), RADIANCE) * RADIANCE_UNIT).astype(np.uint16)
+    return _Window(np.asarray(cv2.LUT(np.ascontiguousarray(part), table), np.uint16), columns[0], rows[0], height - 1)
+
+
+def _across(window: _Window, patches: _Patches) -> Singles:
+    """Mean radiance (n, k), 0..1, along the rows of each patch, by linear interpolation."""
+    x, y = patches.nodes @ patches.basis
+    np.clip(y, 0, window.last_row, out=y)
+    x -= window.left
+    y -= window.top
+    found = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+    total = found.reshape(len(found), patches.rows, -1).sum(axis=1, dtype=np.float32)
+    return np.asarray(total / np.float32(patches.rows * RADIANCE_UNIT), np.float32)
 
 
 def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[NDArray[np.uint8], Floats]:
@@ -177,13 +213,11 @@ def _nodes(spec: ViewSpec, pieces: Pieces, reach_px: Floats, height: int) -> Flo
     return _unwrapped(exact, exact[:, 1:2, 1:2], height)
 
 
-def _samples(nodes: Floats, rows: int, columns: int) -> Singles:
-    """Panorama pixels (2, n, rows columns) all over the patches, interpolated between the nodes to second order."""
+def _basis(rows: int, columns: int) -> Singles:
+    """What samples all over a patch take of its nodes (9, rows columns): interpolation to second order."""
     along = _second_order((np.arange(rows) + 0.5) / rows * 2 - 1)
     across = _second_order(np.linspace(-1, 1, columns))
-    basis = np.einsum("ra,cb->abrc", along, across).reshape(9, -1).astype(np.float32)
-    flat = nodes.reshape(-1, 9, 2).astype(np.float32)
-    return np.asarray(np.stack([flat[..., 0] @ basis, flat[..., 1] @ basis]))
+    return np.asarray(np.einsum("ra,cb->abrc", along, across).reshape(9, -1), np.float32)
 
 
 def _second_order(x: Floats) -> Floats:

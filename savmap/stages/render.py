@@ -1,13 +1,14 @@
 """Rectilinear views sampled straight from panoramas (paper, section III-B)."""
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from threading import Lock
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.stages.sampling import Level, shrunk, table
+from savmap.stages.sampling import Coarser, Level, table
 from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
 
 Key = tuple[int, float, float, float, float, int, int]
@@ -33,12 +34,10 @@ class Renderer:
         image = np.empty((spec.height, spec.width, 3), np.uint8)
         levels = self._table(spec, panorama.height)
         if isinstance(panorama, FilmedPanorama):
-            for level in levels:
-                _sample_planes(panorama.planes, level, image)
+            _sample_planes(panorama.planes, levels, image)
             image = panorama.planes.coloured(image)
         else:
-            for level in levels:
-                _sample(panorama.image, level, image)
+            _sample(panorama.image, levels, image)
         return View(spec, panorama.frame, panorama.stamp_s, image)
 
     def _table(self, spec: ViewSpec, height: int) -> tuple[Level, ...]:
@@ -52,10 +51,12 @@ class Renderer:
             return self._tables[key]
 
 
-def _sample(panorama: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
-    """Write a level's pixels into the view."""
-    source = panorama if level.region is None else shrunk(panorama, level.region, level.halvings)
-    _put(_found(source, level.cells, level.fractions), level, view)
+def _sample(panorama: NDArray[np.uint8], levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
+    """Write the pixels of levels, finest first, into the view."""
+    coarser = Coarser(panorama)
+    for level in levels:
+        source = panorama if level.region is None else coarser.part(level.region, level.halvings)
+        _put(_found(source, level.cells, level.fractions), level, view)
 
 
 def _found(source: NDArray[np.uint8], cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -67,14 +68,15 @@ def _put(found: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> Non
     view.view(PIXEL)[..., 0][level.own] = found.view(PIXEL).ravel()[: np.count_nonzero(level.own)]
 
 
-def _sample_planes(planes: Planes, level: Level, view: NDArray[np.uint8]) -> None:
-    """Write a level's luma, blue and red difference into the view. One halving makes luma as coarse as colour is."""
-    if level.region is None:
-        luma = _found(planes.luma, level.cells, level.fractions)
-        blue, red = (_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red))
-        _put(np.asarray(cv2.merge([luma, blue, red]), np.uint8), level, view)
-        return
-    region, half = level.region, level.region.halved
-    coarse = [shrunk(plane, half, level.halvings - 1) for plane in (planes.blue, planes.red)]
-    source = np.asarray(cv2.merge([shrunk(planes.luma, region, level.halvings), *coarse]), np.uint8)
-    _put(_found(source, level.cells, level.fractions), level, view)
+def _sample_planes(planes: Planes, levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
+    """Write the luma, blue and red difference of levels, finest first. One halving makes luma as coarse as colour is."""
+    luma, blue, red = Coarser(planes.luma), Coarser(planes.blue), Coarser(planes.red)
+    for level in levels:
+        if level.region is None:
+            found = [_found(planes.luma, level.cells, level.fractions)]
+            found += [_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red)]
+        else:
+            half, fewer = level.region.halved, level.halvings - 1
+            sources = luma.part(level.region, level.halvings), blue.part(half, fewer), red.part(half, fewer)
+            found = [_found(source, level.cells, level.fractions) for source in sources]
+        _put(np.asarray(cv2.merge(found), np.uint8), level, view)

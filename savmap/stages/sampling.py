@@ -121,18 +121,50 @@ def _fixed(pixels: Singles) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
     return np.asarray(cells, np.int16), np.asarray(fractions, np.uint16)
 
 
-def shrunk(image: Image, region: Region, halvings: int) -> Image:
-    """A region of a panorama, halved so many times by averaging."""
+class Coarser:
+    """A panorama whose regions are asked for finest first: each is made out of the one before where that holds it."""
+
+    def __init__(self, panorama: Image) -> None:
+        self._panorama = panorama
+        self._region, self._halvings, self._image = Region(0, 0, 0, 0), 0, panorama
+
+    def part(self, region: Region, halvings: int) -> Image:
+        """A region, halved so many times by averaging."""
+        part, done = self._inside(region), self._halvings
+        if part is None:
+            part, done = _cut(self._panorama, region, halvings > 0), min(halvings, 1)
+        for _ in range(halvings - done):
+            part = _halved(part)
+        self._region, self._halvings, self._image = region, halvings, part
+        return part
+
+    def _inside(self, region: Region) -> Image | None:
+        """A region out of the last one, as fine as that is; None where it reaches beyond that or lies between its pixels."""
+        last = self._region
+        left, top = (region.left - last.left) % self._panorama.shape[1], region.top - last.top
+        right, bottom = left + region.width, region.bottom - last.top
+        if (
+            top < 0
+            or region.bottom > last.bottom
+            or right > last.width
+            or (left | top | right | bottom) % 2**self._halvings
+        ):
+            return None
+        rows, columns = (
+            (slice(first >> self._halvings, end >> self._halvings)) for first, end in ((top, bottom), (left, right))
+        )
+        return self._image[rows, columns]
+
+
+def _cut(image: Image, region: Region, halve: bool) -> Image:
+    """A region of a panorama, halved or as it is."""
     pieces, left, rest = [], region.left, region.width
     while rest > 0:
         columns = min(rest, image.shape[1] - left)
         piece = image[region.top : region.bottom, left : left + columns]
-        pieces.append(_halved(piece) if halvings else piece)
+        pieces.append(_halved(piece) if halve else piece)
         left, rest = 0, rest - columns
-    part = pieces[0] if len(pieces) == 1 else np.hstack(pieces)
-    for _ in range(halvings - 1):
-        part = _halved(part)
-    return part
+    return pieces[0] if len(pieces) == 1 else np.hstack(pieces)
 
 
 def _halved(image: Image) -> Image:

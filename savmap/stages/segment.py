@@ -111,7 +111,7 @@ def regions(label: str, probability: Probabilities, threshold: float, min_pixels
     Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
     """
     above = (probability > threshold).astype(np.uint8)
-    count, numbers, stats, _ = cv2.connectedComponentsWithStats(above, connectivity=8)
+    count, numbers, stats, _ = cv2.connectedComponentsWithStatsWithAlgorithm(above, 8, cv2.CV_32S, cv2.CCL_GRANA)
     kept = [number for number in range(1, count) if stats[number, cv2.CC_STAT_AREA] >= min_pixels]
     found = []
     for number in kept:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,9 +141,8 @@ class Feature:
         count = len(self.pixels)
         require(count in (1, 2) and self.pixels.shape == (count, 2), self, "pixels must be (1, 2) or (2, 2)")
         require(self.covariance.shape == (count, 2, 2), self, "covariance must be (n, 2, 2)")
-        require(
-            bool(np.isfinite(self.pixels).all() and np.isfinite(self.covariance).all()), self, "numbers must be finite"
-        )
+        numbers = (*self.pixels.ravel().tolist(), *self.covariance.ravel().tolist())
+        require(all(map(isfinite, numbers)), self, "numbers must be finite")
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,17 @@ def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side:
     assert other.travel == -travel
 
 
+def test_only_directions_that_may_be_the_face_are_looked_at() -> None:
+    looked = []
+
+    def score(spec: ViewSpec, panorama: Panorama) -> float:
+        looked.append(spec.yaw_deg)
+        return 1.0
+
+    face = choose_face(scout(*TURNS[0]), score, "left")
+    assert set(looked) == {face.spec.yaw_deg}
+
+
 def test_direction_of_travel_past_a_face_with_nothing_behind() -> None:
     """Half of the sphere is bare: no corner to follow across the aisle."""
     whole = scout(*TURNS[0])

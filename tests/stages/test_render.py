@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import py360convert
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from savmap.geometry import pinhole, sphere
 from savmap.io.planes import rgb_from_yuv
 from savmap.stages.render import KEPT_TABLES, Renderer
+from savmap.stages.sampling import Coarser, Region
 from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
 
 VIEWS = [
@@ -47,6 +49,18 @@ def test_view_is_what_the_directions_look_like(spec: ViewSpec, height: int, larg
     assert (view.frame, view.stamp_s, view.spec) == (7, 1.5, spec)
     assert error.max() < largest
     assert error.mean() < 0.4
+
+
+@pytest.mark.parametrize("second", [Region(8, 56, 100, 48), Region(0, 56, 100, 48), Region(6, 50, 98, 52)], ids=str)
+def test_coarser_regions_are_what_the_panorama_gives(second: Region) -> None:
+    """Whether they lie inside the last one or not, over the seam."""
+    image = np.random.default_rng(3).integers(0, 256, (64, 128), dtype=np.uint8)
+    coarser = Coarser(image)
+    for region, halvings in ((Region(4, 60, 96, 60), 1), (second, 2)):
+        turned = np.roll(image, -region.left, axis=1)[region.top : region.bottom, : region.width]
+        for _ in range(halvings):
+            turned = cv2.resize(turned, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        assert np.array_equal(coarser.part(region, halvings), turned)
 
 
 @pytest.mark.parametrize("spec", [view for view in VIEWS if view.roll_deg == 0], ids=lambda spec: spec.name)

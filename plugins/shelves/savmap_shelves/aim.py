@@ -5,6 +5,7 @@ uprights in its middle are seen from end to end. A low rack seen from close by w
 such a view is widened until it mostly shows two, which tracking lives on.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
@@ -18,6 +19,7 @@ See = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
 MOSTLY = 0.6
+REMEMBERED = 20
 HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
@@ -25,6 +27,8 @@ def aim_at_face(
     scout: Scout, see: See, extract: Extract, side: Literal["left", "right"] | None, manual: Mapping[str, Manual]
 ) -> Aim:
     """The view "face" of a pass, the attitude and the direction of travel that go with it."""
+
+    see = remembering(see)
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
         view = scout.renderer.render(panorama, spec)
@@ -38,6 +42,21 @@ def aim_at_face(
     wide = widened(scout, whole.spec, lambda view: uprights(extract(view, see(view))), by_hand)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
     return Aim((wide.spec,), face.world_from_rig, face.travel, notes)
+
+
+def remembering(see: See) -> See:
+    """`see`, but for what was asked of it lately: the view that is chosen is looked at again."""
+    said: OrderedDict[tuple[ViewSpec, float], list[Detection]] = OrderedDict()
+
+    def seen(view: View) -> list[Detection]:
+        key = view.spec, view.stamp_s
+        if key not in said:
+            said[key] = see(view)
+        if len(said) > REMEMBERED:
+            said.popitem(last=False)
+        return said[key]
+
+    return seen
 
 
 def halves(face: Face) -> tuple[ViewSpec, ...]:

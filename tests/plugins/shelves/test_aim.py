@@ -1,13 +1,15 @@
 """The face's view: widened where it would show one upright at a time, two views where one cannot hold the height."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from savmap.geometry import pinhole
 from savmap.stages.aim import Face, Manual, Scout
 from savmap.stages.render import Renderer
-from savmap.types import Feature, Panorama, View, ViewSpec
-from savmap_shelves.aim import halves, uprights, widened
+from savmap.types import Detection, Feature, Panorama, View, ViewSpec
+from savmap_shelves.aim import halves, remembering, uprights, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -20,6 +22,20 @@ def scout() -> Scout:
 
 def two_from(hfov_deg: float, view: View) -> int:
     return 2 if view.spec.hfov_deg >= hfov_deg else 1
+
+
+def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(scout: Scout) -> None:
+    looked = []
+
+    def see(view: View) -> list[Detection]:
+        looked.append(view.spec.hfov_deg)
+        return []
+
+    seen = remembering(see)
+    for hfov in (70.0, 80.0, 70.0, 90.0, 100.0, 110.0, 70.0):
+        for view in scout.views(replace(SPEC, hfov_deg=hfov)):
+            assert seen(view) == []
+    assert looked == [hfov for hfov in (70, 80, 90, 100, 110, 70) for _ in scout.keys]
 
 
 def test_a_view_that_shows_one_upright_at_a_time_is_widened(scout: Scout) -> None:
