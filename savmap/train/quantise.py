@@ -22,7 +22,7 @@ from savmap.io.files import write_bytes
 from savmap.stages.segment import Segmenter, network_input
 from savmap.train.dataset import Sample, read_dataset, split
 
-OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize"]
+OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize", "DepthToSpace"]
 
 
 class Pictures(CalibrationDataReader):
