@@ -19,6 +19,8 @@ ROUNDS = 6
 HUBER = 1.345
 HARD, SOFT = 1e4, 1e-3
 SMOOTH_M = 1.0
+PLACED = 50
+"""How many cameras have their mean place set: an equation of all would tie each to each."""
 
 Equation = tuple[list[tuple[int, float]], float]
 
@@ -130,9 +132,10 @@ def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Ite
     if not plan.cameras:
         return
     free = [axis for axis in range(3) if axis == 2 or (plan.slot[:, axis] >= 0).all()]
+    some = np.unique(np.linspace(0, plan.cameras - 1, PLACED).astype(np.int64))
     for axis in free:
-        weight = HARD / plan.cameras
-        yield [(3 * f + axis, weight) for f in range(plan.cameras)], HARD * float(poses[:, axis, 3].mean())
+        weight = HARD / len(some)
+        yield [(3 * f + axis, weight) for f in some.tolist()], HARD * float(poses[some, axis, 3].mean())
     if (plan.slot[:, 2] >= 0).any() and not (plan.slot[:, 2] < 0).any():
         yield _travel(poses, plan)
     for chunk in problem.passes():
