@@ -6,7 +6,7 @@ DIR/images/NAME.jpg, DIR/masks/NAME.png (0 background, k for classes[k - 1], 255
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -22,7 +22,7 @@ from savmap.sim.camera import CameraSample, Kind, sample_camera, view_rays
 from savmap.sim.primitives import Floats
 from savmap.sim.random_scene import random_scene
 from savmap.sim.raycast import Caster, Hits
-from savmap.sim.scene import Look
+from savmap.sim.scene import Look, Scene
 from savmap.sim.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
 
 CLASSES = ("upright", "beam", "light")
@@ -76,11 +76,13 @@ def _vignette(width: int, height: int, rng: np.random.Generator) -> Floats:
     return shade
 
 
-def samples(seed: int, count: int, kind: Kind | Literal["mixed"]) -> Iterator[tuple[str, Image, Mask]]:
-    """`count` named pictures with masks; the same seed gives the same."""
+def samples(
+    seed: int, count: int, kind: Kind | Literal["mixed"], scene_of: Callable[[int], Scene] = random_scene
+) -> Iterator[tuple[str, Image, Mask]]:
+    """`count` named pictures with masks, of the scenes that `scene_of` makes of seeds; the same seed gives the same."""
     for index in range(0, count, _VIEWS_A_SCENE):
         rng = np.random.default_rng([seed, index])
-        built = build(random_scene(seed * 1_000_003 + index))
+        built = build(scene_of(seed * 1_000_003 + index))
         scene = renderer(built)
         for view in range(index, min(index + _VIEWS_A_SCENE, count)):
             ceiling = rng.random() < _CEILING_SHARE
@@ -101,11 +103,17 @@ def _worthwhile(scene: Renderer, kind: Kind, rng: np.random.Generator) -> Camera
     return camera
 
 
-def write(folder: Path, seed: int, count: int, kind: Kind | Literal["mixed"]) -> None:
-    """Writes a labelled data set; pictures that are there already are kept."""
+def write(
+    folder: Path,
+    seed: int,
+    count: int,
+    kind: Kind | Literal["mixed"],
+    scene_of: Callable[[int], Scene] = random_scene,
+) -> None:
+    """Writes a labelled data set."""
     about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
     write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
-    for name, picture, mask in samples(seed, count, kind):
+    for name, picture, mask in samples(seed, count, kind, scene_of):
         write_picture(folder / "masks" / f"{name}.png", mask)
         flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
         bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
