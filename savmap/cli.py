@@ -221,6 +221,7 @@ def train(
     minutes: Annotated[
         float | None, typer.Option(min=0, help="How long to train (60; fine-tuning: 20).", show_default=False)
     ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="How many steps, instead of how long.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     init: Annotated[
         Path | None, typer.Option(help="What to begin with: a checkpoint; or `shipped` or an ONNX file, to fine-tune.")
@@ -235,7 +236,7 @@ def train(
     """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
     from savmap import training
 
-    wish = training.Wish(data, output, minutes, seed, init, renamed or (), held_out or (), int8)
+    wish = training.Wish(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
     for line in training.train(plugin, wish):
         typer.echo(line)
 

@@ -25,6 +25,7 @@ class Wish:
     renamed: Sequence[str] = ()
     held_out: Sequence[Path] = ()
     int8: bool = False
+    steps: int | None = None
 
 
 def train(plugin: str, wish: Wish) -> Iterator[str]:
@@ -48,6 +49,7 @@ def train(plugin: str, wish: Wish) -> Iterator[str]:
         mapping_of(wish.renamed),
         wish.held_out,
         wish.int8,
+        wish.steps,
     )
     check_extra()
     prepare(wish.output.parent)
@@ -62,6 +64,7 @@ def train(plugin: str, wish: Wish) -> Iterator[str]:
     if wish.int8:
         yield f"wrote {int8_beside(wish.output)}"
     yield from report_lines(recipe, plugin_class.classes)
+    yield f"{recipe['steps']} steps in {recipe['minutes']} minutes"
 
 
 def float_model(model: Path) -> Path:

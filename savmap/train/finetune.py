@@ -49,14 +49,15 @@ def fine_tune(task: Task, progress: Progress, settings: Settings) -> Mapping[str
         averaged = trainer.average.network
         found = judge(predictor(averaged), validation, task.classes, settings.validation_limit)
         course.offer(found.mean, averaged.state_dict())
-        progress(course.spent_s / 60 / task.minutes, f"validation IoU {found.mean:.3f}")
+        progress(task.done(course.steps, course.spent_s), f"validation IoU {found.mean:.3f}")
         kept.save(trainer, course)
 
-    fit(trainer, source, course, task.minutes, progress, lambda: kept.save(trainer, course), look)
+    fit(trainer, source, course, task, progress, lambda: kept.save(trainer, course), look)
     chosen = trainer.average.network
     if course.best is not None:
         chosen.load_state_dict(course.best)
-    recipe |= {"steps": course.steps, "validation IoU along the way": [round(one, 4) for one in course.scores]}
+    recipe |= {"steps": course.steps, "minutes": round(course.spent_s / 60, 1)}
+    recipe |= {"validation IoU along the way": [round(one, 4) for one in course.scores]}
     progress(1.0, "calibrating")
     calibrated, recipe["calibration"] = calibration(chosen, validation)
     save_checkpoint(task.output.with_suffix(".checkpoint.pt"), chosen, task.classes, [*history, recipe])

@@ -38,19 +38,19 @@ def fit(
     trainer: Trainer,
     source: BatchSource,
     course: Course,
-    minutes: float,
+    task: Task,
     progress: Progress,
     save: Callable[[], None],
     look: Callable[[], None] = lambda: None,
 ) -> None:
-    """Train until the minutes are spent, those of `course` included, and at least LEAST_STEPS; `save` is called now and then, and
+    """Train until the task's minutes are spent or its steps made, those of `course` included, and at least LEAST_STEPS; `save` is called now and then, and
     when it is interrupted, `look` as often as the settings say and at the end."""
     began = time.monotonic() - course.spent_s
     saved, stop = time.monotonic(), threading.Event()
     try:
         for batch in prefetched(source, stop):
             course.spent_s = time.monotonic() - began
-            done = min(course.spent_s / (60 * minutes), 1.0)
+            done = task.done(course.steps, course.spent_s)
             if len(course.scores) <= done * trainer.settings.looks:
                 look()
             if done == 1.0 and course.steps >= LEAST_STEPS:
@@ -122,7 +122,7 @@ def run(task: Task, progress: Progress, settings: Settings) -> Mapping[str, obje
         save_checkpoint(beside, averaged, task.classes, [*history, recipe])
         kept.save(trainer, course)
 
-    fit(trainer, source_of(task, training, settings, course), course, task.minutes, progress, save)
+    fit(trainer, source_of(task, training, settings, course), course, task, progress, save)
     recipe["steps"] = course.steps
     progress(1.0, "measuring")
     recipe["validation"] = validation_scores(averaged, validation, task.classes, settings.validation_limit)

@@ -14,7 +14,7 @@ class Task:
 
     `init` is what to begin with: a checkpoint, or an ONNX file for fine-tuning; None for a network from nothing. `mapping` gives
     classes of the data sets the network's names. `held_out` are sets that fine-tuning only measures on; `int8`: whether it also
-    writes the network in 8-bit integers.
+    writes the network in 8-bit integers. `steps`: how many to make, however long they take.
     """
 
     classes: Sequence[str]
@@ -26,6 +26,11 @@ class Task:
     mapping: Mapping[str, str] = field(default_factory=dict)
     held_out: Sequence[Path] = ()
     int8: bool = False
+    steps: int | None = None
+
+    def done(self, steps: int, spent_s: float) -> float:
+        """The share 0..1 of the run that is done after so many steps and seconds."""
+        return min(steps / self.steps if self.steps else spent_s / (60 * self.minutes), 1.0)
 
     @property
     def fine_tunes(self) -> bool:

@@ -48,7 +48,7 @@ FINE_TUNING = Settings(
     validation_limit=40,
     frozen_blocks=5,
     frozen_statistics=True,
-    looks=8,
+    looks=5,
 )
 """For a network that knows its classes and a few hundred pictures of another style: small steps, the early blocks left alone."""
 
