@@ -108,5 +108,11 @@ def labelme(picture: LabelledPicture) -> str:
         for name, polygons in picture.shapes.items()
         for polygon in polygons
     ]
-    about = {"version": "5.4.1", "flags": {}, "shapes": shapes, "imagePath": f"{picture.name}.jpg", "imageData": None}
+    about: dict[str, Any] = {
+        "version": "5.4.1",
+        "flags": {},
+        "shapes": shapes,
+        "imagePath": f"{picture.name}.jpg",
+        "imageData": None,
+    }
     return json.dumps({**about, "imageHeight": height, "imageWidth": width}, indent=1) + "\n"

@@ -49,7 +49,8 @@ class MaskFile:
         values = cv2.imread(str(self.path), cv2.IMREAD_GRAYSCALE)
         if values is None:
             raise OutputError(f"{self.path}: the mask cannot be read; render or label this picture again")
-        return self.lookup[values]
+        mapped: Bytes = self.lookup[values]
+        return mapped
 
 
 @dataclass(frozen=True)

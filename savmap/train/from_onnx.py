@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import onnx
 import torch
-from google.protobuf.message import DecodeError
 from onnx import numpy_helper
 from torch import Tensor, nn
 
@@ -55,7 +54,7 @@ def _read(path: Path) -> onnx.ModelProto:
         return onnx.load(path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({reason(error)}); {ADVICE}") from error
-    except DecodeError as error:
+    except Exception as error:  # protobuf's own, which has no stubs
         raise ModelError(f"{path}: not an ONNX model; {ADVICE}") from error
 
 

@@ -33,9 +33,11 @@ class Shapes:
     def _packed(self) -> bytes:
         drawn = np.zeros((self.height, self.width), np.uint8)
         for value, region in self.regions:
-            for part in (region,) if isinstance(region, np.ndarray) else region:
-                inside = part if part.dtype == np.bool_ else filled(part, self.height, self.width)
-                drawn[inside] = value
+            if isinstance(region, np.ndarray):
+                drawn[region] = value
+                continue
+            for polygon in region:
+                drawn[filled(polygon, self.height, self.width)] = value
         return zlib.compress(drawn.tobytes(), 1)
 
 
