@@ -62,7 +62,7 @@ def test_masks_are_ultralytics_own(
     own = ultralytics.YOLO(str(path), task="segment")
     told = own.predict(image[:, :, ::-1], conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
     kinds = told.boxes.cls.numpy().astype(int)
-    assert len(kinds) > 3
+    assert len(kinds) > 1
     for number in set(kinds):
         theirs = (told.masks.data.numpy()[kinds == number] > 0.5).any(axis=0)
         ours = sight.maps[number + 1] > 0.5
