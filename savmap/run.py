@@ -6,11 +6,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from savmap import checks
 from savmap.errors import RowsFailedError, SavmapError, SiteError
 from savmap.fingerprint import drawn_print
 from savmap.io.files import sha256, write_text
 from savmap.io.survey import read_survey
-from savmap.job import Job, job_for, prepare, require_ready, rooms_for
+from savmap.job import Job, job_for, prepare, rooms_for
 from savmap.mapping import Way, mapped_rows
 from savmap.runlog import RunLog, write_log
 from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
@@ -36,7 +37,7 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     from savmap.console import Console
 
     way = way or Way()
-    require_ready(job)
+    checks.require_ready(job)
     prepare(job.output)
     with locked(job.output), Console(job.output / "savmap.log") as console:
         mapped = mapped_rows(job, way, console)

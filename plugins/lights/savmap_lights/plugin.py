@@ -25,7 +25,7 @@ class Settings(BaseModel):
     """Confidence above which a pixel belongs to a class."""
     every: Annotated[int, Field(gt=0)] | None = None
     """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass of 200
-    frames, three from 300 on."""
+    frames, four from 400 on."""
     line: bool = False
     """Whether the lamps are on one line along the aisle, at one height."""
 
