@@ -50,16 +50,20 @@ def placed(error: SavmapError, places: Places, location: Location) -> SavmapErro
     return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
 
 
-def networks(job: Job) -> Iterator[SavmapError]:
-    """Networks that cannot be loaded, or do not give their plugin's classes."""
-    tried = set[tuple[str, Path]]()
+def networks(job: Job) -> Iterator[SavmapError | str]:
+    """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what kind it is and
+    on what it runs."""
+    tried = set[tuple[str, Path, str]]()
     for row in job.site.rows:
         for room in rooms_for(job, row):
-            if (room.name, room.model) in tried:
+            key = (room.name, room.model, str(room.class_names))
+            if key in tried:
                 continue
-            tried.add((room.name, room.model))
+            tried.add(key)
             try:
-                Eyes([room])
+                network = Eyes([room]).networks[room.name]
+                yield f"network of {room.name}: {network}"
+                yield from [network.note] if network.note else []
             except ModelError as error:
                 own = "model" in job.site.rows[row].plugins.get(room.name, {})
                 at = ("plugins", room.name, "model")

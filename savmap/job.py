@@ -82,7 +82,7 @@ def _in_metres(height: float) -> str:
 
 def rooms_for(job: Job, row: str) -> Sequence[Room]:
     """The job's plugins, each with its settings for one row."""
-    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source))
+    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source), job.site.providers)
 
 
 def prepare(folder: Path) -> None:

@@ -15,6 +15,7 @@ from savmap.job import Job, job_for, prepare, rooms_for
 from savmap.mapping import Way, mapped_rows
 from savmap.runlog import RunLog, write_log
 from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
+from savmap.stages.networks.providers import runtime_version
 from savmap.store import Store, file_name, locked
 from savmap.types import RowMap, SiteMap
 
@@ -76,8 +77,8 @@ def _failures(job: Job, failed: Mapping[str, SavmapError]) -> str:
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
-    models = {f"model {room.name}": sha256(room.model) for room in rooms_for(job, first)}
-    return {**{name: version(name) for name in ("savmap", "gtsam", "onnxruntime")}, **models}
+    models = {f"model {room.name}": sha256(room.model_file) for room in rooms_for(job, first)}
+    return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
 
 
 def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterator[str]:

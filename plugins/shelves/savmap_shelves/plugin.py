@@ -22,6 +22,7 @@ from savmap.types import (
     Trajectory,
     View,
 )
+from savmap.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=50)]
@@ -59,6 +60,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
     """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
     every: Annotated[int, Field(gt=0)] | None = None
