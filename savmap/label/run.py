@@ -66,7 +66,7 @@ class Watcher:
         """Probabilities (1 + classes, h, w) of the plugin's classes, what is left being background."""
         maps = self.segmenter.probabilities(view.image)
         own = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
-        return np.concatenate([1 - own.sum(axis=0, keepdims=True), own])
+        return np.concatenate([np.clip(1 - own.sum(axis=0, keepdims=True), 0, 1), own])
 
 
 def label(
@@ -80,9 +80,9 @@ def label(
     require_unused(output)
     job = job_for(source, None, output, overrides=overrides)
     name = plugin_of(job, source, plugin)
-    prepare(output)
     with Console(Path(os.devnull)) as console:
         room, recordings = aimed_recordings(job, name, count, console)
+        prepare(output)
         watcher = Watcher(Eyes([room]).networks[name], room.classes)
         candidates = [one for number in range(len(recordings)) for one in looked(number, recordings, watcher, console)]
         picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, recordings), count)]

@@ -75,7 +75,7 @@ def judge(predict: Predictor, samples: Sequence[Sample], classes: Sequence[str],
 
 def judge_file(model: Path, samples: Sequence[Sample], classes: Sequence[str]) -> Verdict:
     """What the network in an ONNX file makes of labelled pictures. A class that it does not have is never seen. Raises ModelError."""
-    segmenter = Segmenter(model, 1)
+    segmenter = Segmenter(model, 1, providers=("cpu",))
     order = [segmenter.classes.index(name) + 1 if name in segmenter.classes else -1 for name in classes]
 
     def predict(image: NDArray[np.uint8]) -> NDArray[np.float32]:
