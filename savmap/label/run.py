@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from savmap.console import Console
 from savmap.errors import SiteError, StructureError
 from savmap.eyes import Eyes
+from savmap.io.clip import time_range
 from savmap.io.overrides import Override
 from savmap.io.video import expected_frames, panoramas, probe
 from savmap.job import Job, job_for, prepare, rooms_for
@@ -20,7 +21,7 @@ from savmap.label.formats import LabelledPicture, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
 from savmap.monitor import Monitor
-from savmap.observe import PassAims, aim_pass, pass_names
+from savmap.observe import PassAims, aim_pass, clip_of, pass_names
 from savmap.rooms import Room
 from savmap.stages.render import Renderer
 from savmap.stages.segment import Segmenter
@@ -80,9 +81,11 @@ def label(
     require_unused(output)
     job = job_for(source, None, output, overrides=overrides)
     name = plugin_of(job, source, plugin)
+    job = replace(job, plugins=list(dict.fromkeys([*job.plugins, name])))
+    require_footage(job)
+    prepare(output)
     with Console(Path(os.devnull)) as console:
         room, recordings = aimed_recordings(job, name, count, console)
-        prepare(output)
         watcher = Watcher(Eyes([room]).networks[name], room.classes)
         candidates = [one for number in range(len(recordings)) for one in looked(number, recordings, watcher, console)]
         picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, recordings), count)]
@@ -99,14 +102,20 @@ def plugin_of(job: Job, source: Path, plugin: str | None) -> str:
     return job.plugins[0]
 
 
+def require_footage(job: Job) -> None:
+    """Raise PluginError or SiteError for plugins and settings, VideoError for a recording or time range, that cannot be used."""
+    for name, row in job.site.rows.items():
+        rooms_for(job, name)
+        for clip in map(clip_of, row.passes):
+            time_range(clip, probe(clip.path, clip.images_fps).duration_s)
+
+
 def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> tuple[Room, list[Recording]]:
     """The plugin's room, and every pass with the views that it wants of it. All plugins are asked, in their order: one may know
     where the face is, and another not."""
     renderer, found = Renderer(), list[Recording]()
-    names = list(dict.fromkeys([*job.plugins, plugin]))
-    asked = Job(job.site, job.source, names, job.output, job.earlier, job.places)
     for row, content in job.site.rows.items():
-        rooms = rooms_for(asked, row)
+        rooms = rooms_for(job, row)
         eyes = Eyes(rooms)
         room = next(one for one in rooms if one.name == plugin)
         for name, one in zip(pass_names(content.passes), content.passes, strict=True):
