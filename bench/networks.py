@@ -118,8 +118,9 @@ def score(site: Path, found: SiteMap) -> str:
     if survey is None:
         return ""
     whole = pool(evaluation_of(found, read_survey(survey), rooms_of(found)).rows.values())
+    error = mean_absolute_error(whole)
     missing, spurious = sum(whole.missing.values()), sum(whole.spurious.values())
-    return f"{100 * mean_absolute_error(whole):6.2f} {missing:4} {spurious:4}"
+    return f"{'     -' if error is None else f'{100 * error:6.2f}'} {missing:4} {spurious:4}"
 
 
 def overlap(model: Path, data: Path, most: int) -> Iterator[str]:
