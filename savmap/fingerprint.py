@@ -21,7 +21,7 @@ from savmap.site import Pass
 from savmap.types import SiteMap
 
 LIBRARIES = ("av", "gtsam", "numpy", "onnxruntime", "opencv-python-headless", "scipy")
-ELSEWHERE = {"sim", "train", "report", "testing"}
+ELSEWHERE = {"sim", "train", "report", "testing", "scaffold", "commands"}
 ENDS = 1 << 20
 
 
