@@ -6,10 +6,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation
 from savmap.stages.aim import LEVEL, Face, Manual, Scout, choose_face
 from savmap.stages.fit import fit_height
-from savmap.types import Aim, Detection, Feature, Floats, View, ViewSpec
+from savmap.types import Aim, Detection, Feature, Floats, Panorama, View, ViewSpec
 
 VIEW = "pillars"
 HFOV_DEG = 110.0
@@ -27,14 +28,28 @@ def aim(
     """The view at the face that shows pillars from foot to top, as narrow as may be.
 
     attitude: world_from_rig (3, 3) of the first key frame, where an earlier plugin found the face; else the level direction that
-    shows most of pillars. The face itself is not claimed to be known. Raises StructureError where no pillar is seen.
+    shows most of pillars. The face itself is not claimed to be known. Without views, and with a note, where no pillar is seen.
     """
-    face = choose_face(scout, lambda spec, panorama: _share(see(scout.renderer.render(panorama, spec))), side)
-    if attitude is not None:
-        angles = angles_from_rotation(attitude.T @ LEVEL)
-        face = Face(ViewSpec(VIEW, *angles, hfov_deg=HFOV_DEG), 0, 1.0)
-    fitted = fit_height(scout, face, lambda view: rows_of(see(view)), manual.get(VIEW, Manual()), VIEW)
+    try:
+        face = face_at(attitude) if attitude is not None else _face_with_most(scout, see, side)
+        fitted = fit_height(scout, face, lambda view: rows_of(see(view)), manual.get(VIEW, Manual()), VIEW)
+    except StructureError as error:
+        return Aim((), notes=(f"pillars: {error}",))
     return Aim((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
+
+
+def face_at(world_from_rig: Floats) -> Face:
+    """The face as the attitude of the rig (3, 3) tells it: the row's frame looks out of it."""
+    return Face(ViewSpec(VIEW, *angles_from_rotation(world_from_rig.T @ LEVEL), hfov_deg=HFOV_DEG), 0, 1.0)
+
+
+def _face_with_most(
+    scout: Scout, see: Callable[[View], list[Detection]], side: Literal["left", "right"] | None
+) -> Face:
+    def share(spec: ViewSpec, panorama: Panorama) -> float:
+        return float(sum(detection.mask.mean() for detection in see(scout.renderer.render(panorama, spec))))
+
+    return choose_face(scout, share, side)
 
 
 def rows_of(detections: Sequence[Detection]) -> tuple[float, float] | None:
@@ -76,7 +91,3 @@ def cut(mask: NDArray[np.bool_]) -> bool:
     """Whether a mask comes to the view's border, so that an end may be missing."""
     inner = mask[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
     return bool(mask.sum() > inner.sum())
-
-
-def _share(detections: Sequence[Detection]) -> float:
-    return float(sum(detection.mask.mean() for detection in detections))
