@@ -24,12 +24,13 @@ IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", 
 AFTERWARDS = ("shared", "evaluate", "draw")
 FRAMES = 8
 PLUGINS = '''
+import os
 from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from savmap.evaluation import Score
 from savmap.geometry.pinhole import project
-from savmap.graph import Constraints, KeySpace, observe, pin, reference
+from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
 from savmap.hookspecs import hookimpl
 from savmap.stages.aim import LEVEL
 from savmap.types import Aim, Detection, Feature, Structure, Track, ViewSpec
@@ -55,7 +56,7 @@ class Good:
         self.config = config
 
     def may(self, hook):
-        if self.config.fails_in == hook:
+        if hook in (self.config.fails_in, os.environ.get(f"{self.name}_fails_in")):
             raise RuntimeError("oh")
 
     @hookimpl
@@ -98,7 +99,8 @@ class Good:
         keys = KeySpace(self.name).keys([track.name for track in tracks])
         first = {track.name: POINTS[track.place["post"]] for track in tracks}
         lowest = keys[f"{self.name} 0"]
-        known = (pin("x", lowest), reference("y", lowest, 0.5, 0.002, f"{self.name} height"))
+        length = known_length("x", lowest, keys[f"{self.name} 9"], 3.0, 0.003, f"{self.name} length")
+        known = (length, pin("x", lowest), reference("y", lowest, 0.5, 0.002, f"{self.name} height"))
         flat = tuple(pin("z", key) for key in keys.values())
         return Constraints(self.name, keys, observe(tracks, keys, facts.views), (*flat, *known), first)
 
@@ -161,7 +163,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (packages / "made_up-1.0.dist-info" / "METADATA").write_text("Name: made-up\nVersion: 1.0\n", encoding="utf-8")
     (packages / "made_up_plugins.py").write_text(PLUGINS, encoding="utf-8")
     (packages / "post.onnx").write_bytes(stub_network("post", "1"))
-    survey = {"format": "savmap-survey", "version": 1, "units": "m", "rows": {"A": {}}}
+    survey = {"format": "savmap-survey", "version": 1, "units": "m", "rows": {"A": {}, "B": {}}}
     (folder / "survey.json").write_text(json.dumps(survey), encoding="utf-8")
     return folder
 
@@ -172,16 +174,16 @@ def _installed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "made_up_plugins", raising=False)
 
 
-def site(place: Path, folder: Path, mode: str, bad: str, good: str = "", rows: str = "A") -> Path:
+def site(place: Path, folder: Path, mode: str, bad: str, rows: str = "A", scored: bool = False) -> Path:
     """A site file whose plugins fail in the hooks that are named."""
     content = {
         "on_plugin_error": mode,
-        "survey": str(place / "survey.json"),
-        "references": {"camera_height_m": {"value": 1.5}},
-        "plugins": {"good": {"fails_in": good}, "bad": {}},
+        "survey": str(place / "survey.json") if scored else None,
+        "references": {"camera_height_m": {"value": 1.5}, "travel_m": 2.8},
+        "plugins": {"good": {}, "bad": {}},
         "rows": {
             name: {
-                "passes": [{"video": str(place / "pictures"), "fps": 2.0 + number, "side": "left"}],
+                "passes": [{"video": str(place / "pictures"), "fps": 30.0 * (1 + number), "side": "left"}],
                 "plugins": {"bad": {"fails_in": bad if name == "A" else ""}},
             }
             for number, name in enumerate(rows)
@@ -239,18 +241,19 @@ def test_otherwise_the_row_fails_and_its_error_names_plugin_and_hook(place: Path
 
 @pytest.mark.parametrize("hook", AFTERWARDS)
 def test_a_map_is_written_scored_and_drawn_without_a_plugin_that_fails_then(
-    place: Path, tmp_path: Path, hook: str
+    place: Path, tmp_path: Path, hook: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("bad_fails_in", hook)
     out = tmp_path / "out"
     with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
-        mapped(site(place, tmp_path, "skip", hook), out)
+        mapped(site(place, tmp_path, "skip", "", "AB", scored=True), out)
     assert f"plugin `bad` failed in `{hook}`" in (out / "savmap.log").read_text(encoding="utf-8")
     assert len(structures(out, "A", "bad")) == 12
     assert (out / "report.html").exists()
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:
-    path = site(place, tmp_path, "skip", "", good="", rows="AB")
+    path = site(place, tmp_path, "skip", "", rows="AB")
     content = json.loads(path.read_text(encoding="utf-8"))
     content["rows"]["A"]["plugins"]["good"] = {"fails_in": "render_views"}
     path.write_text(json.dumps(content), encoding="utf-8")
