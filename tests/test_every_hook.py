@@ -218,10 +218,10 @@ def signature_of(source: str) -> tuple[list[tuple[str, str]], str]:
 
 
 class _Unquoted(ast.NodeTransformer):
-    def visit_Constant(self, node: ast.Constant) -> ast.expr:  # noqa: N802 -- the parent's name
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
         return ast.parse(node.value, mode="eval").body if isinstance(node.value, str) else node
 
-    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:  # noqa: N802 -- the parent's name
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
         return node if ast.unparse(node.value) == "Literal" else self.generic_visit(node)
 
 

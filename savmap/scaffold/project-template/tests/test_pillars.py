@@ -13,6 +13,7 @@ from savmap.stages.aim import LEVEL
 from savmap.stages.segment import Segmenter
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
 from savmap_pillars.plugin import Known, Pillars, Settings
+from savmap_pillars.scene import random_section
 
 SPEC = ViewSpec("pass 1 / pillars", 0.0, hfov_deg=110.0, width=640, height=480)
 FRAMES = 12
@@ -126,3 +127,9 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
     parts = plugin.scene({"stands": [{"x": 1.5, "z": 0.4, "height": 2.5}]}, np.random.default_rng(0), site)
     assert len(parts.boxes) == 1
     np.testing.assert_allclose(parts.survey["A"]["pillars"], POSTS[:1])
+
+
+def test_a_random_place_has_some(plugin: Pillars) -> None:
+    site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.zeros(3), True)})
+    section = random_section(np.random.default_rng(0), site)
+    assert 1 <= len(plugin.scene(section, np.random.default_rng(0), site).boxes) <= 4

@@ -37,6 +37,17 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
     return SceneParts(boxes, survey)
 
 
+def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
+    """Pillars of any size and colour in front of the mapped faces of a random place, to train a network on."""
+    stands = []
+    for frame in (frame for frame in site.frames.values() if frame.mapped):
+        for x in rng.uniform(0.0, 9.0, int(rng.integers(1, 5))):
+            at = frame.to_world(np.array([x, 0.0, rng.uniform(0.2, 0.8)]))
+            height, width = rng.uniform(0.8, 3.5), rng.uniform(0.05, 0.2)
+            stands.append({"x": float(at[0]), "z": float(at[2]), "height": float(height), "width": float(width)})
+    return {"stands": stands, "color": rng.uniform(0.02, 0.8, 3).tolist()}
+
+
 def _box(stand: Stand, color: Rgb) -> Box:
     middle = np.array([stand.x, stand.height / 2, stand.z - stand.width / 2])
     size = np.array([stand.width, stand.height, stand.width])
