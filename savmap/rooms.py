@@ -88,11 +88,15 @@ class Room:
         if not isinstance(answer, expected):
             given = type(answer).__name__
             raise PluginFailedError(self.name, hook, f"returned {given} from `{hook}`, not {expected.__name__}")
-        wrong = next((one for one in answer if not isinstance(one, item)), None) if item else None
-        if wrong is not None and item is not None:
+        if item is not None:
+            self._require_items(hook, answer, item)
+        return answer
+
+    def _require_items(self, hook: str, answer: Any, item: type) -> None:
+        wrong = next((one for one in answer if not isinstance(one, item)), None)
+        if wrong is not None:
             what = f"returned a list with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
             raise PluginFailedError(self.name, hook, what)
-        return answer
 
     def ask_list(self, hook: str, item: type, **arguments: Any) -> list[Any]:
         """Like `ask`, for a list whose items must all be of one type."""
