@@ -13,15 +13,18 @@ import numpy as np
 import pluggy
 import pytest
 
+from savmap.contained import failures_gathered
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
 from savmap.job import job_for
 from savmap.mapping import Way
 from savmap.rooms import open_room
 from savmap.run import run
 from savmap.scaffold.stub import stub_network
+from savmap.sitereport import rooms_of
+from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
 IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
-AFTERWARDS = ("shared", "evaluate", "draw")
+AFTERWARDS = ("evaluate", "draw")
 FRAMES = 8
 PLUGINS = '''
 import os
@@ -246,10 +249,25 @@ def test_a_map_is_written_scored_and_drawn_without_a_plugin_that_fails_then(
     monkeypatch.setenv("bad_fails_in", hook)
     out = tmp_path / "out"
     with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
-        mapped(site(place, tmp_path, "skip", "", "AB", scored=True), out)
+        mapped(site(place, tmp_path, "skip", "", scored=True), out)
     assert f"plugin `bad` failed in `{hook}`" in (out / "savmap.log").read_text(encoding="utf-8")
     assert len(structures(out, "A", "bad")) == 12
     assert (out / "report.html").exists()
+
+
+def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("bad_fails_in", "shared")
+    empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty, {"good": (), "bad": ()}, ())
+    with failures_gathered() as failures:
+        rooms = rooms_of(SiteMap({"A": row}, {}), skip=True)
+        assert [room.shared([]) for room in rooms.values()] == [[], []]
+    assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "shared")]
+    assert "plugin `bad` failed in `shared`: RuntimeError: oh" in caplog.text
+    with pytest.raises(PluginFailedError):
+        rooms_of(SiteMap({"A": row}, {}))["bad"].shared([])
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:
