@@ -4,7 +4,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
@@ -52,7 +52,7 @@ def left_out(failure: str) -> str:
 
 def contained(rooms: Sequence[Room], row: str = "") -> Sequence[Room]:
     """The same rooms, each kept from harming the others."""
-    return [ContainedRoom(room.name, room.plugin, room.config, room.manager, row) for room in rooms]
+    return [ContainedRoom(**{own.name: getattr(room, own.name) for own in fields(room)}, row=row) for room in rooms]
 
 
 def failed(rooms: Sequence[Room]) -> dict[str, str]:
