@@ -125,7 +125,7 @@ def _over(room: Constraints, frames: set[int]) -> Constraints:
     graph = gtsam.NonlinearFactorGraph()
     for factor in factors:
         graph.add(factor)
-    bound = {key for factor in factors for key in factor.keys()}
+    bound = set[int]().union(*(factor.keys() for factor in factors))
     return replace(room, factors=graph, own={key: value for key, value in room.own.items() if key in bound})
 
 

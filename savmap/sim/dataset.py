@@ -95,7 +95,9 @@ def random_place(seed: int, plugins: Sequence[str] = ()) -> Scene:
         try:
             make = importlib.import_module(f"savmap_{name}.scene").random_section
         except (ImportError, AttributeError) as error:
-            raise SceneError(f"--plugin {name}: no module savmap_{name}.scene with a function random_section") from error
+            raise SceneError(
+                f"--plugin {name}: no module savmap_{name}.scene with a function random_section"
+            ) from error
         sections[name] = make(np.random.default_rng([seed, 79, *name.encode()]), site)
     return scene.model_copy(update={"structures": {**scene.structures, **sections}})
 

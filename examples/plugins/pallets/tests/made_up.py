@@ -57,7 +57,9 @@ def detections(world_from_rig: Floats, pallets: Floats = PALLETS) -> list[Detect
         large = np.zeros((8 * own.height, 8 * own.width), np.uint8)
         hull = cv2.convexHull(((seen + 0.5) * 8 - 0.5).astype(np.float32))
         cv2.fillConvexPoly(large, np.round(hull).astype(np.int32), 255)
-        probability = np.asarray(cv2.resize(large, (own.width, own.height), interpolation=cv2.INTER_AREA), np.float32) / 255
+        probability = (
+            np.asarray(cv2.resize(large, (own.width, own.height), interpolation=cv2.INTER_AREA), np.float32) / 255
+        )
         mask = probability > 0.5
         if mask.sum() > 20:
             found.append(Detection("pallet", 0.9, mask, probability))

@@ -44,10 +44,14 @@ def test_slopes_are_those_of_the_errors() -> None:
 
 def test_a_pallet_behind_the_camera_has_no_error() -> None:
     behind = np.array([POSE[0], -12.0, 0.0])
-    off, by_frame, by_pallet = with_slopes(np.zeros((2, 2)), behind, made.SIZE, Camera(made.path().world_from_rig[5], made.spec()))
+    off, by_frame, by_pallet = with_slopes(
+        np.zeros((2, 2)), behind, made.SIZE, Camera(made.path().world_from_rig[5], made.spec())
+    )
     assert np.isnan(off).all()
     assert not by_frame.any()
     assert not by_pallet.any()
-    assert errors(np.zeros((2, 2)), POSE, made.SIZE, Camera(made.path().world_from_rig[5], made.spec())) == pytest.approx(
+    assert errors(
+        np.zeros((2, 2)), POSE, made.SIZE, Camera(made.path().world_from_rig[5], made.spec())
+    ) == pytest.approx(
         with_slopes(np.zeros((2, 2)), POSE, made.SIZE, Camera(made.path().world_from_rig[5], made.spec()))[0]
     )

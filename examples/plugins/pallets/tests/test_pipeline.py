@@ -23,7 +23,9 @@ AXES: tuple[Axis, ...] = ("x", "y", "z")
 @pytest.fixture(scope="module")
 def features() -> list[Feature]:
     poses = made.path().world_from_rig
-    return [one for frame in range(made.FRAMES) for one in extract_features(made.view(frame), made.detections(poses[frame]))]
+    return [
+        one for frame in range(made.FRAMES) for one in extract_features(made.view(frame), made.detections(poses[frame]))
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,9 @@ def _mark(name: str, point: Floats) -> Track:
     inside = np.einsum("nji,nj->ni", poses[:, :3, :3], point - poses[:, :3, 3]) @ view.rig_from_view
     pixels = view.camera[0, 0] * inside[:, :2] / inside[:, 2:] + view.camera[:2, 2]
     seen = np.flatnonzero(inside[:, 2] > 0.3)
-    return Track(name, "mark", {}, seen, (view.name,) * len(seen), pixels[seen], np.tile(0.04 * np.eye(2), (len(seen), 1, 1)))
+    return Track(
+        name, "mark", {}, seen, (view.name,) * len(seen), pixels[seen], np.tile(0.04 * np.eye(2), (len(seen), 1, 1))
+    )
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,9 @@ def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, size:
         key = keys.pose2(int(track.place["pallet"]))
         sightings = [seen for seen in sightings_of(track) if seen.frame in known]
         own[key] = first_pose(sightings, facts, start, size)
-        graph.add(gtsam.PriorFactorPose2(key, own[key], gtsam.noiseModel.Diagonal.Sigmas(np.array([FAR_M, FAR_M, FAR_RAD]))))
+        graph.add(
+            gtsam.PriorFactorPose2(key, own[key], gtsam.noiseModel.Diagonal.Sigmas(np.array([FAR_M, FAR_M, FAR_RAD])))
+        )
         for seen in sightings:
             graph.add(outline_factor(seen, key, facts.views[seen.view], size))
     return Constraints(room, {}, observe((), {}, facts.views), (), {}, factors=graph, own=own)

@@ -17,7 +17,9 @@ def describe(tracks: Sequence[Track], solution: Solution, size: Floats, room: st
     """One structure "pallet k" for each that was solved for, with its place (x, z), turn and their standard deviations."""
     keys = KeySpace(room)
     numbers = [int(track.place["pallet"]) for track in tracks]
-    return [_pallet(number, solution, keys.pose2(number), size) for number in numbers if keys.pose2(number) in solution.own]
+    return [
+        _pallet(number, solution, keys.pose2(number), size) for number in numbers if keys.pose2(number) in solution.own
+    ]
 
 
 def _pallet(number: int, solution: Solution, key: int, size: Floats) -> Structure:

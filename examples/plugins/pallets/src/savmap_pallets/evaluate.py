@@ -43,7 +43,12 @@ def matches(pallets: Sequence[Structure], truth: Sequence[SurveyedPallet]) -> li
     away = np.linalg.norm(mapped[:, None] - surveyed[None], axis=-1)
     rows, columns = linear_sum_assignment(np.where(away < GATE_M, away, GATE_M * (1 + len(truth))))
     return [
-        Match(pallets[i], truth[j], float(away[i, j]), off_deg(float(pallets[i].attributes["turn_deg"]), truth[j].turn_deg))
+        Match(
+            pallets[i],
+            truth[j],
+            float(away[i, j]),
+            off_deg(float(pallets[i].attributes["turn_deg"]), truth[j].turn_deg),
+        )
         for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
         if away[i, j] < GATE_M
     ]

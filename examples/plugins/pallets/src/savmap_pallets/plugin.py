@@ -3,7 +3,7 @@
 Each hook imports what it needs when it is called, so that `savmap --help` and the simulator stay quick.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -47,7 +47,9 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
             raise SceneError(f"structures.pallets.rows.{name}: `rows` does not place a row {name}")
         boxes += [box for pallet in pallets for box in placed(pallet, site.frames[name], rng)]
     survey = {
-        name: {"pallets": [{"x": p.x, "z": p.z, "turn_deg": p.turn_deg, "size": list(p.size)} for p in rows.get(name, ())]}
+        name: {
+            "pallets": [{"x": p.x, "z": p.z, "turn_deg": p.turn_deg, "size": list(p.size)} for p in rows.get(name, ())]
+        }
         for name, frame in site.frames.items()
         if frame.mapped
     }
@@ -125,7 +127,12 @@ def _boxes(pallet: Pallet, rng: np.random.Generator) -> Iterator[Box]:
 
 
 def _boards(
-    x: tuple[float, float], z: tuple[float, float], y: tuple[float, float], count: int, paint: Material, rng: np.random.Generator
+    x: tuple[float, float],
+    z: tuple[float, float],
+    y: tuple[float, float],
+    count: int,
+    paint: Material,
+    rng: np.random.Generator,
 ) -> Iterator[Box]:
     gap = float(rng.uniform(0.0, 0.35)) * (z[1] - z[0]) / count
     edges: Floats = np.linspace(z[0], z[1] + gap, count + 1)

@@ -29,7 +29,11 @@ def track_pallets(features: Sequence[Feature], facts: RowFacts, start: Trajector
     seen_by = cameras(sightings, facts, start)
     found: list[tuple[Floats, list[Sighting]]] = []
     for middle in _middles(sightings, seen_by, size):
-        own = [k for k, (seen, camera) in enumerate(zip(sightings, seen_by, strict=True)) if _near(seen, camera, middle, size)]
+        own = [
+            k
+            for k, (seen, camera) in enumerate(zip(sightings, seen_by, strict=True))
+            if _near(seen, camera, middle, size)
+        ]
         fit = _fit([sightings[k] for k in own], [seen_by[k] for k in own], size, middle)
         if fit is not None and all(np.hypot(*(fit[0] - other)[:2]) > size[2] / 2 for other, _ in found):
             found.append(fit)
@@ -62,7 +66,7 @@ def _middles(sightings: Sequence[Sighting], seen_by: Sequence[Camera], size: Flo
     if not places:
         return []
     points = np.array(places)
-    count, group = connected_components(KDTree(points).sparse_distance_matrix(KDTree(points), SAME_M), directed=False)
+    _, group = connected_components(KDTree(points).sparse_distance_matrix(KDTree(points), SAME_M), directed=False)
     sizes = np.bincount(group)
     return [np.median(points[group == k], axis=0) for k in np.argsort(-sizes) if sizes[k] >= LEAST_SIGHTINGS]
 
