@@ -2,12 +2,12 @@
 
 import cv2
 import numpy as np
-from savmap_pallets.aim import PITCH_DEG
-from savmap_pallets.outline import corners
 
 from savmap.geometry.pinhole import angles_from_rotation, project, rig_from_view
 from savmap.stages.aim import LEVEL
 from savmap.types import Detection, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+from savmap_pallets.aim import PITCH_DEG
+from savmap_pallets.outline import corners
 
 SIZE = np.array([1.2, 0.144, 0.8])
 PALLETS = np.array([[1.0, -0.7, 0.0], [2.7, -0.9, np.radians(37)], [4.6, -0.8, np.radians(118)]])

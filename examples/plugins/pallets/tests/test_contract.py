@@ -1,14 +1,17 @@
 """The contract that any plugin must keep, the door it comes in by, and the network that it ships."""
 
+import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
-from savmap_pallets.plugin import Pallets
+import pytest
 
+from savmap.rooms import load_class
 from savmap.sim.dataset import random_place
 from savmap.sim.scene import RowFrame, Site, load_scene
 from savmap.testing import check_plugin
+from savmap_pallets.plugin import Pallets
 
 ROW = Path(__file__).parents[1] / "row.yaml"
 
@@ -17,8 +20,14 @@ def test_contract() -> None:
     check_plugin(Pallets)
 
 
+def test_the_entry_point_leads_to_it() -> None:
+    project = tomllib.loads((ROW.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["entry-points"]["savmap.plugins"] == {"pallets": f"{Pallets.__module__}:{Pallets.__name__}"}
+
+
+@pytest.mark.skipif("pallets" not in entry_points(group="savmap.plugins").names, reason="run from the source tree")
 def test_it_is_installed_as_a_plugin() -> None:
-    assert entry_points(group="savmap.plugins")["pallets"].load() is Pallets
+    assert load_class("pallets") is Pallets
 
 
 def test_the_network_is_small() -> None:

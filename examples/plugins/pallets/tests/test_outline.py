@@ -4,9 +4,9 @@ import gtsam
 import made_up as made
 import numpy as np
 import pytest
-from savmap_pallets.outline import Camera, corners, errors, from_hull, with_slopes
 
 from savmap.types import Floats
+from savmap_pallets.outline import Camera, corners, errors, from_hull, with_slopes
 
 POSE = np.array([2.7, -0.9, 0.6])
 

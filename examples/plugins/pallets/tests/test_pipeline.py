@@ -3,6 +3,11 @@
 import made_up as made
 import numpy as np
 import pytest
+
+from savmap.errors import OutputError, SolveError, StructureError
+from savmap.graph import Frames, KeySpace, References, Solution, merge, observe, solve
+from savmap.graph.constraints import Constraints, reference
+from savmap.types import Axis, Feature, Floats, Track, Trajectory
 from savmap_pallets.constraints import constrain
 from savmap_pallets.describe import describe
 from savmap_pallets.evaluate import evaluate, matches, off_deg
@@ -10,11 +15,6 @@ from savmap_pallets.features import CUT, WHOLE, extract_features
 from savmap_pallets.plugin import Pallets, Settings
 from savmap_pallets.survey import SurveyedPallet
 from savmap_pallets.tracking import track_pallets
-
-from savmap.errors import OutputError, SolveError, StructureError
-from savmap.graph import Frames, KeySpace, References, Solution, merge, observe, solve
-from savmap.graph.constraints import Constraints, reference
-from savmap.types import Axis, Feature, Floats, Track, Trajectory
 
 SURVEY = {"pallets": [{"x": x, "z": -y, "turn_deg": float(np.degrees(turn))} for x, y, turn in made.PALLETS.tolist()]}
 AXES: tuple[Axis, ...] = ("x", "y", "z")

@@ -3,7 +3,7 @@
 Each hook imports what it needs when it is called, so that `savmap --help` and the simulator stay quick.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import SolveError
 from savmap.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View
 
 Metres = Annotated[float, Field(gt=0.05, lt=5)]
 
@@ -107,9 +107,8 @@ class Pallets:
 
         return scene(section, rng, site)
 
-    @staticmethod
     @hookimpl
-    def register_commands(app: Any) -> None:
-        from savmap_pallets.command import add_command
+    def exporters(self) -> Mapping[str, Callable[[SiteMap, Path], None]]:
+        from savmap_pallets.export import write_pallets
 
-        add_command(app)
+        return {"pallets": write_pallets}
