@@ -101,4 +101,5 @@ class Constraints:
 
 def each(graph: gtsam.NonlinearFactorGraph | None) -> Iterator[gtsam.NonlinearFactor]:
     """The factors of a graph."""
-    return (graph.at(number) for number in range(graph.size() if graph is not None else 0))
+    if graph is not None:
+        yield from map(graph.at, range(graph.size()))
