@@ -85,7 +85,7 @@ class Yolo:
             MOST_OVERLAP,
         )
         chosen = np.asarray(kept, np.int64).reshape(-1)
-        boxes: Floats = np.hstack([corners, corners + sizes])[chosen]
+        boxes = np.asarray(np.hstack([corners, corners + sizes])[chosen], np.float32)
         own = likely[chosen]
         return boxes, scores[own], kinds[own], columns[own, 4 + count :]
 
