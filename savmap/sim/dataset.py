@@ -9,7 +9,8 @@ import argparse
 import importlib
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -107,12 +108,12 @@ def samples(
     count: int,
     kind: Kind | Literal["mixed"],
     classes: Sequence[str] = CLASSES,
-    plugins: Sequence[str] = (),
+    scene_of: Callable[[int], Scene] = random_scene,
 ) -> Iterator[tuple[str, Image, Mask]]:
-    """`count` named pictures with masks; the same seed gives the same."""
+    """`count` named pictures with masks, of the scenes that `scene_of` makes of seeds; the same seed gives the same."""
     for index in range(0, count, _VIEWS_A_SCENE):
         rng = np.random.default_rng([seed, index])
-        built = build(random_place(seed * 1_000_003 + index, plugins))
+        built = build(scene_of(seed * 1_000_003 + index))
         scene = renderer(built)
         for view in range(index, min(index + _VIEWS_A_SCENE, count)):
             ceiling = rng.random() < _CEILING_SHARE
@@ -142,12 +143,12 @@ def write(
     count: int,
     kind: Kind | Literal["mixed"],
     classes: Sequence[str] = CLASSES,
-    plugins: Sequence[str] = (),
+    scene_of: Callable[[int], Scene] = random_scene,
 ) -> None:
     """Writes a labelled data set; pictures that are there already are kept."""
     about = {"format": "savmap-dataset", "version": 1, "classes": list(classes), "renderer": "savmap.sim, ray cast"}
     write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
-    for name, picture, mask in samples(seed, count, kind, classes, plugins):
+    for name, picture, mask in samples(seed, count, kind, classes, scene_of):
         write_picture(folder / "masks" / f"{name}.png", mask)
         flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
         bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
@@ -165,7 +166,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
     options = parser.parse_args(arguments)
     try:
-        write(options.output, options.seed, options.count, options.kind, options.classes.split(","), options.plugin)
+        scene_of = partial(random_place, plugins=options.plugin)
+        write(options.output, options.seed, options.count, options.kind, options.classes.split(","), scene_of)
     except SavmapError as error:
         print(error, file=sys.stderr)
         raise SystemExit(error.exit_code) from error
