@@ -25,7 +25,7 @@ from savmap.sim.raycast import Caster, Hits
 from savmap.sim.scene import Look
 from savmap.sim.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
 
-CLASSES = ("upright", "beam", "light")
+CLASSES = ("upright", "beam", "light", "sign")
 WIDTH, HEIGHT = 640, 480
 IGNORED = 255
 
