@@ -68,7 +68,9 @@ def _put(
     drawn = cv2.warpPerspective(small, warp, (width, height), borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
     around = picture[share > 0.5].astype(np.float32).mean()
     light = float(np.clip(around / 120, 0.25, 1.3)) * float(rng.uniform(0.7, 1.3))
-    slope = rng.normal(0, 0.0012, 2) @ np.stack([np.mgrid[:height, :width][k] - quad.mean(0)[1 - k] for k in (0, 1)]).reshape(2, -1)
+    slope = rng.normal(0, 0.0012, 2) @ np.stack(
+        [np.mgrid[:height, :width][k] - quad.mean(0)[1 - k] for k in (0, 1)]
+    ).reshape(2, -1)
     lit = drawn * (light * np.clip(1 + slope, 0.5, 1.5).reshape(height, width, 1)) + rng.normal(0, 3, drawn.shape)
     blended = picture + share[..., None] * (np.clip(lit, 0, 250) - picture)
     return np.round(blended).astype(np.uint8), np.where(share > 0.5, 1, mask).astype(np.uint8)
