@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap import run
 from savmap.io.files import write_text
 from savmap.io.mapfile import read_map
@@ -29,7 +28,7 @@ from savmap.sim.random_row import random_row
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.types import Floats, Structure
+from savmap.types import Structure
 from savmap_signs.evaluate import match, said
 from savmap_signs.random_plates import starts
 from savmap_signs.survey import SurveyedSign, read_row

@@ -14,6 +14,7 @@ SIGMA_FOUND_PX, SIGMA_MASK_PX = 0.35, 1.5
 LEAST_SHARE = 0.5
 SAMPLES = 40
 CLOSE_PX = 1.0
+LEAST_CHANGE = 1.0
 
 
 def refined(panorama: Panorama, spec: ViewSpec, quad: Floats) -> tuple[Floats, Floats]:
@@ -76,9 +77,9 @@ def _fitted(along: Floats, across: Floats, strength: Floats, close: float) -> tu
     off = np.abs(across[None] - heights[:, None] - slopes[:, None] * (along - middle)[None])
     score = (np.clip(1 - off / close, 0, 1) * np.minimum(strength, 4.0)).sum(axis=1)
     best = int(score.argmax())
-    near = off[best] < close
+    near = (off[best] < close) & (strength > LEAST_CHANGE)
     if near.sum() < LEAST_SHARE * count:
-        return 0.0, float(np.median(across)), False
+        return 0.0, 0.0, False
     slope, height = np.polyfit(along[near] - middle, across[near], 1)
     return float(slope), float(height), True
 

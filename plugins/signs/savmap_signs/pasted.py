@@ -36,7 +36,7 @@ def pasted(picture: Picture, fronts: NDArray[np.bool_], rng: np.random.Generator
         on_front = len(places) and rng.random() > HUNG_SHARE
         row, column = places[rng.integers(len(places))] if on_front else rng.uniform(0, 1, 2) * mask.shape
         quad, plate = _plate(rng, style, number, scale * float(rng.uniform(0.7, 1.5)))
-        picture, mask = _put(picture, mask, plate, quad + [column, row], rng)
+        picture, mask = _put(picture, mask, plate, quad + np.array([column, row]), rng)
     return picture, mask
 
 

@@ -74,7 +74,7 @@ def texts(image: Grey) -> dict[str, float]:
 
 
 def _name(form: Any) -> str:
-    return str(form).rpartition(".")[2]
+    return str(form).rpartition(".")[2].replace(" ", "")
 
 
 @lru_cache(maxsize=1)
