@@ -19,6 +19,7 @@ class Signs:
     classes = ("sign",)
     model = Path(__file__).parent / "model" / "signs.int8.onnx"
     Config = Settings
+    libraries = ("rapidocr", "zxing-cpp")
     scale_settings = ("sizes_m",)
     after_pixels = ("pattern", "least_confidence", "shape", "shape_sigma_m", "sizes_m", "size_sigma_m", "parallel")
 
