@@ -133,7 +133,7 @@ def test_structures_may_be_related_to_what_others_mapped() -> None:
         "thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("middle",), np.zeros((0, 2), dtype=np.int64)
     )
 
-    def relate(structures: Any, others: Any) -> list[Structure]:
+    def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
         return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
 
     assert room_of("made-up", plugin(), Config()).relate([point], {"rack": [point]}) == (point,)

@@ -9,7 +9,7 @@ from savmap_signs.patches import Patch, patch_of, source_size
 
 FINENESS = 2.0
 MARGIN = 0.35
-REACH_PX = 1.6
+REACH_PX = 2.2
 SIGMA_FOUND_PX, SIGMA_MASK_PX = 0.35, 1.5
 LEAST_SHARE = 0.5
 SAMPLES = 40
