@@ -97,7 +97,7 @@ def main() -> None:
     timed_frames()
     timed(observe, "aim_pass", "aim")
     timed(Renderer, "render", "render (with the aim's)")
-    timed(OnceSegmenter, "probabilities", "segment (with the aim's)")
+    timed(OnceSegmenter, "see", "segment (with the aim's)")
     timed(Room, "extract", "extract (with the aim's)")
     timed(Room, "track", "track")
     timed(Room, "constrain", "constrain")

@@ -129,7 +129,7 @@ def map_here(site: Path, target: Path) -> None:
     timed(observe, "aim_pass", "aim", time.process_time)
     timed(observe.Walk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)
-    timed(OnceSegmenter, "probabilities", "segment", time.thread_time)
+    timed(OnceSegmenter, "see", "segment", time.thread_time)
     timed(observe.Walk, "_frame", "plugins", time.thread_time)
     timed(work, "solve", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:

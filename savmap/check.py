@@ -78,11 +78,11 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     if unset:
         yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
         return
-    dark = list(checks.networks(job))
-    yield from dark
+    networks = list(checks.networks(job))
+    yield from networks
     yield from checks.references(job)
     yield from checks.survey(job)
-    if not dark:
+    if not any(isinstance(one, SavmapError) for one in networks):
         yield from _looked(job, footage, pictures)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from savmap.errors import ModelError, OutputError, SavmapError, SiteError, SolveError, StructureError, VideoError
@@ -14,7 +15,7 @@ from savmap.io.video import expected_frames, probe
 from savmap.io.where import is_url
 from savmap.job import Job, prepare, rooms_for
 from savmap.observe import MIN_FRAMES, clip_of, pass_names
-from savmap.settings import tells_scale
+from savmap.settings import settings_problems, tells_scale
 from savmap.site import Pass
 from savmap.stages.markers import MarkerWatch
 
@@ -31,22 +32,38 @@ class Footage:
     frames: int
 
 
+def require_ready(job: Job) -> None:
+    """Refuse at once what would fail after minutes of work, with its place in the site file.
+
+    Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, StructureError for too few
+    frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that cannot be read.
+    """
+    settings = settings_problems(job.site, job.plugins, job.places)
+    for problem in chain(settings, footage(job), references(job), survey(job)):
+        if isinstance(problem, SavmapError):
+            raise problem
+
+
 def placed(error: SavmapError, places: Places, location: Location) -> SavmapError:
     """An error with the place in the site file that it comes from put before it."""
     place = places.of(location)
     return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
 
 
-def networks(job: Job) -> Iterator[SavmapError]:
-    """Networks that cannot be loaded, or do not give their plugin's classes."""
-    tried = set[tuple[str, Path]]()
+def networks(job: Job) -> Iterator[SavmapError | str]:
+    """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what kind it is and
+    on what it runs."""
+    tried = set[tuple[str, Path, str]]()
     for row in job.site.rows:
         for room in rooms_for(job, row):
-            if (room.name, room.model) in tried:
+            key = (room.name, room.model, str(room.class_names))
+            if key in tried:
                 continue
-            tried.add((room.name, room.model))
+            tried.add(key)
             try:
-                Eyes([room])
+                network = Eyes([room]).networks[room.name]
+                yield f"network of {room.name}: {network}"
+                yield from [network.note] if network.note else []
             except ModelError as error:
                 own = "model" in job.site.rows[row].plugins.get(room.name, {})
                 at = ("plugins", room.name, "model")
@@ -69,7 +86,8 @@ def references(job: Job) -> Iterator[SavmapError]:
                     yield problem
         if job.earlier is None and not tells_scale(job.site, row, job.plugins):
             text = (
-                "the map's scale is not known; give the camera's height, a length or a marker (see docs/site-file.md)"
+                "the map's scale is not known; give the camera's height (--camera-height with a video), a length or a marker "
+                "(see docs/site-file.md)"
             )
             yield placed(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
 

@@ -16,10 +16,8 @@ MIN_PIXELS = 12
 
 @hookimpl(trylast=True)
 def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
-    """Connected regions of the network's classes above the threshold."""
-    from savmap.stages.segment import detections
-
-    return detections(segmenter.probabilities(view.image), segmenter.classes, threshold, MIN_PIXELS)
+    """Connected regions of the network's classes above the threshold, instance by instance where it tells them apart."""
+    return segmenter.detections(view.image, threshold, MIN_PIXELS)
 
 
 @hookimpl(trylast=True)

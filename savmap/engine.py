@@ -122,7 +122,7 @@ def pose(row: Row, rooms: Sequence[Room], seen: Observations, monitor: Monitor) 
     for note in followed.notes:
         monitor.note(note)
     problem = merge(frames, *followed.every)
-    monitor.note(f"row {row.name}: {len(seen.facts.frames)} poses and {len(problem.keys)} points to solve for")
+    monitor.note(f"row {row.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
     return Posed(row, rooms, seen, followed, problem)
 
 

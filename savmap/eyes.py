@@ -1,29 +1,45 @@
 """The rooms' networks: each loaded once, each picture shown to it once."""
 
+import logging
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import ModelError
 from savmap.rooms import Room
+from savmap.stages.networks.adapter import Sight
+from savmap.stages.networks.choose import few
 from savmap.stages.segment import Segmenter
 from savmap.types import Detection, View
 
+log = logging.getLogger("savmap")
+Wish = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
+
 
 class Eyes:
-    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once."""
+    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once.
+
+    `notes`: a line for each network that does not run on the processor, or not where it was asked to.
+    """
 
     def __init__(self, rooms: Sequence[Room]) -> None:
-        networks = {path: OnceSegmenter(path, 1) for path in dict.fromkeys(room.model for room in rooms)}
-        self.networks = {room.name: networks[room.model] for room in rooms}
+        wishes = {room.name: _wish(room) for room in rooms}
+        networks = {
+            wish: _network(wish, [room for room in rooms if wishes[room.name] == wish]) for wish in wishes.values()
+        }
+        self.networks = {room.name: networks[wishes[room.name]] for room in rooms}
+        self.notes = tuple(dict.fromkeys(line for network in networks.values() for line in _notes(network)))
         for room in rooms:
-            missing = set(room.classes) - set(self.networks[room.name].classes)
+            network = self.networks[room.name]
+            missing = sorted(set(room.classes) - set(network.classes))
             if missing:
                 raise ModelError(
-                    f"{room.model}: the network does not give `{sorted(missing)[0]}`, which `{room.name}` needs"
+                    f"{room.model}: the network does not give `{missing[0]}`, which `{room.name}` needs; it gives "
+                    f"{few(network.names)}: say with `class_names` which of them it is"
                 )
 
     def see(self, room: Room, view: View) -> list[Detection]:
@@ -33,19 +49,36 @@ class Eyes:
     def look_ahead(self, room: Room, view: View) -> None:
         """Ask the network now about what the room will detect; nothing where the room has its own way to detect."""
         if not hasattr(room.plugin, "detect"):
-            self.networks[room.name].probabilities(view.image)
+            self.networks[room.name].see(view.image)
 
 
 class OnceSegmenter(Segmenter):
     """A segmenter that remembers what it said of a picture for as long as that is in use: so rooms which share a view share
     its inference, and it may be asked ahead of them, by other threads."""
 
-    def __init__(self, path: Path, threads: int) -> None:
-        super().__init__(path, threads)
-        self._said: dict[int, NDArray[np.float32]] = {}
+    def __init__(self, *network: Any) -> None:
+        super().__init__(*network)
+        self._said: dict[int, Sight] = {}
 
-    def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def see(self, image: NDArray[np.uint8]) -> Sight:
         if id(image) not in self._said:
-            self._said[id(image)] = super().probabilities(image)
+            self._said[id(image)] = super().see(image)
             weakref.finalize(image, self._said.pop, id(image), None).atexit = False
         return self._said[id(image)]
+
+
+def _wish(room: Room) -> Wish:
+    return room.model, tuple(sorted(room.class_names.items())), room.providers
+
+
+def _network(wish: Wish, rooms: Sequence[Room]) -> OnceSegmenter:
+    path, class_names, providers = wish
+    wanted = {name for room in rooms for name in room.classes}
+    network = OnceSegmenter(path, 1, dict(class_names), wanted, providers)
+    log.info("network of %s: %s", " and ".join(room.name for room in rooms), network)
+    return network
+
+
+def _notes(network: Segmenter) -> Sequence[str]:
+    told = [] if network.provider == "cpu" else [f"network {network}"]
+    return [*told, *([network.note] if network.note else [])]

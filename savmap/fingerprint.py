@@ -18,9 +18,10 @@ from savmap.io.mapfile import map_text
 from savmap.job import Job, rooms_for
 from savmap.rooms import Room
 from savmap.site import Pass
+from savmap.stages.networks.providers import choose, runtime_version
 from savmap.types import SiteMap
 
-LIBRARIES = ("av", "gtsam", "numpy", "onnxruntime", "opencv-python-headless", "scipy")
+LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
 ELSEWHERE = {"sim", "train", "report", "testing"}
 ENDS = 1 << 20
 
@@ -65,7 +66,10 @@ def code(rooms: Sequence[Room]) -> str:
     return _digest(
         savmap=_sources(Path(__file__).parent),
         plugins=[_sources(place) for place in plugins],
-        libraries={name: _version(name) for name in sorted({*LIBRARIES, *named})},
+        libraries={
+            **{name: _version(name) for name in sorted({*LIBRARIES, *named})},
+            "onnxruntime": runtime_version(),
+        },
     )
 
 
@@ -92,7 +96,8 @@ def _room(room: Room, pixels_only: bool) -> dict[str, Any]:
         "name": room.name,
         "plugin": f"{type(room.plugin).__module__}.{type(room.plugin).__qualname__}",
         "settings": settings.model_dump(mode="json", exclude=later | {"model"}),
-        "model": _file(room.model),
+        "model": _file(room.model_file),
+        "providers": choose(room.providers).names,
     }
 
 

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from savmap.errors import OutputError, SiteError, SolveError
+from savmap.errors import OutputError, SiteError
 from savmap.io.files import reason
 from savmap.io.overrides import Override
 from savmap.io.sitefile import draft_of, read_draft, site_of
 from savmap.io.siteplaces import Places
 from savmap.rooms import Room, installed, open_rooms
-from savmap.settings import settings_problems, tells_scale
 from savmap.site import Site
 
 VIDEO_ROW = "1"
@@ -81,34 +80,9 @@ def _in_metres(height: float) -> str:
     return f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
 
 
-def require_ready(job: Job) -> None:
-    """Refuse at once what would fail after minutes of work.
-
-    Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, OutputError for a
-    survey that cannot be read, SolveError where nothing that was given could fix the scale.
-    """
-    from savmap.io.clip import time_range
-    from savmap.io.survey import read_survey
-    from savmap.io.video import probe
-    from savmap.observe import clip_of
-
-    for problem in settings_problems(job.site, job.plugins, job.places):
-        raise problem
-    for name, row in job.site.rows.items():
-        for clip in map(clip_of, row.passes):
-            time_range(clip, probe(clip.path, clip.images_fps).duration_s)
-        if job.earlier is None and not tells_scale(job.site, name, job.plugins):
-            raise SolveError(
-                f"row {name}: the map's scale is not known; give the camera's height (--camera-height with a video) "
-                "or another reference in a site file (see docs/site-file.md)"
-            )
-    if job.site.survey is not None:
-        read_survey(job.site.survey)
-
-
 def rooms_for(job: Job, row: str) -> Sequence[Room]:
     """The job's plugins, each with its settings for one row."""
-    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source))
+    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source), job.site.providers)
 
 
 def prepare(folder: Path) -> None:

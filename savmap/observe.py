@@ -133,6 +133,7 @@ def observe(
     eyes, renderer = Eyes(rooms), Renderer()
     known = dict(attitudes or {})
     walk = Walk(rooms, eyes, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
+    walk.notes += eyes.notes
     for name, one in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: aiming the views")
         aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))

@@ -46,12 +46,14 @@ def load_class(name: str) -> Any:
 
 @dataclass(frozen=True)
 class Room:
-    """One plugin at work: its instance, its config, and the manager that asks it (and the defaults) alone."""
+    """One plugin at work: its instance, its config, the manager that asks it (and the defaults) alone, and the execution
+    providers that its network is to run on (none: the automatic choice)."""
 
     name: str
     plugin: Any
     config: BaseModel
     manager: pluggy.PluginManager = field(repr=False)
+    providers: tuple[str, ...] = ()
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -64,9 +66,21 @@ class Room:
         return Path(getattr(self.config, "model", None) or self.plugin.model)
 
     @property
+    def model_file(self) -> Path:
+        """The network's file that the room's first execution provider takes: `model`, or the one in float32 that lies beside it."""
+        from savmap.stages.networks.providers import choose, file_for
+
+        return file_for(self.model, choose(self.providers).names[0])
+
+    @property
     def threshold(self) -> float:
         """Confidence above which a pixel belongs to a class."""
         return float(getattr(self.config, "threshold", 0.5))
+
+    @property
+    def class_names(self) -> Mapping[str, str]:
+        """What the network's classes are called here, by their own names or numbers, where the config says so."""
+        return dict(getattr(self.config, "class_names", {}))
 
     def ask(self, hook: str, expected: type, **arguments: Any) -> Any:
         """What the plugin answers to a hook; PluginError if it raises or the answer is not of the expected type."""
@@ -132,17 +146,19 @@ class Room:
         return self.ask_list("shared", SharedThing, structures=structures)
 
 
-def open_room(name: str, config: Mapping[str, Any], where: str = "options") -> Room:
+def open_room(name: str, config: Mapping[str, Any], where: str = "options", providers: tuple[str, ...] = ()) -> Room:
     """A room for an installed plugin.
 
     Raises PluginError for an unknown or broken plugin, SiteError for a config it does not take.
     """
     plugin_class = load_class(name)
     settings = validated(plugin_class.Config, config, f"{where}: plugins.{name}")
-    return room_of(name, plugin_class, settings)
+    return room_of(name, plugin_class, settings, providers)
 
 
-def room_of(name: str, plugin_class: Callable[[Any], Any], settings: BaseModel) -> Room:
+def room_of(
+    name: str, plugin_class: Callable[[Any], Any], settings: BaseModel, providers: tuple[str, ...] = ()
+) -> Room:
     """A room for a plugin's class and its validated config. Raises PluginError for a hook that does not exist."""
     try:
         plugin = plugin_class(settings)
@@ -155,12 +171,14 @@ def room_of(name: str, plugin_class: Callable[[Any], Any], settings: BaseModel) 
         raise
     except Exception as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {error}") from error
-    return Room(name, plugin, settings, manager)
+    return Room(name, plugin, settings, manager, providers)
 
 
-def open_rooms(names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str) -> Sequence[Room]:
+def open_rooms(
+    names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str, providers: tuple[str, ...] = ()
+) -> Sequence[Room]:
     """Rooms for the named plugins, in that order, each once."""
-    return [open_room(name, configs(name), where) for name in dict.fromkeys(names)]
+    return [open_room(name, configs(name), where, providers) for name in dict.fromkeys(names)]
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:

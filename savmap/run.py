@@ -6,14 +6,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from savmap import checks
 from savmap.errors import RowsFailedError, SavmapError, SiteError
 from savmap.fingerprint import drawn_print
 from savmap.io.files import sha256, write_text
 from savmap.io.survey import read_survey
-from savmap.job import Job, job_for, prepare, require_ready, rooms_for
+from savmap.job import Job, job_for, prepare, rooms_for
 from savmap.mapping import Way, mapped_rows
 from savmap.runlog import RunLog, write_log
 from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
+from savmap.stages.networks.providers import runtime_version
 from savmap.store import Store, file_name, locked
 from savmap.types import RowMap, SiteMap
 
@@ -35,7 +37,7 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     from savmap.console import Console
 
     way = way or Way()
-    require_ready(job)
+    checks.require_ready(job)
     prepare(job.output)
     with locked(job.output), Console(job.output / "savmap.log") as console:
         mapped = mapped_rows(job, way, console)
@@ -75,8 +77,8 @@ def _failures(job: Job, failed: Mapping[str, SavmapError]) -> str:
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
-    models = {f"model {room.name}": sha256(room.model) for room in rooms_for(job, first)}
-    return {**{name: version(name) for name in ("savmap", "gtsam", "onnxruntime")}, **models}
+    models = {f"model {room.name}": sha256(room.model_file) for room in rooms_for(job, first)}
+    return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
 
 
 def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterator[str]:

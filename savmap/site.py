@@ -17,6 +17,7 @@ from savmap.sitesections import (
     Metres,
     PanoramaSection,
     PlaceSection,
+    Providers,
     ReferenceSection,
     ShutterSection,
     Sigma,
@@ -136,6 +137,9 @@ class Site(Strict):
     """Sampling rate of passes that name none (15)."""
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
+    providers: Providers = ()
+    """Execution providers that networks run on, the first that there is. Default: CUDA or OpenVINO where onnxruntime has them, else
+    the processor."""
     survey: Where | None = None
     """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
     joint: bool = True

@@ -42,6 +42,17 @@ Where = Annotated[
 """A path or URL in a site file."""
 
 
+def _several(value: object) -> object:
+    return [part.strip() for part in value.split(",")] if isinstance(value, str) else value
+
+
+Provider = Literal["cpu", "cuda", "tensorrt", "openvino", "coreml"]
+Providers = Annotated[
+    tuple[Provider, ...], BeforeValidator(_several, json_schema_input_type=Provider | tuple[Provider, ...])
+]
+"""Execution providers of onnxruntime, one or more; as text with commas between."""
+
+
 class Strict(BaseModel):
     """A section of a site file: unknown keys are refused."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import PluginError, SavmapError, SiteError
+from savmap.errors import ModelError, PluginError, SavmapError, SiteError
 from savmap.job import prepare
 from savmap.rooms import exporters, installed, load_class
 from savmap.types import ViewSpec
@@ -20,7 +20,20 @@ def plugin_lines() -> Iterator[str]:
         yield f"{name}  ({point.value})"
         yield f"  classes  {', '.join(plugin.classes)}"
         yield f"  model    {plugin.model}"
+        yield f"  network  {_network(plugin.model)}"
         yield f"  hooks    {', '.join(hooks)}"
+
+
+def _network(model: Path) -> str:
+    """Of what kind a plugin's network is, and on what it runs; what is wrong with it where it cannot be read."""
+    from savmap.stages.networks.choose import few
+    from savmap.stages.segment import Segmenter
+
+    try:
+        network = Segmenter(model)
+    except ModelError as error:
+        return str(error)
+    return f"{network}; gives {few(network.names)}"
 
 
 def schema(name: str) -> str:

@@ -1,8 +1,9 @@
 """Checking what a file says against a pydantic model, with one line for the first thing that is wrong."""
 
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, ValidationError
 
 from savmap.errors import OutputError
 
@@ -10,6 +11,14 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+def _with_text_keys(value: object) -> object:
+    return {str(key): name for key, name in value.items()} if isinstance(value, Mapping) else value
+
+
+ClassNames = Annotated[Mapping[str, str], BeforeValidator(_with_text_keys)]
+"""A plugin's setting `class_names`: what its network's classes, by name or by number from 0, are called by the plugin."""
 
 
 def checked(model: type[Model], content: object, where: str) -> Model:

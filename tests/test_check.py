@@ -53,7 +53,7 @@ def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 def told(folder: Path, text: str, pictures: bool = False, output: str = "out") -> tuple[list[str], int]:
-    """The lines of a check, places relative to the folder, and its exit code."""
+    """The lines of a check but for those of sound networks, places relative to the folder, and its exit code."""
     (folder / "site.yaml").write_text(text, encoding="utf-8")
     lines: list[str] = []
     code = 0
@@ -62,7 +62,14 @@ def told(folder: Path, text: str, pictures: bool = False, output: str = "out") -
             lines.append(line.replace(f"{folder}/", ""))
     except CheckError as error:
         code = error.exit_code
-    return lines, code
+    return [line for line in lines if not line.startswith("network of ")], code
+
+
+def test_networks_are_told_with_their_kind_and_provider(folder: Path) -> None:
+    (folder / "site.yaml").write_text("providers: [openvino, cpu]\n" + GOOD, encoding="utf-8")
+    lines = list(check(folder / "site.yaml", None, folder / "out", pictures=False))
+    (said,) = [line for line in lines if line.startswith("network of ")]
+    assert said.startswith("network of shelves: shelves.int8.onnx: semantic, 640x480, on ")
 
 
 def test_nothing_wrong(folder: Path) -> None:

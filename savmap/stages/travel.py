@@ -41,6 +41,14 @@ def travel_directions(
     return first, second, -first, -second
 
 
+def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
+    """By what angle things straight ahead move in a view across the way from one used frame to the next; nan where not known."""
+    view = _turned(spec, 0.0)
+    shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
+    known = shifts[np.isfinite(shifts)]
+    return float(np.median(known) / view.camera[0, 0]) if len(known) else float("nan")
+
+
 def _motion(shifts: Floats) -> Floats:
     """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are nan."""
     known = np.isfinite(shifts)

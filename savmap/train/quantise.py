@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
+from savmap.errors import ModelError
 from savmap.io.files import write_bytes
 from savmap.stages.segment import Segmenter, network_input
 from savmap.train.dataset import Sample, read_dataset, split
@@ -42,7 +43,9 @@ def quantise(model: Path, data: Sequence[Path], output: Path, count: int = 32, s
 
     Raises ModelError for a model that is none of savmap's, OutputError for a data set that cannot be read.
     """
-    segmenter = Segmenter(model)
+    segmenter = Segmenter(model, providers=("cpu",))
+    if segmenter.kind != "semantic" or segmenter.input_size is None:
+        raise ModelError(f"{model}: is {segmenter.kind}; only networks that `savmap train` wrote are quantised here")
     training = [one for folder in data for one in split(read_dataset(folder, segmenter.classes).samples)[0]]
     chosen = np.random.default_rng(seed).choice(len(training), min(count, len(training)), replace=False)
     pictures = Pictures([training[number] for number in chosen], segmenter.input_size)

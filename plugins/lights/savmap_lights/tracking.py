@@ -68,7 +68,7 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     seen, line_z = _nearest_line(seen, height_m)
     x = seen.at(height_m)[:, 0]
     lamps = link.peaks(x[seen.is_centre], SAME_LAMP_M, MIN_SUPPORT)
-    hits = np.array([(np.abs(x[seen.is_centre] - lamp) <= SAME_LAMP_M).sum() for lamp in lamps])
+    hits = np.array([len(np.unique(seen.frames[seen.is_centre & (np.abs(x - lamp) <= SAME_LAMP_M)])) for lamp in lamps])
     shown = _shown(np.array([[lamp, height_m, line_z] for lamp in lamps]).reshape(-1, 3), facts, start)
     lamps = lamps[hits >= LEAST_SHARE * shown]
     if len(lamps) == 0:

@@ -13,6 +13,7 @@ import numpy as np
 
 from savmap.stages.aim import Face, Manual, Scout, choose_face, tilted
 from savmap.stages.fit import Fitted, fit_count, fit_height
+from savmap.stages.travel import parallax_rad
 from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
 
 See = Callable[[View], list[Detection]]
@@ -20,6 +21,7 @@ Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
 MOSTLY = 0.6
 REMEMBERED = 20
+ENOUGH_FRAMES, LARGEST_STEP_RAD = 100, 0.13
 HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
@@ -42,6 +44,16 @@ def aim_at_face(
     wide = widened(scout, whole.spec, lambda view: uprights(extract(view, see(view))), by_hand)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
     return Aim((wide.spec,), face.world_from_rig, face.travel, notes)
+
+
+def apart(scout: Scout, spec: ViewSpec) -> int:
+    """In each of how many frames the view is looked at: four or two where a long pass is so slow that little moves between.
+
+    Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
+    """
+    step = parallax_rad(scout.pairs, spec, scout.renderer)
+    slow = (many for many in (4, 2) if scout.frames >= many * ENOUGH_FRAMES and many * step <= LARGEST_STEP_RAD)
+    return next(slow, 1)
 
 
 def remembering(see: See) -> See:

@@ -1,6 +1,7 @@
 """Racks: uprights and beams of a shelf face, as a plugin of savmap."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,6 +22,7 @@ from savmap.types import (
     Trajectory,
     View,
 )
+from savmap.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=50)]
@@ -58,8 +60,13 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
     """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
+    every: Annotated[int, Field(gt=0)] | None = None
+    """The face is looked at in each so many of the frames used. Default: two or four in a long pass so slow that things
+    move by no more than 7.4 degrees between looks."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
     """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
     bay_pitch_m: BayPitch | None = None
@@ -91,9 +98,11 @@ class Shelves:
         side: Literal["left", "right"] | None,
         manual: Mapping[str, Any],
     ) -> Aim:
-        from savmap_shelves.aim import aim_at_face
+        from savmap_shelves.aim import aim_at_face, apart
 
-        return aim_at_face(scout, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
+        aim = aim_at_face(scout, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
+        every = self.config.every or apart(scout, aim.views[0])
+        return replace(aim, views=tuple(replace(view, every=every) for view in aim.views))
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:

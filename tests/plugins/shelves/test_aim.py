@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from savmap.geometry import pinhole
 from savmap.stages.aim import Face, Manual, Scout
 from savmap.stages.render import Renderer
+from savmap.stages.travel import parallax_rad
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
-from savmap_shelves.aim import halves, remembering, uprights, widened
+from savmap_shelves.aim import apart, halves, remembering, uprights, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -18,6 +20,28 @@ SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 def scout() -> Scout:
     keys = tuple(Panorama(k, k / 10, np.zeros((32, 64, 3), dtype=np.uint8)) for k in range(5))
     return Scout(keys, (), Renderer(), np.eye(3))
+
+
+def turned_pair(angle_rad: float) -> tuple[Panorama, Panorama]:
+    """Two panoramas of spots, between which all of them move by an angle along the horizon."""
+    spots = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
+    image = cv2.resize(spots, (1024, 512), interpolation=cv2.INTER_CUBIC)
+    return Panorama(0, 0.0, image), Panorama(1, 0.1, np.roll(image, round(angle_rad / (2 * np.pi) * 1024), axis=1))
+
+
+@pytest.mark.parametrize(
+    ("angle_rad", "frames", "every"),
+    [(0.024, 855, 4), (0.024, 250, 2), (0.024, 150, 1), (0.045, 855, 2), (0.15, 855, 1)],
+)
+def test_a_slow_pass_is_looked_at_less_often(scout: Scout, angle_rad: float, frames: int, every: int) -> None:
+    slow = replace(scout, pairs=(turned_pair(angle_rad),), frames=frames)
+    assert angle_rad * 0.9 < parallax_rad(slow.pairs, SPEC, slow.renderer) < angle_rad * 1.4
+    assert apart(slow, SPEC) == every
+
+
+def test_a_pass_whose_motion_is_not_seen_is_looked_at_in_every_frame(scout: Scout) -> None:
+    assert apart(replace(scout, frames=855), SPEC) == 1
+    assert apart(replace(scout, pairs=(scout.keys[:2],), frames=855), SPEC) == 1  # type: ignore[arg-type]
 
 
 def two_from(hfov_deg: float, view: View) -> int:

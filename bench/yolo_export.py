@@ -1,0 +1,129 @@
+"""A real YOLO-seg export of savmap's classes, in an environment of its own that has ultralytics (AGPL-3.0; savmap does not need it).
+
+    python -m venv yolo && yolo/bin/pip install ultralytics onnx onnxruntime && yolo/bin/pip install -e .
+    yolo/bin/python bench/yolo_export.py set data/yolo --data data/fast --data data/traced --data data/face
+    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 30 -o racks.onnx
+    yolo/bin/python bench/yolo_export.py compare racks.onnx data/yolo/images/val
+
+`set` turns labelled pictures into a YOLO-seg set; `train` trains from the architecture's file alone, without anyone's weights, and exports; `compare` reads
+pictures with savmap and with ultralytics itself and says how far their masks agree.
+"""
+
+import argparse
+import importlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.stages.segment import Segmenter
+from savmap.train.dataset import read_dataset, split
+
+CLASSES = ("upright", "beam")
+LEAST_AREA_PX = 20.0
+SMOOTH_PX = 0.5
+
+
+def yolo(model: Path | str) -> Any:
+    """ultralytics' model. Ends with a line where it is not installed."""
+    try:
+        return importlib.import_module("ultralytics").YOLO(str(model), task="segment")
+    except ModuleNotFoundError:
+        raise SystemExit("ultralytics is not installed here; see the head of this file") from None
+
+
+def outlines(mask: NDArray[np.uint8]) -> Iterator[str]:
+    """Lines of a YOLO-seg label file: the number of the class and the outline, 0..1, of each connected region; holes are filled."""
+    height, width = mask.shape
+    for number in range(len(CLASSES)):
+        found, _ = cv2.findContours((mask == number + 1).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        for contour in found:
+            outline = cv2.approxPolyDP(contour, SMOOTH_PX, closed=True)[:, 0]
+            if cv2.contourArea(contour) >= LEAST_AREA_PX and len(outline) > 2:
+                places = ((outline + 0.5) / (width, height)).ravel()
+                yield f"{number} {' '.join(f'{place:.5f}' for place in places)}"
+
+
+def make_set(folders: Sequence[Path], output: Path) -> None:
+    """A YOLO-seg set of the pictures that show a class, with the data sets' own split."""
+    for folder in folders:
+        for name, samples in zip(("train", "val"), split(read_dataset(folder, CLASSES).samples), strict=True):
+            for kind in ("images", "labels"):
+                (output / kind / name).mkdir(parents=True, exist_ok=True)
+            for sample in samples:
+                picture, mask = sample.load()
+                if lines := list(outlines(mask)):
+                    own = f"{folder.name}-{sample.image.stem}"
+                    cv2.imwrite(str(output / "images" / name / f"{own}.jpg"), picture[:, :, ::-1])
+                    (output / "labels" / name / f"{own}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    names = ", ".join(f"{number}: {name}" for number, name in enumerate(CLASSES))
+    text = f"path: {output.absolute()}\ntrain: images/train\nval: images/val\nnames: {{{names}}}\n"
+    (output / "data.yaml").write_text(text, encoding="utf-8")
+
+
+def train(data: Path, architecture: str, minutes: float, size: int, output: Path) -> None:
+    """Train from nothing for so many minutes, and export."""
+    model = yolo(architecture)
+    settings = {"device": "cpu", "workers": 0, "batch": 8, "amp": False, "plots": False, "val": False, "mosaic": 0.0}
+    folder = output.absolute().parent
+    model.train(data=str(data / "data.yaml"), time=minutes / 60, imgsz=size, project=str(folder), **settings)
+    export(yolo(model.trainer.last), output)
+
+
+def export(model: Any, output: Path) -> None:
+    """A model as an ONNX file for views of 640 x 480."""
+    Path(model.export(format="onnx", imgsz=[480, 640], simplify=False)).replace(output)
+
+
+def compare(export: Path, pictures: Sequence[Path]) -> None:
+    """Print the IoU of savmap's masks with ultralytics' own, class by class, over all pictures together."""
+    ours, theirs = Segmenter(export, 1, providers=("cpu",)), yolo(export)
+    both, either = np.zeros(len(ours.classes)), np.zeros(len(ours.classes))
+    instances = [0, 0]
+    for path in pictures:
+        picture = cv2.imread(str(path))
+        assert picture is not None
+        sight = ours.see(np.ascontiguousarray(picture[:, :, ::-1], np.uint8))
+        found = theirs.predict(picture, conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
+        kinds = found.boxes.cls.numpy().astype(int)
+        masks = np.zeros((0, *picture.shape[:2])) if found.masks is None else found.masks.data.numpy()
+        instances[0] += sum(int(owner.max()) for owner in sight.owners) if sight.owners is not None else 0
+        instances[1] += len(kinds)
+        for number in range(len(ours.classes)):
+            seen, told = sight.maps[number + 1] > 0.5, (masks[kinds == number] > 0.5).any(axis=0)
+            both[number] += (seen & told).sum()
+            either[number] += (seen | told).sum()
+    for name, value in zip(ours.classes, both / np.maximum(either, 1), strict=True):
+        print(f"{name}: IoU of savmap's and ultralytics' masks {value:.4f}")
+    print(f"instances: {instances[0]} and {instances[1]} in {len(pictures)} pictures")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    doing = parser.add_subparsers(dest="doing", required=True)
+    one = doing.add_parser("set")
+    one.add_argument("output", type=Path)
+    one.add_argument("--data", type=Path, action="append", required=True)
+    one = doing.add_parser("train")
+    one.add_argument("data", type=Path)
+    one.add_argument("--architecture", default="yolo11n-seg.yaml")
+    one.add_argument("--minutes", type=float, default=30.0)
+    one.add_argument("--size", type=int, default=640)
+    one.add_argument("-o", "--output", type=Path, required=True)
+    one = doing.add_parser("compare")
+    one.add_argument("model", type=Path)
+    one.add_argument("pictures", type=Path)
+    given = parser.parse_args()
+    if given.doing == "set":
+        make_set(given.data, given.output)
+    elif given.doing == "train":
+        train(given.data, given.architecture, given.minutes, given.size, given.output)
+    else:
+        compare(given.model, sorted(given.pictures.glob("*.jpg")))
+
+
+if __name__ == "__main__":
+    main()

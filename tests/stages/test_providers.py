@@ -1,0 +1,123 @@
+"""Execution providers: which are chosen, which file they run, what happens where one does not start. No accelerator is needed."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import onnxruntime
+import pytest
+
+from savmap.errors import ModelError
+from savmap.stages.networks.providers import PROVIDERS, choose, file_for
+from savmap.stages.networks.session import opened
+from savmap.stages.segment import Segmenter
+
+from .test_segment import GOOD, write_model
+
+CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
+OPENVINO, COREML = "OpenVINOExecutionProvider", "CoreMLExecutionProvider"
+REAL = onnxruntime.InferenceSession
+
+
+@pytest.mark.parametrize(
+    ("asked", "available", "chosen"),
+    [
+        ((), [CPU], ("cpu",)),
+        ((), ["AzureExecutionProvider", CPU], ("cpu",)),
+        ((), [TENSORRT, CUDA, CPU], ("cuda", "cpu")),
+        ((), [OPENVINO, CPU], ("openvino", "cpu")),
+        ((), [COREML, CPU], ("cpu",)),
+        (("cpu",), [CUDA, CPU], ("cpu",)),
+        (("cpu", "cuda"), [CUDA, CPU], ("cpu",)),
+        (("tensorrt", "cuda"), [TENSORRT, CUDA, CPU], ("tensorrt", "cuda", "cpu")),
+        (("coreml",), [COREML, CPU], ("coreml", "cpu")),
+    ],
+)
+def test_providers_by_name_or_by_what_there_is(
+    asked: Sequence[str], available: Sequence[str], chosen: Sequence[str]
+) -> None:
+    choice = choose(asked, available)
+    assert choice.names == chosen
+    assert not choice.note
+
+
+def test_one_that_is_not_there_is_told() -> None:
+    choice = choose(("tensorrt", "cuda"), [OPENVINO, CPU])
+    assert choice.names == ("cpu",)
+    assert choice.note == "tensorrt and cuda not in this onnxruntime, which has cpu, openvino"
+
+
+@pytest.mark.parametrize("first", PROVIDERS)
+def test_some_take_the_float_network_beside_one_of_integers(tmp_path: Path, first: str) -> None:
+    integers, floats, lonely = (tmp_path / name for name in ("a.int8.onnx", "a.onnx", "b.int8.onnx"))
+    floats.touch()
+    assert file_for(integers, first) == (floats if first in ("cuda", "tensorrt", "coreml") else integers)
+    assert file_for(lonely, first) == lonely
+    assert file_for(floats, first) == floats
+
+
+class Fake:
+    """In place of onnxruntime's session: notes which files it was given, and on the processor alone it is the real one."""
+
+    files: list[str]
+    starts: bool
+    silent: bool
+
+    def __init__(self, path: str, settings: Any, providers: list[tuple[str, Any]], enable_fallback: int) -> None:
+        Fake.files.append(f"{Path(path).name} on {providers[0][0]}")
+        if providers[0][0] != CPU and not Fake.silent and not Fake.starts:
+            raise RuntimeError("CUDA driver version is insufficient\nfor the runtime")
+        self.first = providers[0][0] if Fake.starts else CPU
+        self.real = REAL(path, settings, providers=[CPU])
+
+    def get_providers(self) -> list[str]:
+        return list(dict.fromkeys([self.first, CPU]))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.real, name)
+
+
+@pytest.fixture
+def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A network "of integers" with a float one beside it, and a fake session."""
+    monkeypatch.setattr(onnxruntime, "InferenceSession", Fake)
+    Fake.files, Fake.starts, Fake.silent = [], True, False
+    write_model(tmp_path / "m.onnx", GOOD)
+    return write_model(tmp_path / "m.int8.onnx", GOOD)
+
+
+def test_the_float_network_runs_on_cuda(model: Path) -> None:
+    network = opened(model, 1, (), [CUDA, CPU])
+    assert (network.provider, network.path.name, network.note) == ("cuda", "m.onnx", "")
+
+
+def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model: Path) -> None:
+    Fake.starts = False
+    network = opened(model, 1, ("cuda",), [CUDA, CPU])
+    assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
+    assert Fake.files == [f"m.onnx on {CUDA}", f"m.int8.onnx on {CPU}"]
+    assert network.note.endswith("cuda cannot run it (CUDA driver version is insufficient); it runs on cpu")
+    assert "\n" not in network.note
+
+
+def test_a_provider_that_silently_does_not_start_is_told(model: Path) -> None:
+    Fake.starts, Fake.silent = False, True
+    network = opened(model, 1, ("cuda",), [CUDA, CPU])
+    assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
+    assert network.note.endswith("cuda does not start here; it runs on cpu")
+
+
+def test_one_that_is_not_there_is_told_with_the_network(model: Path) -> None:
+    network = opened(model, 1, ("openvino",), [CPU])
+    assert network.provider == "cpu"
+    assert network.note == f"{model}: openvino not in this onnxruntime, which has cpu; it runs on cpu"
+
+
+def test_a_broken_file_is_the_same_error_whatever_the_provider(tmp_path: Path) -> None:
+    (tmp_path / "m.onnx").write_bytes(b"a text file, say")
+    with pytest.raises(ModelError, match="not a usable ONNX model"):
+        opened(tmp_path / "m.onnx", 1, ("cuda",), [CUDA, CPU])
+
+
+def test_a_segmenter_says_on_what_it_runs(model: Path) -> None:
+    assert str(Segmenter(model, providers=("cpu",))) == "m.int8.onnx: semantic, 64x48, on cpu"

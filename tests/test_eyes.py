@@ -1,0 +1,121 @@
+"""Rooms' networks: other people's names for classes, and execution providers from the site file to the session."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from savmap.errors import ModelError, SiteError
+from savmap.eyes import Eyes
+from savmap.hookspecs import hookimpl
+from savmap.io.overrides import overrides_of
+from savmap.job import job_for, rooms_for
+from savmap.rooms import Room, room_of
+from savmap.stages.networks import providers
+from savmap.types import Feature, View, ViewSpec
+from savmap.validation import ClassNames
+
+from .stages.made_up_networks import SIDE, picture, yolo
+
+LEFT, RIGHT = (16.0, 32.0, 32.0, 64.0), (48.0, 32.0, 32.0, 64.0)
+SITE = "providers: {}\nplugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: a.mp4}}]}}}}\n"
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    model: Path | None = None
+    class_names: ClassNames = {}
+
+
+def room(path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)) -> Room:
+    class Pillars:
+        name = needs
+        classes = (needs,)
+        model = path
+        Config = Config
+
+        def __init__(self, config: Config) -> None: ...
+
+        @hookimpl
+        def extract_features(self, view: View) -> list[Feature]:
+            return []
+
+    return room_of(needs, Pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> Path:
+    return yolo(tmp_path / "m.onnx", [(LEFT, (0.9, 0.1)), (RIGHT, (0.9, 0.1))], {0: "post", 1: "bar"})
+
+
+def view() -> View:
+    return View(ViewSpec("v", 0.0, width=SIDE, height=SIDE), 0, 0.0, picture(SIDE, SIDE, (0, SIDE)))
+
+
+@pytest.mark.parametrize("key", ["post", "0", 0])
+def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
+    own = room(network, {key: "pillar"})
+    eyes = Eyes([own])
+    found = eyes.see(own, view())
+    assert [one.label for one in found] == ["pillar", "pillar"]
+    assert eyes.notes == ()
+
+
+def test_a_class_that_is_missing_is_told_with_those_that_there_are(network: Path) -> None:
+    with pytest.raises(ModelError, match=r"does not give `pillar`, .* gives post, bar: say with `class_names`"):
+        Eyes([room(network, {})])
+
+
+def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
+    names = {"post": "pillar", "bar": "rail"}
+    rooms = [room(network, names), room(network, names, "rail"), room(network, {"post": "column"}, "column")]
+    eyes = Eyes(rooms)
+    assert eyes.networks["pillar"] is eyes.networks["rail"]
+    assert eyes.networks["pillar"].classes == ("pillar", "rail")
+    assert eyes.networks["column"].classes == ("column",)
+
+
+def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = room(network, {"post": "pillar"})
+    eyes, seen = Eyes([own]), view()
+    eyes.look_ahead(own, seen)
+    segmenter = eyes.networks["pillar"]
+    monkeypatch.setattr(segmenter, "_adapter", None)
+    assert len(eyes.see(own, seen)) == 2
+    assert np.array_equal(segmenter.probabilities(seen.image), segmenter.see(seen.image).maps)
+
+
+def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(providers, "_available", lambda: ["CPUExecutionProvider"])
+    (note,) = Eyes([room(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
+    assert "tensorrt not in this onnxruntime" in note
+    assert note.endswith("it runs on cpu")
+
+
+@pytest.mark.parametrize(
+    ("given", "asked"),
+    [
+        ("cuda", ("cuda",)),
+        ("[tensorrt, cuda]", ("tensorrt", "cuda")),
+        ("openvino, cpu", ("openvino", "cpu")),
+        ("", ()),
+    ],
+)
+def test_providers_of_the_site_file_reach_the_rooms(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
+    (tmp_path / "site.yaml").write_text(SITE.format(given), encoding="utf-8")
+    job = job_for(tmp_path / "site.yaml", None, tmp_path)
+    assert [own.providers for own in rooms_for(job, "A")] == [asked]
+
+
+def test_providers_from_the_environment_win(tmp_path: Path) -> None:
+    (tmp_path / "site.yaml").write_text(SITE.format("cuda"), encoding="utf-8")
+    job = job_for(tmp_path / "site.yaml", None, tmp_path, overrides=overrides_of([], {"SAVMAP__PROVIDERS": "coreml"}))
+    assert job.site.providers == ("coreml",)
+
+
+def test_a_provider_that_does_not_exist(tmp_path: Path) -> None:
+    (tmp_path / "site.yaml").write_text(SITE.format("gpu"), encoding="utf-8")
+    with pytest.raises(SiteError, match=r"site\.yaml:1: .*providers.*'cuda'"):
+        job_for(tmp_path / "site.yaml", None, tmp_path)
