@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from savmap.validation import ClassNames
+
 Size = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 
 
@@ -15,6 +17,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
     """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
     along: bool = True
