@@ -47,9 +47,11 @@ def patch_of(
     homography = cv2.getPerspectiveTransform(inner, quad.astype(np.float32))
     rows, columns = np.mgrid[: height + 2 * edge, : width + 2 * edge]
     grid = np.stack([columns.ravel(), rows.ravel(), np.ones(rows.size)], axis=1) @ homography.T
-    places = panorama_pixels_from_rays(spec.rig_rays(grid[:, :2] / grid[:, 2:]), panorama.height)
+    pixels = np.asarray(grid[:, :2] / grid[:, 2:], np.float64)
+    places = panorama_pixels_from_rays(spec.rig_rays(pixels), panorama.height)
     maps = places.reshape(*rows.shape, 2).astype(np.float32)
-    image = cv2.remap(_grey(panorama), maps, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
+    u, v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
+    image = cv2.remap(_grey(panorama), u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
     box = (edge - 0.5, edge - 0.5, edge + width - 0.5, edge + height - 0.5)
     return Patch(np.asarray(image, np.uint8), box, np.asarray(homography, np.float64), fineness)
 

@@ -18,7 +18,7 @@ def quad_of(mask: NDArray[np.bool_]) -> Floats | None:
         return None
     contours, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(contours, key=cv2.contourArea)
-    hull = cv2.convexHull(outline)
+    hull = np.asarray(cv2.convexHull(outline), np.int32)
     corners = _four(hull)
     area = float(cv2.contourArea(corners.astype(np.float32)))
     grown = float(mask.sum())
