@@ -167,6 +167,18 @@ def export(
         typer.echo(line)
 
 
+@app.command()
+def find(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+) -> None:
+    """Say where in a map a thing is."""
+    from savmap import tools
+
+    for line in tools.find(map_file, name):
+        typer.echo(line)
+
+
 @app.command("plugins")
 def plugins_() -> None:
     """List the installed plugins."""

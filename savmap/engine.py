@@ -180,11 +180,15 @@ def marked(
 def described(
     rooms: Sequence[Room], seen: Observations, followed: Followed, solution: Solution
 ) -> dict[str, tuple[Structure, ...]]:
-    """Structures of every room; none of a room that found nothing."""
-    return {
+    """Structures of every room, which may say how they stand to the others'; none of a room that found nothing."""
+    alone = {
         room.name: tuple(room.describe(tracks=followed.tracks[room.name], facts=seen.facts, solution=solution))
         if room.name in followed.tracks
         else ()
+        for room in rooms
+    }
+    return {
+        room.name: room.relate(alone[room.name], {name: own for name, own in alone.items() if name != room.name})
         for room in rooms
     }
 

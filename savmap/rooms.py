@@ -149,6 +149,11 @@ class Room:
     def describe(self, **arguments: Any) -> list[Structure]:
         return self.ask_list("describe", Structure, **arguments)
 
+    def relate(
+        self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
+    ) -> tuple[Structure, ...]:
+        return tuple(self.ask_list("relate", Structure, structures=structures, others=others))
+
     def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
         return self.ask_list("shared", SharedThing, structures=structures)
 

@@ -5,6 +5,7 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,14 @@ def ask_describe() -> dict[str, Any]:
     return given
 
 
+def ask_relate() -> dict[str, Any]:
+    related = replace(THING, attributes={"section": 1})
+    room, given = asked("relate", [related])
+    assert room.relate([THING], {"others": [THING]}) == (related,)
+    assert asked("describe", [])[0].relate([THING], {}) == (THING,)
+    return given
+
+
 def ask_shared() -> dict[str, Any]:
     thing = SharedThing("thing 1", "thing", np.zeros(3), np.eye(3))
     room, given = asked("shared", [thing])
@@ -163,6 +172,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "track": ask_track,
     "constrain": ask_constrain,
     "describe": ask_describe,
+    "relate": ask_relate,
     "shared": ask_shared,
     "evaluate": ask_evaluate,
     "draw": ask_draw,

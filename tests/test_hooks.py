@@ -1,5 +1,6 @@
 """Hooks: checked at the door, and failures named."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from savmap import hookspecs, rooms
 from savmap.errors import PluginError, SiteError
 from savmap.hookspecs import hookimpl
 from savmap.rooms import open_room, room_of
-from savmap.types import Panorama, SharedThing, View
+from savmap.types import Panorama, SharedThing, Structure, View
 
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
 
@@ -41,6 +42,7 @@ def test_the_hooks_that_were_asked_for_exist() -> None:
         "track",
         "constrain",
         "describe",
+        "relate",
         "shared",
         "evaluate",
         "draw",
@@ -116,3 +118,16 @@ def test_settings_are_strict() -> None:
 
 def test_only_named_plugins_are_imported() -> None:
     assert set(rooms.installed()) >= {"shelves", "lights"}
+
+
+def test_structures_may_be_related_to_what_others_mapped() -> None:
+    point = Structure(
+        "thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("middle",), np.zeros((0, 2), dtype=np.int64)
+    )
+
+    def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
+        return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
+
+    assert room_of("made-up", plugin(), Config()).relate([point], {"rack": [point]}) == (point,)
+    (related,) = room_of("made-up", plugin(relate=relate), Config()).relate([point], {"rack": [point]})
+    assert related.attributes == {"others": 1}

@@ -29,7 +29,7 @@ from savmap.sim.raycast import Caster, Hits
 from savmap.sim.scene import Look, Scene, SceneError, Site, row_frame
 from savmap.sim.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
 
-CLASSES = ("upright", "beam", "light")
+CLASSES = ("upright", "beam", "light", "sign")
 WIDTH, HEIGHT = 640, 480
 IGNORED = 255
 
