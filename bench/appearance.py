@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from peers import misplaced
 
-from savmap.engine import Followed, Row, follow, located
+from savmap.engine import Followed, Row, follow
 from savmap.evaluation import score_json
-from savmap.graph import Frames, Problem, Solution, gauge, merge, motion_constraints, solve
+from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.io.video import panoramas
