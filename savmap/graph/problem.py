@@ -119,7 +119,7 @@ def merge(frames: Frames, *rooms: Constraints) -> Problem:
 
 def _over(room: Constraints, frames: set[int]) -> Constraints:
     """A room without factors over other frames than those of these keys, and without variables of its own that only they bind."""
-    factors = [one for one in each(room.factors) if frames.issuperset(filter(is_frame, one.keys()))]
+    factors = [one for one in each(room.factors) if frames.issuperset(key for key in one.keys() if is_frame(key))]  # noqa: SIM118: a factor is no dictionary
     if room.factors is None or len(factors) == room.factors.size():
         return room
     graph = gtsam.NonlinearFactorGraph()
