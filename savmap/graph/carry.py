@@ -52,9 +52,12 @@ def _renamed(values: gtsam.Values, names: Sequence[tuple[int, int]]) -> gtsam.Va
 
 def value_at(values: gtsam.Values, key: int) -> gtsam.Pose3 | gtsam.Pose2 | Floats:
     """The value of a variable, of the kind that its key tells."""
-    if gtsam.symbolChr(key) == ord(POSE2):
-        return values.atPose2(key)
-    return values.atPose3(key) if is_frame(key) else values.atPoint3(key)
+    return values.atPose3(key) if is_frame(key) else own_at(values, key)
+
+
+def own_at(values: gtsam.Values, key: int) -> gtsam.Pose2 | Floats:
+    """The same of a variable that is no frame's pose."""
+    return values.atPose2(key) if gtsam.symbolChr(key) == ord(POSE2) else values.atPoint3(key)
 
 
 def _wrapped(factor: gtsam.CustomFactor, keys: Sequence[int]) -> gtsam.CustomFactor:

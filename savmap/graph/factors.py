@@ -10,7 +10,7 @@ from itertools import pairwise
 import gtsam
 import numpy as np
 
-from savmap.graph.carry import value_at
+from savmap.graph.carry import own_at
 from savmap.graph.constraints import TIGHT_M, Relation
 from savmap.graph.keys import ORIGIN, centre_key, frame_key, mast_key
 from savmap.graph.observations import Observations
@@ -173,7 +173,7 @@ def estimate_of(problem: Problem, values: gtsam.Values, before: Estimate) -> Est
     """The estimate in GTSAM's values."""
     poses = np.array([values.atPose3(frame_key(frame)).matrix() for frame in problem.used.tolist()])
     points = np.array([values.atPoint3(key) for key in problem.keys.tolist()])
-    own = {key: value_at(values, key) for key in before.own}
+    own = {key: own_at(values, key) for key in before.own}
     if problem.frames.fixed is not None:
         return Estimate(poses, points, before.heights, own)
     heights = np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))])

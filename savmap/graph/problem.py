@@ -119,7 +119,7 @@ def merge(frames: Frames, *rooms: Constraints) -> Problem:
 
 def _over(room: Constraints, frames: set[int]) -> Constraints:
     """A room without factors over other frames than those of these keys, and without variables of its own that only they bind."""
-    factors = [one for one in each(room.factors) if frames.issuperset(filter(is_frame, one.keys()))]
+    factors = [one for one in each(room.factors) if _frames(one) <= frames]
     if room.factors is None or len(factors) == room.factors.size():
         return room
     graph = gtsam.NonlinearFactorGraph()
@@ -127,6 +127,12 @@ def _over(room: Constraints, frames: set[int]) -> Constraints:
         graph.add(factor)
     bound = set[int]().union(*(factor.keys() for factor in factors))
     return replace(room, factors=graph, own={key: value for key, value in room.own.items() if key in bound})
+
+
+def _frames(factor: gtsam.NonlinearFactor) -> set[int]:
+    """Keys of the frames that a factor binds."""
+    keys = factor.keys()
+    return {key for key in keys if is_frame(key)}
 
 
 def _given(frames: Frames, rooms: tuple[Constraints, ...], own: tuple[Relation, ...]) -> Iterator[Relation]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import gtsam
 import numpy as np
 
 from savmap.graph import KeySpace, Solution
@@ -24,6 +25,7 @@ def describe(tracks: Sequence[Track], solution: Solution, size: Floats, room: st
 
 def _pallet(number: int, solution: Solution, key: int, size: Floats) -> Structure:
     solved = solution.own[key]
+    assert isinstance(solved, gtsam.Pose2)
     pose = np.array([solved.x(), solved.y(), solved.theta() % np.pi])
     joint = solution.own_covariance(key)
     vertices = corners(pose, size)

@@ -68,7 +68,7 @@ def _refined(
         return [with_slopes(seen.pixels, at, size, camera) for seen, camera in zip(sightings, seen_by, strict=True)]
 
     def error(at: Floats) -> Floats:
-        return np.nan_to_num(np.concatenate([part[0] for part in parts(at)]), nan=50.0)
+        return np.asarray(np.nan_to_num(np.concatenate([part[0] for part in parts(at)]), nan=50.0))
 
     def slopes(at: Floats) -> Floats:
         cos, sin = np.cos(at[2]), np.sin(at[2])
