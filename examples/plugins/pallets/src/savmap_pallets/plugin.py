@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.errors import SolveError
 from savmap.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View
+from savmap.validation import ClassNames
 
 Metres = Annotated[float, Field(gt=0.05, lt=5)]
 
@@ -23,6 +24,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
     """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a pallet."""
     size_m: tuple[Metres, Metres, Metres] = (1.2, 0.8, 0.144)

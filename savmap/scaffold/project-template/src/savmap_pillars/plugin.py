@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.errors import SolveError
 from savmap.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
+from savmap.validation import ClassNames
 
 
 class Known(BaseModel):
@@ -28,6 +29,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
     """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a pillar."""
     height_m: Known | None = None
