@@ -22,7 +22,7 @@ def aim_at_signs(scout: Scout, manual: Mapping[str, Manual], attitude: Floats | 
     wanted = [(FACE, 0.0, 0.0, FACE_HFOV_DEG)]
     if config.along:
         wanted += [(AHEAD, 90.0, ALONG_PITCH_DEG, ALONG_HFOV_DEG), (BEHIND, -90.0, ALONG_PITCH_DEG, ALONG_HFOV_DEG)]
-    specs = [_spec(name, rig_from_world, *angles, every) for name, *angles in wanted]
+    specs = [_spec(name, rig_from_world, yaw, pitch, hfov, every) for name, yaw, pitch, hfov in wanted]
     note = advice() if config.read else None
     views = tuple(manual[one.name].over(one) if one.name in manual else one for one in specs)
     return Aim(views, notes=(note,) if note else ())
