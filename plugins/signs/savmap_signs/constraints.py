@@ -56,8 +56,8 @@ def first_position(track: Track, facts: RowFacts, start: Trajectory) -> Floats:
     ]
     origins = np.array([pose[:3, 3] for pose, _ in seen])
     rays = np.array([pose[:3, :3] @ ray for pose, ray in seen])
-    nearest: Floats = nearest_points(origins, rays[None])[0]
-    return nearest
+    point: Floats = nearest_points(origins, rays[None])[0]
+    return point
 
 
 def _relations(names: Sequence[str], keys: Mapping[str, int], quad: Floats, config: Settings) -> Iterator[Relation]:

@@ -87,7 +87,7 @@ def _outline(quad: Floats, shape: tuple[int, int]) -> NDArray[np.float32]:
     """The share (h, w) of each pixel that a quadrilateral covers."""
     fine = np.zeros((4 * shape[0], 4 * shape[1]), np.uint8)
     cv2.fillConvexPoly(fine, np.round(4 * quad + 1.5).astype(np.int32), 255)
-    return np.asarray(cv2.resize(fine, shape[::-1], interpolation=cv2.INTER_AREA) / np.float32(255), np.float32)
+    return np.asarray(cv2.resize(fine, shape[::-1], interpolation=cv2.INTER_AREA) / 255, np.float32)
 
 
 def samples(data: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:
