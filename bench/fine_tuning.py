@@ -45,7 +45,7 @@ def dark_scene(seed: int) -> Scene:
 
 def labelled(seed: int, count: int) -> Iterator[LabelledPicture]:
     """Named pictures with the outlines of what they show."""
-    for name, picture, mask in samples(seed, count, "face", dark_scene):
+    for name, picture, mask in samples(seed, count, "face", scene_of=dark_scene):
         yield LabelledPicture(name, picture, {label: outlines(mask == k) for k, label in enumerate(LABELLED, 1)})
 
 
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()
     if given.exact:
-        write(given.output, given.seed, given.count, "face", dark_scene)
+        write(given.output, given.seed, given.count, "face", scene_of=dark_scene)
     else:
         print(*write_set(given.output, LABELLED, labelled(given.seed, given.count)), sep="\n")
 

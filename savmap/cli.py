@@ -1,15 +1,14 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
-import errno
 import os
 import sys
-from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from savmap.errors import OutputError, SavmapError
+from savmap.commands import plugin
+from savmap.commands.endings import plain_endings
 from savmap.io.where import where
 
 app = typer.Typer(
@@ -20,8 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-INTERRUPTED = 130
-NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+app.add_typer(plugin.app, name="plugin")
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
@@ -169,6 +167,18 @@ def export(
         typer.echo(line)
 
 
+@app.command()
+def find(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+) -> None:
+    """Say where in a map a thing is."""
+    from savmap import tools
+
+    for line in tools.find(map_file, name):
+        typer.echo(line)
+
+
 @app.command("plugins")
 def plugins_() -> None:
     """List the installed plugins."""
@@ -265,7 +275,7 @@ def _names(text: str | None) -> list[str] | None:
 
 def _plugin_commands() -> None:
     """Let installed third-party plugins add commands, when the first argument is none of ours."""
-    ours = {
+    ours = {group.name for group in app.registered_groups} | {
         command.name or (command.callback.__name__ if command.callback else "") for command in app.registered_commands
     }
     wanted = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
@@ -277,34 +287,6 @@ def _plugin_commands() -> None:
 
 def main() -> None:
     """Run the command line. Expected errors end it with one line and their exit code (docs/exit-codes.md)."""
-    try:
+    with plain_endings():
         _plugin_commands()
         app()
-    except SavmapError as error:
-        typer.echo(f"savmap: {error}", err=True)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        _interrupted()
-    except OSError as error:
-        if error.errno not in NO_ROOM:
-            raise
-        _no_room(error)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            _interrupted()
-        raise
-
-
-def _no_room(error: OSError) -> NoReturn:
-    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
-    where = error.filename or "standard output"
-    reason = (error.strerror or str(error)).lower()
-    with suppress(OSError):
-        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    sys.exit(OutputError.exit_code)
-
-
-def _interrupted() -> NoReturn:
-    typer.echo("savmap: interrupted", err=True)
-    sys.exit(INTERRUPTED)

@@ -21,6 +21,12 @@ def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detecti
 
 
 @hookimpl(trylast=True)
+def relate(structures: Sequence[Structure]) -> list[Structure]:
+    """They stay as they are."""
+    return list(structures)
+
+
+@hookimpl(trylast=True)
 def shared(structures: Sequence[Structure]) -> list[SharedThing]:
     """Nothing is seen from other rows."""
     return []

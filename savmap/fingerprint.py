@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from savmap.stages.networks.providers import choose, runtime_version
 from savmap.types import SiteMap
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
-ELSEWHERE = {"sim", "train", "report", "testing"}
+ELSEWHERE = {"sim", "train", "report", "testing", "scaffold", "commands"}
 ENDS = 1 << 20
 
 
@@ -62,11 +62,23 @@ def drawn_print(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) 
 def code(rooms: Sequence[Room]) -> str:
     """Of the program, its plugins, and the libraries that count."""
     plugins = sorted({_package_of(type(room.plugin)) for room in rooms})
+    named = {name for room in rooms for name in getattr(room.plugin, "libraries", ())}
     return _digest(
         savmap=_sources(Path(__file__).parent),
         plugins=[_sources(place) for place in plugins],
-        libraries={**{name: version(name) for name in LIBRARIES}, "onnxruntime": runtime_version()},
+        libraries={
+            **{name: _version(name) for name in sorted({*LIBRARIES, *named})},
+            "onnxruntime": runtime_version(),
+        },
     )
+
+
+def _version(library: str) -> str:
+    """Empty where it is not installed: a plugin may do without."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ""
 
 
 def _digest(**parts: Any) -> str:

@@ -91,6 +91,12 @@ def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> 
 
 
 @hookspec(firstresult=True)
+def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
+    """The plugin's structures of a row again, in the same order, with attributes that say how they stand to what other plugins
+    mapped there (`others`, by plugin). Default: as they are."""
+
+
+@hookspec(firstresult=True)
 def shared(structures: Sequence[Structure]) -> list[SharedThing]:
     """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both see them in one
     place. Default: none."""

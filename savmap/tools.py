@@ -71,6 +71,14 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
     yield f"wrote {output}"
 
 
+def find(map_file: Path, name: str) -> Iterator[str]:
+    """Where in a map the things of a name are, or those on which it is written. Raises SiteError where there is none."""
+    from savmap.finding import found
+    from savmap.io.mapfile import read_map
+
+    yield from found(read_map(map_file), name)
+
+
 def split(recording: Path, output: Path, into: Path | None = None, sheet: Path | None = None) -> Iterator[str]:
     """The passes of a long recording as rows of a new site file, or added to one, with a contact sheet."""
     from savmap.console import Console

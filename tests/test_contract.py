@@ -11,7 +11,7 @@ from savmap.testing import check_plugin
 from savmap.types import View
 
 
-@pytest.mark.parametrize("name", ["shelves", "lights"])
+@pytest.mark.parametrize("name", ["shelves", "lights", "signs"])
 def test_our_plugins_keep_the_contract(name: str) -> None:
     check_plugin(load_class(name))
 

@@ -9,6 +9,7 @@ from savmap.graph.observations import Biases, Observations, observe
 from savmap.graph.optimise import PUBLISHED, SolveOptions, located, solve
 from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
+from savmap.graph.shapes import flat, graph_of, rectangle
 from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import published_start
 from savmap.graph.together import solve_rows
@@ -35,8 +36,10 @@ __all__ = [
     "SolveOptions",
     "Stitching",
     "SurveyedPoint",
+    "flat",
     "frame_key",
     "gauge",
+    "graph_of",
     "known_distance",
     "known_length",
     "located",
@@ -46,6 +49,7 @@ __all__ = [
     "observe",
     "pin",
     "published_start",
+    "rectangle",
     "reference",
     "solve",
     "solve_rows",

@@ -37,6 +37,7 @@ class Box:
 
     World frame of a scene: x along the aisle, y up from the floor, z out of the first row's face (its face is z = 0).
     `face_labels` names the class that a segmentation network should give the pixels of a face (the others: background).
+    `prints`: pictures (h, w, 3) uint8 sRGB that cover upright faces of it (x and z), the right way up as seen from outside.
     """
 
     center: Floats
@@ -44,3 +45,4 @@ class Box:
     material: Material
     rotation: Floats = field(default_factory=lambda: np.eye(3))
     face_labels: Mapping[Face, str] = field(default_factory=dict)
+    prints: Mapping[Face, NDArray[np.uint8]] = field(default_factory=dict)

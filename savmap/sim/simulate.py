@@ -29,7 +29,7 @@ from savmap.sim.site import site_of
 from savmap.sim.truth import poses, references
 from savmap.types import ViewSpec
 
-CLASSES = ("upright", "beam", "light")
+CLASSES = ("upright", "beam", "light", "sign")
 
 
 def simulate(

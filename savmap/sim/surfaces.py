@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.sim.primitives import Box
+from savmap.sim.prints import Prints, prints_of
 from savmap.sim.raycast import corners
 from savmap.sim.textures import KINDS, LEVELS, SIZE, kind_of, tiles
 
@@ -21,6 +22,7 @@ class Surfaces:
     """Faces f = 6 box + face: `corner`, unit `along` (the longer side), `aside`, `normal` (f, 3), `lengths` (f, 2) m.
 
     Paint of box b: `color`, `second` (b, 3), `kind`, `period` m, `contrast`, `emission`, `gloss` (b,), `offset` (b, 2).
+    `prints`: pictures that cover faces.
     """
 
     corner: Singles
@@ -36,6 +38,7 @@ class Surfaces:
     offset: Singles
     emission: Singles
     gloss: Singles
+    prints: Prints
 
     def place(self, face: Indices, point: Singles) -> Singles:
         """Where points (n, 3) lie on their faces (n,): metres (n, 2) along and aside of the face's corner."""
@@ -56,6 +59,7 @@ class Surfaces:
         share = tiles().reshape(-1).take(texel) * (self.contrast.take(box) / np.float32(255))
         color: Singles = self.color.take(box, axis=0)
         color += share[:, None] * (self.second.take(box, axis=0) - color)
+        self.prints.paint(color, face, place, footprint)
         return color
 
     def mean_albedo(self) -> Singles:
@@ -91,6 +95,7 @@ def surfaces_of(boxes: Sequence[Box]) -> Surfaces:
         offset=_single(np.where(kinds[:, None] >= _FIRST_HOLES, 0.0, shift)),
         emission=_single([paint.emission for paint in paints]),
         gloss=_single([0.04 + 0.5 * paint.metallic if paint.roughness < 0.45 else 0.0 for paint in paints]),
+        prints=prints_of(boxes, swap),
     )
 
 

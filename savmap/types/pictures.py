@@ -123,7 +123,8 @@ class Feature:
 
     pixels (n, 2); covariance (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` which point or edge
     of the thing it is ("left", "upper left", "centre"). `instance` numbers the thing within its frame and view and label;
-    `neighbours` are instances it touches, by role. `axis` is the world axis that an edge follows, if known.
+    `neighbours` are instances it touches, by role. `axis` is the world axis that an edge follows, if known. `readings`: what
+    was read on the thing, with confidences 0..1.
     """
 
     frame: int
@@ -136,6 +137,7 @@ class Feature:
     axis: Axis | None = None
     score: float = 1.0
     neighbours: Mapping[str, int] = field(default_factory=dict)
+    readings: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(self.pixels)

@@ -19,7 +19,17 @@ def seen() -> Observations:
         Feature(k, "pass 1 / face", "upright", "left", k, rng.normal(size=(2, 2)), rng.normal(size=(2, 2, 2)), "y", 0.1)
         for k in range(3)
     ]
-    odd = Feature(0, "up", "lamp", "centre", 0, np.zeros((1, 2)), np.eye(2)[None], neighbours={"left": 2})
+    odd = Feature(
+        0,
+        "up",
+        "lamp",
+        "centre",
+        0,
+        np.zeros((1, 2)),
+        np.eye(2)[None],
+        neighbours={"left": 2},
+        readings={"text:A21": 0.93},
+    )
     facts = RowFacts(
         "A/1", FrameTable(np.array([0.1, 1 / 3]), ("pass 1",) * 2), {"up": ViewSpec("up", 0.5)}, {"pass 1": 1}
     )
@@ -40,11 +50,12 @@ def test_what_is_packed_comes_back_to_the_last_bit() -> None:
         for one, other in zip(own, after.features[room], strict=True):
             np.testing.assert_array_equal(one.pixels, other.pixels)
             np.testing.assert_array_equal(one.covariance, other.covariance)
-            assert (one.frame, one.axis, one.score, one.neighbours) == (
+            assert (one.frame, one.axis, one.score, one.neighbours, one.readings) == (
                 other.frame,
                 other.axis,
                 other.score,
                 other.neighbours,
+                other.readings,
             )
     assert packed(after) == packed(before)
 

@@ -1,0 +1,169 @@
+"""Signs of made-up rows, mapped: how many of the legible ones are found and read exactly, how far their corners are off, and
+whether any text is made up.
+
+    python bench/signs.py --seeds 6100 --frames 40 --width 4096 -o out/signs
+
+A row as `random_row` makes it gets a bay sign (30 x 15 cm) at every upright, signs (80 x 40 cm) that hang across the aisle, and
+labels with codes at beams. A sign counts as legible where it was in sight, whole and clear of goods, in three frames or
+more with letters at least 8 pixels of the panorama high.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from savmap import run
+from savmap.io.files import write_text
+from savmap.io.mapfile import read_map
+from savmap.job import job_for
+from savmap.mapping import Way
+from savmap.sim.build import build
+from savmap.sim.camera import Drive, drive
+from savmap.sim.random_row import random_row
+from savmap.sim.raycast import Caster
+from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.simulate import simulate
+from savmap.types import Structure
+from savmap_signs.evaluate import match, said
+from savmap_signs.random_plates import starts
+from savmap_signs.survey import SurveyedSign, read_row
+
+LETTER_PX, FRAMES = 8.0, 3
+LETTER_SHARE = 0.33
+PATTERN = r"[A-Z]\d{2}-\d{2}|AISLE [A-Z]\d{2}"
+
+
+def signed_row(seed: int, frames: int, width: int) -> Scene:
+    """A row with signs."""
+    rng = np.random.default_rng([seed, 91])
+    content = random_row(seed, frames, width).model_dump(mode="json")
+    rack, cart = content["structures"]["shelves"]["rows"]["A"], content["cart"]
+    name = f"{'ABCDEFGH'[int(rng.integers(8))]}{rng.integers(10, 60)}"
+    plates = _bay_signs(rng, rack, name, float(cart["height"]))
+    aisle = float(content["rows"].get("B", {}).get("z", 2.6))
+    height = min(float(cart["height"]) + float(rng.uniform(0.7, 1.1)), float(content["hall"]["height"]) - 0.4)
+    for x in np.arange(1.0, starts(rack)[-1], 4.5).tolist():
+        text = f"AISLE\n{name}" if rng.random() < 0.5 else f"{name}-{rng.integers(10, 99)}"
+        at = [x, height, aisle / 2]
+        plates.append(
+            {"at": at, "size": [0.8, 0.4], "text": text, "facing": "x", "hung": True, "paper": [0.85, 0.6, 0.02]}
+        )
+    content["structures"]["signs"] = {"plates": plates}
+    return parse_scene(content, f"row with signs {seed}")
+
+
+def _bay_signs(rng: np.random.Generator, rack: Mapping[str, Any], name: str, eye: float) -> list[dict[str, Any]]:
+    height = min(max(eye - float(rng.uniform(0.2, 0.7)), 1.3), float(rack["height"]) - 0.3)
+    code = str(rng.choice(["none", "none", "tag36h11"]))
+    return [
+        {
+            "at": [x + rack["upright_width"] / 2, height, 0.004],
+            "text": f"{name}-{number:02d}",
+            "code": code,
+            "content": str(number),
+            "bay": number,
+            "border": bool(rng.random() < 0.3),
+        }
+        for number, x in enumerate(starts(dict(rack))[:-1], start=1)
+    ]
+
+
+def legible(scene: Scene, caster: Caster, path: Drive, sign: SurveyedSign) -> bool:
+    """Whether enough frames show a sign's letters large enough, with nothing before it. Mapped row A is the world's frame."""
+    corners = np.array(sign.corners)
+    lines = max(len(sign.text.split()), 1)
+    letter = LETTER_SHARE * float(np.linalg.norm(corners[3] - corners[0])) / lines
+    normal = np.cross(corners[3] - corners[0], corners[1] - corners[0])
+    normal /= np.linalg.norm(normal)
+    inner = corners.mean(0) + 0.9 * (corners - corners.mean(0))
+    points = np.concatenate([inner, corners.mean(0)[None]]) + 0.003 * normal
+    seen = 0
+    for origin in path.origins:
+        away = points - origin
+        reach = np.linalg.norm(away, axis=1)
+        facing = float(-(away[-1] / reach[-1]) @ normal)
+        big = letter / reach[-1] * scene.cart.width / (2 * np.pi) >= LETTER_PX
+        if big and facing > 0.35:
+            start = np.repeat(origin[None], len(points), axis=0)
+            seen += not caster.blocked(start, away / reach[:, None], reach - 0.004).any()
+    return seen >= FRAMES
+
+
+def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
+    """The figures of one row."""
+    built = build(scene)
+    surveyed = read_row(built.survey["rows"]["A"])
+    caster, path = Caster(built.boxes), drive(scene.cart, scene.seed)
+    signs = [own for own in structures if own.label == "sign"]
+    partner = match(surveyed.corners(), np.array([own.vertices for own in signs]).reshape(-1, 4, 3))
+    readable = [i for i, sign in enumerate(surveyed.signs) if legible(scene, caster, path, sign)]
+    off = {i: np.linalg.norm(surveyed.corners()[i] - signs[j].vertices, axis=1) for i, j in partner.items()}
+    true = {j: i for i, j in partner.items()}
+    invented = [
+        own.attributes["text"]
+        for j, own in enumerate(signs)
+        if own.attributes["text"] and not (j in true and said(surveyed.signs[true[j]], own))
+    ]
+    return {
+        "signs": len(surveyed.signs),
+        "legible": len(readable),
+        "found": sum(i in partner for i in readable),
+        "read": sum(i in partner and said(surveyed.signs[i], signs[partner[i]]) for i in readable),
+        "corners_m": np.concatenate([np.zeros(0), *(off[i] for i in readable if i in off)]).round(4).tolist(),
+        "invented": invented,
+        "spurious": len(signs) - len(partner),
+        "not_read": [
+            surveyed.signs[i].text
+            for i in readable
+            if i not in partner or not said(surveyed.signs[i], signs[partner[i]])
+        ],
+    }
+
+
+def figures_of(seed: int, frames: int, width: int, folder: Path) -> dict[str, Any]:
+    """Footage of a row where there is none yet, its map, its figures."""
+    scene = signed_row(seed, frames, width)
+    if not (folder / "footage.mp4").is_file():
+        simulate(scene, folder)
+    site = yaml.safe_load((folder / "site.yaml").read_text())
+    site["plugins"] = {"shelves": site["plugins"]["shelves"], "signs": {"pattern": PATTERN}}
+    site["rows"] = {"A": site["rows"]["A"]}
+    (folder / "signs.yaml").write_text(yaml.safe_dump(site, sort_keys=False))
+    list(run.run(job_for(folder / "signs.yaml", None, folder / "out"), Way(fresh=True)))
+    return judged(scene, read_map(folder / "out" / "map.json").rows["A"].structures["signs"])
+
+
+def line(seed: int, own: Mapping[str, Any]) -> str:
+    """One row of the table."""
+    corners = np.array(own["corners_m"] or [np.nan])
+    return (
+        f"{seed:6d} {own['signs']:6d} {own['legible']:8d} {own['found']:6d} {own['read']:5d} {100 * corners.mean():8.2f} "
+        f"{100 * np.percentile(corners, 95):8.2f} {100 * corners.max():8.2f} {len(own['invented']):9d} {own['spurious']:9d}"
+    )
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[6100])
+    parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--width", type=int, default=4096)
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("out/signs"), help="keeps footage, maps and signs.json"
+    )
+    options = parser.parse_args()
+    print("  seed  signs  legible  found  read  mean cm  95 % cm   max cm  invented  spurious", flush=True)
+    results = {}
+    for seed in options.seeds:
+        results[seed] = figures_of(seed, options.frames, options.width, options.output / f"row-{seed}")
+        print(line(seed, results[seed]), flush=True)
+    write_text(options.output / "signs.json", json.dumps(results, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

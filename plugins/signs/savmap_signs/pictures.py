@@ -1,0 +1,93 @@
+"""Labelled pictures of random scenes with signs: `python -m savmap_signs.pictures --count 500 --seed 1 -o DIR`.
+
+A data set as `savmap.sim.dataset` writes them; signs too small to be told are not judged.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from savmap.geometry.pinhole import rig_from_view
+from savmap.sim.build import build
+from savmap.sim.camera import CameraSample, sample_camera, world_from_level
+from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture
+from savmap.sim.random_scene import random_scene
+from savmap.sim.shade import Image, Mask, Renderer, renderer
+from savmap_signs.random_plates import dressed
+
+NAME = "sign"
+VIEWS_A_SCENE = 8
+ALONG_SHARE = 0.4
+LEAST_PX = 40
+
+
+def samples(seed: int, count: int) -> Iterator[tuple[str, Image, Mask]]:
+    """`count` named pictures with masks; the same seed gives the same."""
+    for index in range(0, count, VIEWS_A_SCENE):
+        rng = np.random.default_rng([seed, index])
+        built = build(dressed(random_scene(seed * 1_000_003 + index), index))
+        scene = renderer(built)
+        for view in range(index, min(index + VIEWS_A_SCENE, count)):
+            picture, mask = _worthwhile(scene, rng)
+            yield f"plate-{seed}-{view:05d}", picture, _judged(mask)
+
+
+def _worthwhile(scene: Renderer, rng: np.random.Generator) -> tuple[Image, Mask]:
+    """A picture with a sign in it; nearly always, after a few tries."""
+    value = CLASSES.index(NAME) + 1
+    for _ in range(10):
+        camera = _camera(scene, rng)
+        small = view_mask(scene.caster, camera, 80, 60)
+        if (small == value).sum() > 3 or rng.random() < 0.04:
+            break
+    return view_picture(scene, camera, scene.built.scene.look, rng)
+
+
+def _camera(scene: Renderer, rng: np.random.Generator) -> CameraSample:
+    """Towards a face as the simulator's other pictures are, or along the aisle."""
+    camera = sample_camera(scene.built, rng, "shelf")
+    if rng.random() > ALONG_SHARE:
+        return replace(camera, hfov_deg=float(rng.uniform(70, 130)))
+    heading = np.array([rng.choice([-1.0, 1.0]), 0.0, 0.0])
+    turn = rig_from_view(float(rng.normal(0, 15)), float(rng.uniform(-5, 25)), float(rng.normal(0, 4)))
+    return CameraSample(camera.origin, world_from_level(heading) @ turn, float(rng.uniform(60, 110)))
+
+
+def _judged(mask: Mask) -> Mask:
+    """The mask with signs of fewer than `LEAST_PX` pixels left unjudged."""
+    value = CLASSES.index(NAME) + 1
+    _, numbers, stats, _ = cv2.connectedComponentsWithStats((mask == value).astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < LEAST_PX
+    small[0] = False
+    return np.where(small[numbers], IGNORED, mask).astype(np.uint8)
+
+
+def write(folder: Path, seed: int, count: int) -> None:
+    """Writes a labelled data set."""
+    for part in ("images", "masks"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
+    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    for name, picture, mask in samples(seed, count):
+        bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
+        cv2.imwrite(str(folder / "masks" / f"{name}.png"), mask)
+        cv2.imwrite(str(folder / "images" / f"{name}.jpg"), bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="labelled pictures of random scenes with signs")
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    options = parser.parse_args(arguments)
+    write(options.output, options.seed, options.count)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""What a plugin says counts for what it sees is in the fingerprint."""
+
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from savmap import fingerprint
+from savmap.rooms import room_of
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Reader:
+    name = "reader"
+    classes = ("plate",)
+    libraries = ("a-reading-library",)
+
+    def __init__(self, config: Config) -> None: ...
+
+
+def test_a_library_that_a_plugin_names_counts_once_it_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = room_of("reader", Reader, Config())
+    without = fingerprint.code([room])
+    installed = fingerprint.version
+    monkeypatch.setattr(fingerprint, "version", lambda name: "1.0" if name == "a-reading-library" else installed(name))
+    assert fingerprint.code([room]) != without
