@@ -74,8 +74,8 @@ def _changes(image: Grey, along: Floats, expected: float, reach: float) -> Float
     bend = np.where(peak, before - 2 * at + after, -1.0)
     places = steps[1:-1, None] + 0.5 * np.clip(0.5 * (before - after) / np.minimum(bend, -1e-9), -1, 1)
     order = np.argsort(np.where(peak, -at, np.inf), axis=0)[:PEAKS]
-    chosen: Floats = np.where(np.take_along_axis(peak, order, 0), np.take_along_axis(places, order, 0), np.nan).T
-    return chosen
+    chosen = np.where(np.take_along_axis(peak, order, 0), np.take_along_axis(places, order, 0), np.nan).T
+    return np.asarray(chosen, np.float64)
 
 
 def _outermost(along: Floats, places: Floats, reach: float, outwards: int, close: float) -> tuple[float, float] | None:
