@@ -21,15 +21,16 @@ from typing import Any
 import numpy as np
 from peers import misplaced
 
-from savmap.engine import Followed, Row, first_path, follow, located
+from savmap.engine import Followed, Row, follow
 from savmap.evaluation import score_json
-from savmap.graph import Frames, Problem, Solution, gauge, merge, motion_constraints, solve
+from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.io.video import panoramas
 from savmap.job import job_for, rooms_for
 from savmap.monitor import Quiet
 from savmap.observe import Observations, clip_of, observe
+from savmap.paths import first_path
 from savmap.rooms import Room
 from savmap.stages.flow import FlowWatch
 from savmap.stages.render import Renderer

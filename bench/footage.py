@@ -20,7 +20,7 @@ import numpy as np
 from uncertainty import figures
 
 from savmap.console import Console
-from savmap.engine import Row, first_path
+from savmap.engine import Row
 from savmap.errors import SavmapError
 from savmap.evaluation import Score, mean_absolute_error
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
@@ -28,6 +28,7 @@ from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.job import job_for
 from savmap.observe import Observations, observe
+from savmap.paths import first_path
 from savmap.rooms import open_room
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate

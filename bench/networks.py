@@ -10,6 +10,7 @@ your own (bench/yolo_export.py makes one). IoU is over all pictures of a labelle
 import argparse
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +19,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from savmap.errors import RowsFailedError, SavmapError
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.io.mapfile import read_map
 from savmap.io.overrides import overrides_of
@@ -89,9 +91,10 @@ class Candidate:
 
 
 def mapped(site: Path, model: Path, folder: Path) -> SiteMap:
-    """The map of a site with another network."""
+    """The map of a site with another network, without rows that could not be mapped."""
     overrides = overrides_of([f"plugins.{PLUGIN}.model={model.absolute()}"], {})
-    list(run(job_for(site, [PLUGIN], folder, overrides=overrides), Way(jobs=0)))
+    with suppress(RowsFailedError):
+        list(run(job_for(site, [PLUGIN], folder, overrides=overrides), Way(jobs=0)))
     return read_map(folder / "map.json")
 
 
@@ -115,8 +118,9 @@ def score(site: Path, found: SiteMap) -> str:
     if survey is None:
         return ""
     whole = pool(evaluation_of(found, read_survey(survey), rooms_of(found)).rows.values())
+    error = mean_absolute_error(whole)
     missing, spurious = sum(whole.missing.values()), sum(whole.spurious.values())
-    return f"{100 * mean_absolute_error(whole):6.2f} {missing:4} {spurious:4}"
+    return f"{'     -' if error is None else f'{100 * error:6.2f}'} {missing:4} {spurious:4}"
 
 
 def overlap(model: Path, data: Path, most: int) -> Iterator[str]:
@@ -165,7 +169,7 @@ def main() -> None:
             for number, one in enumerate(candidates):
                 try:
                     found = mapped(site, one.model, Path(folder) / f"{site.parent.name}-{number}")
-                except Exception as error:
+                except SavmapError as error:
                     print(f"{site.parent.name:10} {one.name:28} not mapped: {error}")
                     continue
                 reference = reference or found

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from savmap.engine import Row, attitudes_of, first_path
+from savmap.engine import Row
 from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
 from savmap.observe import Observations
+from savmap.paths import attitudes_of, first_path
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe

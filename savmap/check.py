@@ -102,10 +102,10 @@ def _looked(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[Sa
 
 def _seen(job: Job, one: Footage, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems with the pictures of a pass, and a line with where its views are drawn."""
-    from savmap.engine import first_attitudes
     from savmap.eyes import Eyes
     from savmap.io.video import scout_frames
     from savmap.observe import clip_of
+    from savmap.paths import first_attitudes
     from savmap.preview import picture_name, preview
     from savmap.work import row_of
 

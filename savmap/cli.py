@@ -1,15 +1,14 @@
 """The command line: read arguments, call the library, print. Everything heavy is imported when it is needed."""
 
-import errno
 import os
 import sys
-from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from savmap.errors import OutputError, SavmapError
+from savmap.commands import plugin
+from savmap.commands.endings import plain_endings
 from savmap.io.where import where
 
 app = typer.Typer(
@@ -20,8 +19,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-INTERRUPTED = 130
-NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+app.add_typer(plugin.app, name="plugin")
 Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
@@ -230,14 +228,44 @@ def train(
     plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
     data: Annotated[list[Path], typer.Option(help="A folder of labelled pictures; may be given more than once.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
-    minutes: Annotated[float, typer.Option(help="How long to train.")] = 60.0,
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="How long to train (60; fine-tuning: 20).", show_default=False)
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="How many steps, instead of how long.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    init: Annotated[Path | None, typer.Option(help="A checkpoint to go on from.")] = None,
+    init: Annotated[
+        Path | None, typer.Option(help="What to begin with: a checkpoint; or `shipped` or an ONNX file, to fine-tune.")
+    ] = None,
+    renamed: Annotated[
+        list[str] | None,
+        typer.Option("--class", metavar="THEIRS=OURS", help="What a class of the data is called here."),
+    ] = None,
+    held_out: Annotated[list[Path] | None, typer.Option(help="Fine-tuning: a data set only to measure on.")] = None,
+    int8: Annotated[bool, typer.Option("--int8", help="Fine-tuning: also write it in 8-bit integers.")] = False,
 ) -> None:
-    """Train a plugin's network (needs the `train` extra)."""
-    from savmap import tools
+    """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
+    from savmap import training
 
-    for line in tools.train(plugin, data, output, minutes, seed, init):
+    wish = training.Wish(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
+    for line in training.train(plugin, wish):
+        typer.echo(line)
+
+
+@app.command()
+def label(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video.")],
+    plugin: Annotated[
+        str | None, typer.Option(help="Whose views and classes; default: the site's first plugin.")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="How many pictures.")] = 100,
+    output: Output = Path("labels"),
+    sets: Sets = None,
+) -> None:
+    """Choose the views most worth labelling, and write them with the network's own masks to start from."""
+    from savmap.io.overrides import overrides_of
+    from savmap.label.run import label as choose_and_write
+
+    for line in choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ)):
         typer.echo(line)
 
 
@@ -247,7 +275,7 @@ def _names(text: str | None) -> list[str] | None:
 
 def _plugin_commands() -> None:
     """Let installed third-party plugins add commands, when the first argument is none of ours."""
-    ours = {
+    ours = {group.name for group in app.registered_groups} | {
         command.name or (command.callback.__name__ if command.callback else "") for command in app.registered_commands
     }
     wanted = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
@@ -259,34 +287,6 @@ def _plugin_commands() -> None:
 
 def main() -> None:
     """Run the command line. Expected errors end it with one line and their exit code (docs/exit-codes.md)."""
-    try:
+    with plain_endings():
         _plugin_commands()
         app()
-    except SavmapError as error:
-        typer.echo(f"savmap: {error}", err=True)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        _interrupted()
-    except OSError as error:
-        if error.errno not in NO_ROOM:
-            raise
-        _no_room(error)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            _interrupted()
-        raise
-
-
-def _no_room(error: OSError) -> NoReturn:
-    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
-    where = error.filename or "standard output"
-    reason = (error.strerror or str(error)).lower()
-    with suppress(OSError):
-        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    sys.exit(OutputError.exit_code)
-
-
-def _interrupted() -> NoReturn:
-    typer.echo("savmap: interrupted", err=True)
-    sys.exit(INTERRUPTED)

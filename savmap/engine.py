@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import (
     Calibration,
@@ -20,21 +18,17 @@ from savmap.graph import (
     marker_constraints,
     merge,
     motion_constraints,
-    published_start,
     solve,
     solve_rows,
 )
 from savmap.monitor import Monitor
 from savmap.observe import Observations, observe, pass_names
+from savmap.paths import first_attitudes, first_path
 from savmap.rooms import Room
 from savmap.site import Footage, Pass
-from savmap.stages.attitude import attitudes
-from savmap.types import Floats, Flow, RowMap, Structure, Track, Trajectory
+from savmap.types import Flow, RowMap, Structure, Track, Trajectory
 
 Result = TypeVar("Result")
-SPEED_MPS = 1.0
-HEIGHT_M = 2.5
-DISTANCE_M = 1.5
 
 
 @dataclass(frozen=True)
@@ -118,7 +112,8 @@ def pose(row: Row, rooms: Sequence[Room], seen: Observations, monitor: Monitor) 
     references = row.references if row.path is None else References()
     start = first_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
-    followed = follow(row, face_first(rooms, seen), seen, start, frames)
+    sound = [room for room in face_first(rooms, seen) if room.name not in seen.failed]
+    followed = follow(row, sound, seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
     problem = merge(frames, *followed.every)
@@ -154,8 +149,9 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
                 raise
             notes.append(f"row {row.name}: nothing of `{room.name}` is mapped: {error}")
             continue
-        tracks[room.name] = own
-        constraints[room.name] = room.constrain(tracks=own, facts=seen.facts, start=path or start)
+        bound = room.constrain(tracks=own, facts=seen.facts, start=path or start)
+        if room.failure is None:
+            tracks[room.name], constraints[room.name] = own, bound
     if row.path is not None or not seen.flows:
         return Followed(tracks, constraints, markers, tuple(notes), {})
     motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
@@ -200,48 +196,6 @@ def described(
 def face_first(rooms: Sequence[Room], seen: Observations) -> list[Room]:
     """Rooms that found the face come first: what they see locates the camera for the others."""
     return sorted(rooms, key=lambda room: room.name not in seen.found_face)
-
-
-def first_path(row: Row, seen: Observations) -> Trajectory:
-    """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
-    SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
-    if row.path is not None:
-        return checked_path(row.name, row.path, len(seen.facts.frames))
-    stamps = seen.facts.frames.stamps_s
-    return published_start(
-        seen.facts,
-        attitudes_of(seen),
-        length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
-        height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
-        distance_m=DISTANCE_M,
-    )
-
-
-def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
-    """An earlier map's path, if it is one of the same frames."""
-    if len(path.frames) != count:
-        raise StructureError(
-            f"row {row}: the earlier map has poses for {len(path.frames)} frames, these passes have {count}: "
-            "map the same passes at the same rate, all frames of which were located"
-        )
-    return path
-
-
-def attitudes_of(seen: Observations) -> Floats:
-    """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
-    missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
-    if missing:
-        raise StructureError(
-            f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it"
-        )
-    first = np.stack([seen.attitudes[name] for name in seen.facts.frames.passes])
-    edges = [feature for features in seen.features.values() for feature in features if feature.axis is not None]
-    return attitudes(edges, seen.facts.views, first)
-
-
-def first_attitudes(row: Row) -> Mapping[str, Floats]:
-    """What an earlier map says of the attitude at the start of the row's (only) pass."""
-    return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}
 
 
 def row_map(

@@ -25,6 +25,18 @@ class PluginError(SavmapError):
     exit_code = 5
 
 
+class PluginFailedError(PluginError):
+    """A plugin raised in a hook, or returned what the hook may not give."""
+
+    def __init__(self, plugin: str, hook: str, what: str) -> None:
+        super().__init__(plugin, hook, what)
+        self.plugin, self.hook = plugin, hook
+        self.what = what
+
+    def __str__(self) -> str:
+        return f"plugin `{self.plugin}` {self.what}"
+
+
 class ModelError(SavmapError):
     """A network file is missing, malformed, or does not give the plugin's classes."""
 
@@ -53,3 +65,9 @@ class RowsFailedError(SavmapError):
     """Some rows of a site could not be mapped; the others were."""
 
     exit_code = 10
+
+
+class PluginsLeftOutError(SavmapError):
+    """Plugins failed, and all else was mapped without them, as the site file wants it."""
+
+    exit_code = 11

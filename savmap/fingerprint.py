@@ -22,7 +22,7 @@ from savmap.stages.networks.providers import choose, runtime_version
 from savmap.types import SiteMap
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
-ELSEWHERE = {"sim", "train", "report", "testing"}
+ELSEWHERE = {"sim", "train", "report", "testing", "scaffold", "commands"}
 ENDS = 1 << 20
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from savmap.contained import contained
 from savmap.errors import OutputError, SiteError
 from savmap.io.files import reason
 from savmap.io.overrides import Override
@@ -82,7 +83,14 @@ def _in_metres(height: float) -> str:
 
 def rooms_for(job: Job, row: str) -> Sequence[Room]:
     """The job's plugins, each with its settings for one row."""
-    return open_rooms(job.plugins, lambda plugin: job.site.row_config(row, plugin), str(job.source), job.site.providers)
+    site = job.site
+    rooms = open_rooms(job.plugins, lambda plugin: site.row_config(row, plugin), str(job.source), site.providers)
+    return contained(rooms, row) if skips(job) else rooms
+
+
+def skips(job: Job) -> bool:
+    """Whether all else is to be mapped where a plugin fails."""
+    return job.site.on_plugin_error == "skip"
 
 
 def prepare(folder: Path) -> None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from savmap import work
+from savmap import trace, work
 from savmap.errors import SavmapError
 from savmap.fingerprint import seen_print, solved_print
 from savmap.io.mapfile import map_of
@@ -93,7 +93,8 @@ def drives_of(job: Job) -> Sequence[tuple[str, ...]]:
 
 @dataclass
 class Rows:
-    """How far the rows are: fingerprints and content of what was seen, the texts of maps, the errors of rows that failed."""
+    """How far the rows are: fingerprints and content of what was seen, the texts of maps, the errors of rows that failed,
+    and, by row, the plugins without which it was mapped."""
 
     job: Job
     store: Store
@@ -107,6 +108,7 @@ class Rows:
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
+    lacking: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def begin(self, drive: tuple[str, ...]) -> None:
         """Take what was kept of a drive, and have the rest worked out."""
@@ -127,16 +129,18 @@ class Rows:
         done = result if isinstance(result, work.Done) else _lost(names, result)
         for line in done.notes:
             self.monitor.note(line)
+        trace.tell_again(done.logged)
         for name, content in done.content.items():
+            self.lacking.setdefault(name, {}).update(done.lacking.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
             self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
             if isinstance(content, work.Failure):
                 self._fail(name, content)
             elif stage == SEEN:
-                self.store.keep(name, SEEN, self.prints[name], content)
+                self._keep(name, SEEN, self.prints[name], content)
                 self.seen[name] = content
             else:
-                self.store.keep(name, SOLVED, self._solved_print(names), content)
+                self._keep(name, SOLVED, self._solved_print(names), content)
                 self.texts[name] = content
         if stage == SEEN:
             self._solve_if_seen(next(drive for drive in self.drives if names[0] in drive))
@@ -151,7 +155,13 @@ class Rows:
             seconds=seconds,
             used=len(row.frames),
             peak_mb=self.peak_mb.get(name, 0.0),
+            plugins_failed=self.lacking.get(name, {}),
         )
+
+    def _keep(self, name: str, stage: str, print_: str, content: bytes) -> None:
+        """Keep what is whole: where a plugin failed, it is tried again next time."""
+        if not self.lacking[name]:
+            self.store.keep(name, stage, print_, content)
 
     def _solve_if_seen(self, drive: tuple[str, ...]) -> None:
         """Once all rows of a drive were seen, or failed: solve those that were seen."""

@@ -2,12 +2,13 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from savmap.ahead import ahead
+from savmap.contained import failed, left_out
 from savmap.errors import StructureError
 from savmap.eyes import Eyes
 from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
@@ -28,7 +29,7 @@ WORKERS, DEPTH = 2, 3
 @dataclass(frozen=True)
 class Observations:
     """What was seen of a row: its facts, each room's features, the first attitude of every pass that is known, the markers,
-    and points that were followed."""
+    and points that were followed. `failed`: by room, how its plugin failed, where the row is mapped without it."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -37,6 +38,7 @@ class Observations:
     notes: tuple[str, ...]
     marks: Marks
     flows: Sequence[Flow] = ()
+    failed: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -139,14 +141,16 @@ def observe(
         aimed, _ = aim_pass(name, one, rooms, eyes, renderer, known.get(name))
         walk.over(row, aimed, monitor)
     facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
+    out = failed(rooms)
     return Observations(
         facts,
-        walk.features,
+        {name: [] if name in out else own for name, own in walk.features.items()},
         {**walk.attitudes, **known},
         frozenset(walk.found_face),
-        tuple(walk.notes),
+        (*walk.notes, *map(left_out, out.values())),
         walk.watch.marks,
         walk.flow.flows,
+        out,
     )
 
 

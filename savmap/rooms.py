@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 from pydantic import BaseModel
 
-from savmap import defaults, hookspecs
-from savmap.errors import PluginError, SavmapError
+from savmap import defaults, hookspecs, trace
+from savmap.errors import PluginError, PluginFailedError, SavmapError
 from savmap.io.sitefile import validated
 from savmap.types import Aim, Detection, Feature, Panorama, SharedThing, Structure, Track, View
 
@@ -82,27 +82,39 @@ class Room:
         """What the network's classes are called here, by their own names or numbers, where the config says so."""
         return dict(getattr(self.config, "class_names", {}))
 
-    def ask(self, hook: str, expected: type, **arguments: Any) -> Any:
-        """What the plugin answers to a hook; PluginError if it raises or the answer is not of the expected type."""
+    @property
+    def failure(self) -> PluginFailedError | None:
+        """How the plugin failed, in a room that keeps this from the others; here it is raised."""
+        return None
+
+    def ask(self, hook: str, expected: type, item: type | None = None, **arguments: Any) -> Any:
+        """What the plugin answers to a hook; `item`: what all that it gives must be.
+
+        Raises PluginFailedError if it raises or answers otherwise. What it refuses in its own words (a SavmapError) is raised as it is.
+        """
         try:
             answer = getattr(self.manager.hook, hook)(**arguments)
         except SavmapError:
             raise
         except Exception as error:
-            raise PluginError(f"plugin `{self.name}` failed in `{hook}`: {type(error).__name__}: {error}") from error
+            what = f"failed in `{hook}`{_place(arguments)}: {type(error).__name__}: {error}"
+            raise PluginFailedError(self.name, hook, what) from error
         if not isinstance(answer, expected):
             given = type(answer).__name__
-            raise PluginError(f"plugin `{self.name}` returned {given} from `{hook}`, not {expected.__name__}")
+            raise PluginFailedError(self.name, hook, f"returned {given} from `{hook}`, not {expected.__name__}")
+        if item is not None:
+            self._require_items(hook, answer, item)
         return answer
+
+    def _require_items(self, hook: str, answer: Any, item: type) -> None:
+        wrong = next((one for one in answer if not isinstance(one, item)), None)
+        if wrong is not None:
+            what = f"returned a list with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
+            raise PluginFailedError(self.name, hook, what)
 
     def ask_list(self, hook: str, item: type, **arguments: Any) -> list[Any]:
         """Like `ask`, for a list whose items must all be of one type."""
-        answer: list[Any] = self.ask(hook, list, **arguments)
-        wrong = next((one for one in answer if not isinstance(one, item)), None)
-        if wrong is not None:
-            raise PluginError(
-                f"plugin `{self.name}` returned a list with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
-            )
+        answer: list[Any] = self.ask(hook, list, item, **arguments)
         return answer
 
     def render_views(self, **arguments: Any) -> Aim:
@@ -146,6 +158,11 @@ class Room:
         return self.ask_list("shared", SharedThing, structures=structures)
 
 
+def _place(arguments: Mapping[str, Any]) -> str:
+    view = arguments.get("view")
+    return f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
+
+
 def open_room(name: str, config: Mapping[str, Any], where: str = "options", providers: tuple[str, ...] = ()) -> Room:
     """A room for an installed plugin.
 
@@ -167,6 +184,7 @@ def room_of(
         manager.register(defaults)
         manager.register(plugin, name=name)
         manager.check_pending()
+        trace.watch(manager, name)
     except SavmapError:
         raise
     except Exception as error:
@@ -197,8 +215,13 @@ def exporters() -> dict[str, hookspecs.Exporter]:
 
 
 def register_commands(app: Any) -> None:
-    """Let every installed plugin whose class answers `register_commands` add to the command line."""
+    """Let every installed plugin whose class answers `register_commands` add to the command line. Raises PluginError."""
     for name in installed():
         add = getattr(load_class(name), "register_commands", None)
-        if add is not None:
+        if add is None:
+            continue
+        try:
             add(app)
+        except Exception as error:
+            what = f"failed in `register_commands`: {type(error).__name__}: {error}"
+            raise PluginFailedError(name, "register_commands", what) from error

@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from savmap import checks
-from savmap.errors import RowsFailedError, SavmapError, SiteError
+from savmap.contained import failures_gathered
+from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError, SiteError
 from savmap.fingerprint import drawn_print
 from savmap.io.files import sha256, write_text
 from savmap.io.survey import read_survey
-from savmap.job import Job, job_for, prepare, rooms_for
+from savmap.job import Job, job_for, prepare, rooms_for, skips
 from savmap.mapping import Way, mapped_rows
 from savmap.runlog import RunLog, write_log
 from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
 from savmap.stages.networks.providers import runtime_version
 from savmap.store import Store, file_name, locked
 from savmap.types import RowMap, SiteMap
+from savmap.work import warnings_told
 
 DRAWN = "drawn"
 
@@ -31,7 +33,8 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
 
     Everything that is given is checked first. What is worked out of each row is kept in the folder as soon as it is there; the other
     files are written whole, after everything is solved: map.json, run.json, report.html, site.resolved.json, pictures of each row. Raises
-    RowsFailedError after that where some rows could not be mapped, and the first row's error where none could.
+    RowsFailedError after that where some rows could not be mapped, PluginsLeftOutError where plugins failed and the site file wants all
+    else to be mapped, and the first row's error where no row could be.
     """
     from savmap.assembly import site_lines
     from savmap.console import Console
@@ -42,14 +45,21 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     with locked(job.output), Console(job.output / "savmap.log") as console:
         mapped = mapped_rows(job, way, console)
         failed = {name: str(error) for name, error in mapped.failed.items()}
-        site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed))
-        for note in notes:
-            console.note(note)
-        yield from write_results(job, site_map, mapped.log, way)
-        yield from scored(job)
+        with failures_gathered() as failures, warnings_told(console):
+            site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed))
+            for note in notes:
+                console.note(note)
+            yield from write_results(job, site_map, mapped.log, way)
+            yield from scored(job)
         yield from site_lines(site_map)
         if mapped.failed:
             raise RowsFailedError(_failures(job, mapped.failed))
+        lacking = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
+        if lacking or failures:
+            names = ", ".join(sorted(lacking | {failure.plugin for failure in failures}))
+            raise PluginsLeftOutError(
+                f"mapped without plugins that failed: {names}; {job.output / 'savmap.log'} says where and why"
+            )
 
 
 def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
@@ -58,7 +68,7 @@ def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
     from savmap.observe import recordings
     from savmap.placing import placements
 
-    priors, rooms = placements(job.site), rooms_of(site_map)
+    priors, rooms = placements(job.site), rooms_of(site_map, skips(job))
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
     try:
         found = assembled(site_map, priors, footage, lambda plugin, own: rooms[plugin].shared(structures=own))
@@ -96,10 +106,12 @@ def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterato
         print_ = drawn_print(site_map, name, sheets.get(name))
         pictures = [job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan")]
         if store.kept(name, DRAWN, print_) is None or not all(picture.is_file() for picture in pictures):
-            draw(drawings_of(rooms_for(job, name), row, sheets.get(name)), row, *pictures)
-            store.keep(name, DRAWN, print_, b"")
+            rooms = rooms_for(job, name)
+            draw(drawings_of(rooms, row, sheets.get(name)), row, *pictures)
+            if not any(room.failure for room in rooms):
+                store.keep(name, DRAWN, print_, b"")
         yield f"wrote {pictures[0]} and {pictures[1]}"
-    report_for(site_map, job.output / "report.html", log, survey, _title(job.source))
+    report_for(site_map, job.output / "report.html", log, survey, _title(job.source), skips(job))
     yield f"wrote {job.output / 'report.html'}"
 
 
@@ -120,18 +132,18 @@ def scored(job: Job) -> Iterator[str]:
     """The scores against the site's survey and their box plot, where it names one."""
     if job.site.survey is not None:
         picture = job.output / "errors.png"
-        evaluation = evaluate_files(job.output / "map.json", job.site.survey, picture)
+        evaluation = evaluate_files(job.output / "map.json", job.site.survey, picture, skips(job))
         yield f"wrote {picture}"
         yield scores_table(evaluation)
 
 
-def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> "Evaluation":
-    """A map against a survey, scored by the plugins that made the map."""
+def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None, skip: bool = False) -> "Evaluation":
+    """A map against a survey, scored by the plugins that made the map; `skip`: without a plugin that fails."""
     from savmap.io.mapfile import read_map
     from savmap.report.plots import write_box_plot
 
     site_map = read_map(map_file)
-    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map))
+    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map, skip))
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
     return evaluation
@@ -153,7 +165,7 @@ def scores_table(evaluation: "Evaluation") -> str:
 
 def preview(job: Job) -> Iterator[str]:
     """Write pictures of the views that the aim chooses; yields a line for each."""
-    from savmap.engine import first_attitudes
+    from savmap.paths import first_attitudes
     from savmap.preview import previews
     from savmap.work import row_of
 

@@ -11,7 +11,8 @@ from savmap.validation import checked
 
 class RowRun(BaseModel):
     """One row: mapped now, kept from an earlier run, or failed (and why). `seconds` on the clock by stage (decode, aim, render,
-    segment, extract, track, solve, ...), of frames `used` and `skipped`, and the worker's largest memory in MB."""
+    segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory
+    in MB, and the plugins that failed in it, without which it was mapped."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -21,6 +22,7 @@ class RowRun(BaseModel):
     used: int = 0
     skipped: int = 0
     peak_mb: float = 0.0
+    plugins_failed: dict[str, str] = {}
 
 
 class RunLog(BaseModel):

@@ -142,6 +142,8 @@ class Site(Strict):
     the processor."""
     survey: Where | None = None
     """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
+    on_plugin_error: Literal["fail", "skip"] = "fail"
+    """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from savmap.contained import contained
 from savmap.errors import OutputError
 from savmap.rooms import Room, open_room
 from savmap.types import RowMap, SiteMap
@@ -15,9 +16,15 @@ if TYPE_CHECKING:
 
 
 def report_for(
-    site_map: SiteMap, path: Path, log: "RunLog | None" = None, survey: "Survey | None" = None, title: str = "Site map"
+    site_map: SiteMap,
+    path: Path,
+    log: "RunLog | None" = None,
+    survey: "Survey | None" = None,
+    title: str = "Site map",
+    skip: bool = False,
 ) -> None:
-    """Write the report of a map, with the run that made it and against a survey where they are given.
+    """Write the report of a map, with the run that made it and against a survey where they are given; `skip`: without the part of a
+    plugin that fails.
 
     Raises OutputError where it cannot be written or a row's survey is malformed, PluginError for a plugin that made the map
     and is not installed or fails.
@@ -25,7 +32,7 @@ def report_for(
     from savmap.report.page import write_page
     from savmap.report.record import Report
 
-    rooms = rooms_of(site_map)
+    rooms = rooms_of(site_map, skip)
     sheets = survey.rows if survey else {}
     common = any(name in sheets for name in site_map.rows)
     remarks = (
@@ -54,10 +61,11 @@ def report_files(map_file: Path, path: Path, run_file: Path | None = None, surve
     return f"wrote {path}"
 
 
-def rooms_of(site_map: SiteMap) -> dict[str, Room]:
-    """Rooms by name for the plugins that made a map, with their usual settings. Raises PluginError."""
+def rooms_of(site_map: SiteMap, skip: bool = False) -> dict[str, Room]:
+    """Rooms by name for the plugins that made a map, with their usual settings; `skip`: their failures are contained. Raises PluginError."""
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
-    return {name: open_room(name, {}) for name in names}
+    rooms = [open_room(name, {}) for name in names]
+    return {room.name: room for room in (contained(rooms) if skip else rooms)}
 
 
 def evaluation_of(site_map: SiteMap, survey: "Survey", rooms: Mapping[str, Room]) -> "Evaluation":

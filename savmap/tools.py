@@ -1,6 +1,5 @@
 """What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -110,20 +109,3 @@ def mask_view(number: int, text: str) -> ViewSpec:
         return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
     except ValueError:
         raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None
-
-
-def train(
-    plugin: str, data: Sequence[Path], output: Path, minutes: float, seed: int, init: Path | None
-) -> Iterator[str]:
-    """A new network for a plugin's classes."""
-    from savmap.console import Console
-    from savmap.train import check_extra
-    from savmap.train import train as train_network
-
-    classes = load_class(plugin).classes
-    check_extra()
-    prepare(output.parent)
-    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
-        recipe = train_network(classes, data, output, minutes, seed, init, progress)
-    yield f"wrote {output}"
-    yield json.dumps(recipe, indent=2)

@@ -7,11 +7,13 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
+from savmap import trace
+from savmap.contained import because, failed
 from savmap.errors import SavmapError, SiteError
 from savmap.job import Job, rooms_for
 from savmap.monitor import Monitor, Notes
@@ -34,13 +36,15 @@ class Failure:
 
 @dataclass(frozen=True)
 class Done:
-    """What a piece of work gave: content by row, or why there is none; lines for the user, seconds on the clock, and the largest
-    memory of the worker so far, MB."""
+    """What a piece of work gave: content by row, or why there is none; lines for the user, seconds on the clock, the largest
+    memory of the worker so far, MB, what another process had no log for, and, by row, the plugins that failed and how."""
 
     content: Mapping[str, bytes | Failure]
     notes: Sequence[str] = ()
     seconds: float = 0.0
     peak_mb: float = 0.0
+    logged: Sequence[str] = ()
+    lacking: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:
@@ -48,7 +52,18 @@ def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:
     from savmap.engine import look
     from savmap.io.records import packed
 
-    return _done([name], lambda notes: {name: packed(look(row_of(job, name), rooms_for(job, name), notes))}, monitor)
+    lacking: dict[str, Mapping[str, str]] = {}
+
+    def seen(notes: Monitor) -> dict[str, bytes | Failure]:
+        rooms = rooms_for(job, name)
+        try:
+            found = look(row_of(job, name), rooms, notes)
+        except SavmapError as error:
+            raise because(error, failed(rooms)) from error
+        lacking[name] = found.failed
+        return {name: packed(found)}
+
+    return replace(_done([name], seen, monitor), lacking=lacking)
 
 
 def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -> Done:
@@ -58,6 +73,8 @@ def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -
     from savmap.io.records import unpacked
     from savmap.observe import Observations
 
+    lacking: dict[str, Mapping[str, str]] = {}
+
     def mapped(notes: Monitor) -> dict[str, bytes | Failure]:
         rows = [
             (row_of(job, name), rooms_for(job, name), unpacked(content, Observations)) for name, content in seen.items()
@@ -65,14 +82,15 @@ def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -
         heard = Notes()
         with warnings_told(heard):
             found = map_rows(rows, notes)
+        lacking.update({row.name: {**observed.failed, **failed(rooms)} for row, rooms, observed in rows})
         return {
             name: map_text(SiteMap({name: with_notes(own, heard.lines)}, {})).encode()
             if isinstance(own, RowMap)
-            else Failure(own)
+            else Failure(because(own, lacking[name]))
             for name, own in zip(seen, found, strict=True)
         }
 
-    return _done(list(seen), mapped, monitor)
+    return replace(_done(list(seen), mapped, monitor), lacking=lacking)
 
 
 def _done(
@@ -84,10 +102,11 @@ def _done(
     """
     notes = Notes()
     begin = time.monotonic()
+    logged: Sequence[str] = ()
     content: Mapping[str, bytes | Failure]
     talk = monitor or notes
     try:
-        with threadpool_limits(1, "blas"), warnings_told(talk):
+        with threadpool_limits(1, "blas"), warnings_told(talk), trace.about(names, keep=monitor is None) as logged:
             content = work(talk)
     except SavmapError as error:
         content = {name: Failure(error) for name in names}
@@ -96,7 +115,7 @@ def _done(
             raise
         content = {name: _unexpected(error) for name in names}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
-    return Done(content, tuple(notes.lines), time.monotonic() - begin, peak)
+    return Done(content, tuple(notes.lines), time.monotonic() - begin, peak, tuple(logged))
 
 
 class _Telling(logging.Handler):

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import gtsam
 import numpy as np
 
-from savmap.graph.keys import frame_key
+from savmap.graph.keys import POSE2, is_frame
 from savmap.types import Floats
 
 ROW_BITS = 48
 NO_ROW = 255
-FRAME = gtsam.symbolChr(frame_key(0))
 
 
 def carried_key(key: int, row: int) -> int:
@@ -47,12 +46,18 @@ def values_of_row(values: gtsam.Values, row: int) -> gtsam.Values:
 def _renamed(values: gtsam.Values, names: Sequence[tuple[int, int]]) -> gtsam.Values:
     renamed = gtsam.Values()
     for old, new in names:
-        renamed.insert(new, values.atPose3(old) if _is_pose(old) else values.atPoint3(old))
+        renamed.insert(new, value_at(values, old))
     return renamed
 
 
-def _is_pose(key: int) -> bool:
-    return bool(gtsam.symbolChr(key) == FRAME)
+def value_at(values: gtsam.Values, key: int) -> gtsam.Pose3 | gtsam.Pose2 | Floats:
+    """The value of a variable, of the kind that its key tells."""
+    return values.atPose3(key) if is_frame(key) else own_at(values, key)
+
+
+def own_at(values: gtsam.Values, key: int) -> gtsam.Pose2 | Floats:
+    """The same of a variable that is no frame's pose."""
+    return values.atPose2(key) if gtsam.symbolChr(key) == ord(POSE2) else values.atPoint3(key)
 
 
 def _wrapped(factor: gtsam.CustomFactor, keys: Sequence[int]) -> gtsam.CustomFactor:
@@ -62,7 +67,7 @@ def _wrapped(factor: gtsam.CustomFactor, keys: Sequence[int]) -> gtsam.CustomFac
     def error(_: object, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         matrix, right = factor.linearize(_renamed(values, names)).jacobian()
         if jacobians is not None:
-            ends = np.cumsum([6 if _is_pose(key) else 3 for key in keys])
+            ends = np.cumsum([6 if is_frame(key) else 3 for key in keys])
             for number, slope in enumerate(np.split(matrix, ends[:-1], axis=1)):
                 jacobians[number] = slope
         return -right

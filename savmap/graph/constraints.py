@@ -4,7 +4,7 @@ The paper's constraints are `BetweenFactor`s and `PriorFactor`s that bind one ax
 also be read by the linear start and by the check of gauge and scale; `factors.py` makes the factor of it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import gtsam
@@ -14,6 +14,7 @@ from savmap.graph.observations import Observations
 from savmap.types import Axis, Floats
 
 TIGHT_M = 1e-4
+Own = gtsam.Pose2 | Floats
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ class Constraints:
     `keys`: landmark keys by name; `initial`: their published start (3,) m, row frame; `places`: more names that a user's
     length may use, such as an edge, as (axis, key); `alternatives`: one of these sets of relations, by what it
     says of the part that was found, holds: that which agrees best with what was seen, if it does so clearly; `factors`: GTSAM factors of the plugin's own, over keys of this room and
-    `frame_key`s.
+    `frame_key`s. `own`: variables that no projected pixel observes but these factors bind, with their starts by key: a `gtsam.Pose2` at a
+    `KeySpace.pose2` key, three numbers at a `KeySpace.vector3` key. Factors of frames that are not solved for are left out.
     """
 
     room: str
@@ -83,6 +85,7 @@ class Constraints:
     places: Mapping[str, tuple[Axis, int]] = field(default_factory=dict)
     factors: gtsam.NonlinearFactorGraph | None = None
     alternatives: Mapping[str, tuple[Relation, ...]] = field(default_factory=dict)
+    own: Mapping[int, Own] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         missing = set(self.keys) - set(self.initial)
@@ -91,3 +94,12 @@ class Constraints:
         unknown = set(np.unique(self.observations.keys).tolist()) - set(self.keys.values())
         if unknown:
             raise ValueError(f"Constraints of '{self.room}': {len(unknown)} observed keys are not among its landmarks")
+        loose = set(self.own).difference(*(factor.keys() for factor in each(self.factors)))
+        if loose:
+            raise ValueError(f"Constraints of '{self.room}': no factor binds {len(loose)} of its own variables")
+
+
+def each(graph: gtsam.NonlinearFactorGraph | None) -> Iterator[gtsam.NonlinearFactor]:
+    """The factors of a graph."""
+    if graph is not None:
+        yield from map(graph.at, range(graph.size()))

@@ -10,6 +10,7 @@ from itertools import pairwise
 import gtsam
 import numpy as np
 
+from savmap.graph.carry import own_at
 from savmap.graph.constraints import TIGHT_M, Relation
 from savmap.graph.keys import ORIGIN, centre_key, frame_key, mast_key
 from savmap.graph.observations import Observations
@@ -160,6 +161,8 @@ def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:
         values.insert(centre_key(frame), pose[:3, 3].copy())
     for key, point in zip(problem.keys.tolist(), estimate.points, strict=True):
         values.insert(key, point)
+    for key, value in estimate.own.items():
+        values.insert(key, value)
     if problem.frames.fixed is None:
         for number, height in enumerate(estimate.heights):
             values.insert(mast_key(number), np.array([0.0, height, 0.0]))
@@ -170,8 +173,8 @@ def estimate_of(problem: Problem, values: gtsam.Values, before: Estimate) -> Est
     """The estimate in GTSAM's values."""
     poses = np.array([values.atPose3(frame_key(frame)).matrix() for frame in problem.used.tolist()])
     points = np.array([values.atPoint3(key) for key in problem.keys.tolist()])
+    own = {key: own_at(values, key) for key in before.own}
     if problem.frames.fixed is not None:
-        return Estimate(poses, points, before.heights)
-    return Estimate(
-        poses, points, np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))])
-    )
+        return Estimate(poses, points, before.heights, own)
+    heights = np.array([values.atPoint3(mast_key(number))[1] for number in range(len(before.heights))])
+    return Estimate(poses, points, heights, own)

@@ -60,6 +60,7 @@ def conclude(
         keys={room.room: room.keys for room in problem.rooms},
         covariance=covariance,
         off={verdict.use.name: verdict.off for verdict in verdicts},
+        own=estimate.own,
     )
 
 

@@ -4,12 +4,14 @@ What is seen from one place is a band then, and costs about half of what a minim
 Variables that those of the whole row are bound to, such as the beam that all others share a plane with, come last.
 """
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 
 import gtsam
+import numpy as np
 
 from savmap.graph.carry import carried_key
+from savmap.graph.constraints import each
 from savmap.graph.keys import ORIGIN, centre_key, frame_key, mast_key
 from savmap.graph.problem import Problem
 from savmap.graph.start import Estimate
@@ -40,7 +42,20 @@ def places(problem: Problem, estimate: Estimate, aisle_from_row: gtsam.Pose3, ro
         *((x, key) for x, frame in frames for key in (frame_key(frame), centre_key(frame))),
         *zip(points, problem.keys.tolist(), strict=True),
     ]
-    return [(x, carried_key(key, row)) for x, key in keys]
+    own = _own_places(problem, {key: x for x, key in keys})
+    return [(x, carried_key(key, row)) for x, key in (*keys, *own)]
+
+
+def _own_places(problem: Problem, x: Mapping[int, float]) -> Iterator[Place]:
+    """Variables of the plugins' own: in the middle of what their factors bind them to."""
+    near = defaultdict[int, list[float]](list)
+    for room in problem.rooms:
+        for factor in each(room.factors) if room.own else ():
+            keys = factor.keys()
+            for key in (key for key in keys if key in room.own):
+                near[key] += [x[other] for other in keys if other in x]
+    for room in problem.rooms:
+        yield from ((float(np.mean(near[key] or [0.0])), key) for key in room.own)
 
 
 def hubs(problem: Problem, row: int) -> list[int]:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
 
+import gtsam
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.constraints import Constraints, Relation
+from savmap.graph.constraints import Constraints, Relation, each
 from savmap.graph.distortion import Scene
+from savmap.graph.keys import frame_key, is_frame
 from savmap.graph.motion import velocities
 from savmap.graph.observations import Observations, Sight, join, sight
 from savmap.graph.references import Frames, KnownLength, SurveyedPoint
@@ -110,7 +112,27 @@ def merge(frames: Frames, *rooms: Constraints) -> Problem:
     if frames.calibration is not None:
         observations = frames.calibration.added(observations)
     own = tuple(relation for room in rooms for relation in room.relations)
-    return Problem(frames, rooms, (*own, *_given(frames, rooms, own)), observations)
+    solved = {frame_key(frame) for frame in np.unique(observations.frames).tolist()}
+    kept = tuple(_over(room, solved) for room in rooms)
+    return Problem(frames, kept, (*own, *_given(frames, rooms, own)), observations)
+
+
+def _over(room: Constraints, frames: set[int]) -> Constraints:
+    """A room without factors over other frames than those of these keys, and without variables of its own that only they bind."""
+    factors = [one for one in each(room.factors) if _frames(one) <= frames]
+    if room.factors is None or len(factors) == room.factors.size():
+        return room
+    graph = gtsam.NonlinearFactorGraph()
+    for factor in factors:
+        graph.add(factor)
+    bound = set[int]().union(*(factor.keys() for factor in factors))
+    return replace(room, factors=graph, own={key: value for key, value in room.own.items() if key in bound})
+
+
+def _frames(factor: gtsam.NonlinearFactor) -> set[int]:
+    """Keys of the frames that a factor binds."""
+    keys = factor.keys()
+    return {key for key in keys if is_frame(key)}
 
 
 def _given(frames: Frames, rooms: tuple[Constraints, ...], own: tuple[Relation, ...]) -> Iterator[Relation]:

@@ -1,10 +1,11 @@
 """What the solve gives back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from savmap.graph.constraints import Own
 from savmap.graph.covariance import Covariance
 from savmap.types import Floats, ReferenceUse, Trajectory
 
@@ -33,7 +34,8 @@ class Rejected:
 class Solution:
     """Trajectory, landmarks by room and name, the references as they were used, and what is worth telling the user.
 
-    `off`: how many standard deviations each reference, by name, is off what the rest says."""
+    `off`: how many standard deviations each reference, by name, is off what the rest says. `own`: the plugins' own variables by key
+    (see `Constraints`); `own_covariance` tells how well they are known."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -44,10 +46,16 @@ class Solution:
     keys: Mapping[str, Mapping[str, int]]
     covariance: Covariance
     off: Mapping[str, float]
+    own: Mapping[int, Own] = field(default_factory=dict)
 
     def of(self, room: str) -> Mapping[str, Landmark]:
         """Landmarks of a room by name."""
         return self.landmarks.get(room, {})
+
+    def own_covariance(self, key: int) -> Floats:
+        """Covariance (3, 3) of a variable of a plugin's own, in GTSAM's tangent: of a Pose2 x, y in its own axes (m) and its turn
+        (rad)."""
+        return self.covariance.of([key])
 
     def joint(self, room: str, names: Sequence[str]) -> Floats:
         """Joint covariance (3n, 3n) m^2 of some landmarks of a room, x y z of each in turn."""

@@ -1,12 +1,14 @@
 """Where the solve starts: as published (paper, section III.E), or from linear equations that need attitudes only."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.errors import SolveError, StructureError
 from savmap.graph import linear
+from savmap.graph.constraints import Own
 from savmap.graph.doubt import readings, undoubted
 from savmap.graph.problem import Problem
 from savmap.graph.scale import fit, require_metric
@@ -15,11 +17,13 @@ from savmap.types import Floats, Ints, RowFacts, Trajectory
 
 @dataclass(frozen=True)
 class Estimate:
-    """Poses world_from_rig (f, 4, 4) of the used frames, points (m, 3), camera heights (h,) of the references."""
+    """Poses world_from_rig (f, 4, 4) of the used frames, points (m, 3), camera heights (h,) of the references, and the plugins'
+    own variables by key."""
 
     poses: Floats
     points: Floats
     heights: Floats
+    own: Mapping[int, Own] = field(default_factory=dict)
 
 
 def published_start(
@@ -112,7 +116,8 @@ def _start(
         poses, points = poses.copy(), found
         poses[:, :3, 3] = cameras
     heights = np.array([height.value_m for height in problem.frames.references.camera_heights])
-    return Start(problem, reading, doubts, Estimate(poses, points, heights))
+    own = {key: value for room in problem.rooms for key, value in room.own.items()}
+    return Start(problem, reading, doubts, Estimate(poses, points, heights, own))
 
 
 def first_poses(problem: Problem) -> Floats:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from savmap.rooms import installed, open_room
 from savmap.sim.goods import fill
 from savmap.sim.hall import hall_boxes
 from savmap.sim.primitives import Box
@@ -27,8 +28,8 @@ class Built:
 def build(scene: Scene, makers: Mapping[str, SceneMaker] | None = None) -> Built:
     """All boxes and the survey of a scene; the same scene gives the same boxes.
 
-    `makers` are the plugins' `scene` functions by the name their section has under `structures`; the default looks for
-    the module `savmap_NAME.scene`. Raises SceneError for a structure that no plugin builds.
+    `makers` are the plugins' `scene` functions by the name their section has under `structures`; the default asks the
+    installed plugin. Raises SceneError for a structure that no plugin builds.
     """
     frames = {name: row_frame(place) for name, place in scene.rows.items()}
     site = Site(scene.hall, scene.goods, scene.look, frames)
@@ -46,6 +47,10 @@ def _part(scene: Scene, name: str, makers: Mapping[str, SceneMaker], site: Site)
 
 
 def _installed(name: str) -> SceneMaker:
+    """The `scene` hook of an installed plugin, or the function of a module `savmap_NAME.scene` that is there without being installed."""
+    if name in installed():
+        room = open_room(name, {})
+        return lambda section, rng, site: room.ask("scene", SceneParts, section=section, rng=rng, site=site)
     try:
         make: SceneMaker = importlib.import_module(f"savmap_{name}.scene").scene
     except ImportError as error:

@@ -14,7 +14,7 @@ from savmap.sim.course import course
 from savmap.sim.primitives import Floats
 from savmap.sim.scene import Cart, SceneError
 
-Kind = Literal["shelf", "face", "ceiling"]
+Kind = Literal["shelf", "face", "ceiling", "floor"]
 
 Front = tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
@@ -46,7 +46,7 @@ def view_rays(width: int, height: int, hfov_deg: float, offset: tuple[float, flo
 def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "shelf") -> CameraSample:
     """A random camera in the aisle between the mapped rows, as a panorama's shelf-facing or ceiling-facing views are.
 
-    Views of the kind "face" look straight at it, and hold its height as mapping's views do. Raises SceneError for a scene without a mapped row.
+    Views of the kind "face" look straight at it, and hold its height as mapping's views do; those of the kind "floor" look down. Raises SceneError for a scene without a mapped row.
     """
     name = mapped_rows(built)[int(rng.integers(len(mapped_rows(built))))]
     frame, (length, top) = built.frames[name], face_size(built, name)
@@ -89,6 +89,8 @@ def _corner(point: Floats) -> tuple[float, float, float]:
 
 
 def _turn(rng: np.random.Generator, kind: Kind) -> tuple[Floats, float]:
+    if kind == "floor":
+        return _floor_turn(rng), float(rng.uniform(85, 120))
     turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_shelf_turn(rng), 155)
     return turn, float(rng.uniform(80, widest))
 
@@ -105,6 +107,11 @@ def _fitted(rng: np.random.Generator, ends: Floats) -> tuple[Floats, float]:
 def _shelf_turn(rng: np.random.Generator) -> Floats:
     yaw = rng.uniform(-35, 35) if rng.random() < 0.85 else rng.choice([-1, 1]) * rng.uniform(35, 90)
     return rig_from_view(float(yaw), float(rng.uniform(-20, 20)), float(rng.uniform(-10, 10)))
+
+
+def _floor_turn(rng: np.random.Generator) -> Floats:
+    yaw, pitch, roll = rng.uniform([-40, -90, -8], [40, -35, 8])
+    return rig_from_view(float(yaw), float(pitch), float(roll))
 
 
 def _ceiling_turn(rng: np.random.Generator) -> Floats:

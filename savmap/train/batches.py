@@ -17,7 +17,8 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 @dataclass(frozen=True)
 class BatchSource:
-    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes and seed."""
+    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes and seed. A run that goes
+    on after `start` batches draws others than it began with."""
 
     samples: Sequence[Sample]
     weights: NDArray[np.float64]
@@ -25,9 +26,10 @@ class BatchSource:
     size: int
     seed: int
     crop: Crop = field(default_factory=Crop)
+    start: int = 0
 
     def __iter__(self) -> Iterator[Batch]:
-        rng = np.random.default_rng(self.seed)
+        rng = np.random.default_rng([self.seed, self.start] if self.start else self.seed)
         while True:
             drawn = rng.choice(len(self.samples), self.size, p=self.weights)
             variants = []

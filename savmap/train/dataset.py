@@ -1,5 +1,7 @@
 """Labelled pictures on disk: reading, checking, mapping of classes, splitting into training and validation.
 
+Sets of other tools are read by `sets`, `coco` and `yolo`.
+
 A data set is a folder with `images/NAME.jpg` (or .png), `masks/NAME.png` (uint8: 0 background, k = classes[k-1], 255 not
 to be judged) and `dataset.json` (`{"format": "savmap-dataset", "version": 1, "classes": [...], "renderer": "..."}`).
 """
@@ -7,15 +9,17 @@ to be judged) and `dataset.json` (`{"format": "savmap-dataset", "version": 1, "c
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
+from savmap.train.fitted import fitted
 
 IGNORE = 255
 """Mask value of pixels that are neither trained on nor measured."""
@@ -24,26 +28,53 @@ GROUP_SIZE = 20
 """How many pictures that follow one another in number are kept together by `split`."""
 
 Bytes = NDArray[np.uint8]
+NO_MAPPING: Mapping[str, str] = {}
+
+
+class Labels(Protocol):
+    """Where the classes of a picture's pixels stand."""
+
+    def mask(self) -> Bytes:
+        """(H, W): 0 background, k the k-th class of the network, 255 ignore. Raises OutputError."""
+
+
+@dataclass(frozen=True)
+class MaskFile:
+    """A mask in a picture file. `lookup` (256,) uint8 turns its values into the network's."""
+
+    path: Path
+    lookup: Bytes
+
+    def mask(self) -> Bytes:
+        values = cv2.imread(str(self.path), cv2.IMREAD_GRAYSCALE)
+        if values is None:
+            raise OutputError(f"{self.path}: the mask cannot be read; render or label this picture again")
+        mapped: Bytes = self.lookup[values]
+        return mapped
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One labelled picture. `lookup` (256,) uint8 turns the data set's mask values into the network's."""
+    """One labelled picture: its file, its labels, the scene it belongs to and the data set's name."""
 
     image: Path
-    mask: Path
-    lookup: Bytes
+    labels: Labels
     group: str
+    origin: str
 
     def load(self) -> tuple[Bytes, Bytes]:
-        """Picture (H, W, 3) RGB and mask (H, W): 0 background, k the k-th class of the network, 255 ignore."""
+        """Picture (480, 640, 3) RGB and mask (480, 640): 0 background, k the k-th class of the network, 255 ignore. Pictures of
+        other sizes are scaled to fit, and what is left over is ignored. Raises OutputError."""
         picture = cv2.imread(str(self.image), cv2.IMREAD_COLOR)
-        mask = cv2.imread(str(self.mask), cv2.IMREAD_GRAYSCALE)
-        if picture is None or mask is None or picture.shape[:2] != mask.shape:
+        if picture is None:
+            raise OutputError(f"{self.image}: the picture cannot be read; render or save it again")
+        mask = self.labels.mask()
+        if picture.shape[:2] != mask.shape:
+            theirs, ours = (f"{size[1]}x{size[0]}" for size in (mask.shape, picture.shape))
             raise OutputError(
-                f"{self.image}: picture and mask cannot be read or differ in size; render this data set again"
+                f"{self.image}: is {ours}, but was labelled as {theirs}; use the picture that was labelled"
             )
-        return np.ascontiguousarray(picture[:, :, ::-1], dtype=np.uint8), self.lookup[mask]
+        return fitted(np.ascontiguousarray(picture[:, :, ::-1], dtype=np.uint8), mask, IGNORE)
 
 
 @dataclass(frozen=True)
@@ -88,19 +119,30 @@ def read_header(folder: Path) -> tuple[list[str], str]:
         raise OutputError(f"{path}: malformed ({error}); expected format, version and classes") from error
 
 
-def read_dataset(folder: Path, classes: Sequence[str]) -> Dataset:
-    """Check a folder and list its samples, in order of name. Raises OutputError for a folder that cannot be trained on."""
-    theirs, renderer = read_header(folder)
+def require_classes(source: Path, theirs: Sequence[str], classes: Sequence[str]) -> None:
+    """Raise OutputError where a data set lacks one of the network's classes."""
     missing = [name for name in classes if name not in theirs]
     if missing:
-        raise OutputError(f"{folder}: has no class {', '.join(missing)} (it has {', '.join(theirs)})")
+        raise OutputError(
+            f"{source}: has no class {', '.join(missing)} (it has {', '.join(theirs) or 'none'}); "
+            f"if one goes by another name, say --class THEIRS={missing[0]}"
+        )
+
+
+def read_dataset(folder: Path, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
+    """Check a folder and list its samples, in order of name; `mapping` gives its classes other names. Raises OutputError for a
+    folder that cannot be trained on."""
+    theirs, renderer = read_header(folder)
+    theirs = [mapping.get(name, name) for name in theirs]
+    require_classes(folder, theirs, classes)
     lookup = class_lookup(theirs, classes)
     pictures = sorted(p for p in (folder / "images").glob("*") if p.suffix in {".jpg", ".png"})
     samples = []
     for picture in pictures:
         mask = folder / "masks" / f"{picture.stem}.png"
         if mask.exists():
-            samples.append(Sample(picture, mask, lookup, f"{folder.name}/{group_of(picture.stem)}"))
+            group = f"{folder.name}/{group_of(picture.stem)}"
+            samples.append(Sample(picture, MaskFile(mask, lookup), group, str(folder)))
     if not samples:
         raise OutputError(f"{folder}: no picture in images/ has its mask in masks/")
     return Dataset(folder, renderer, tuple(samples))
@@ -121,6 +163,25 @@ def split(samples: Sequence[Sample], share: float = 0.06) -> tuple[list[Sample],
     return training, validation
 
 
+def held_out(samples: Sequence[Sample], share: float) -> tuple[list[Sample], list[Sample]]:
+    """(training, validation) by scene, for sets of a few scenes: whole scenes, in an order that their names alone decide, until
+    `share` of the pictures is reached. One scene is cut in two, its last pictures for validation. Raises OutputError for fewer than
+    two pictures."""
+    if len(samples) < 2:
+        raise OutputError(f"{len(samples)} labelled pictures are too few to train and to validate on; label more")
+    groups = sorted({sample.group for sample in samples}, key=lambda group: hashlib.sha256(group.encode()).digest())
+    wanted = max(1, round(share * len(samples)))
+    if len(groups) == 1:
+        return list(samples[:-wanted]), list(samples[-wanted:])
+    chosen: set[str] = set()
+    for group in groups[:-1]:
+        if sum(sample.group in chosen for sample in samples) >= wanted:
+            break
+        chosen.add(group)
+    inside = [sample for sample in samples if sample.group in chosen]
+    return [sample for sample in samples if sample.group not in chosen], inside
+
+
 def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> NDArray[np.float64]:
     """Probability (n,) of drawing each sample.
 
@@ -128,7 +189,7 @@ def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> ND
     so that a small one with another look counts for more than its size.
     """
     weights = np.array([1.0 if _shows_class(sample) else empty_weight for sample in samples])
-    folders = np.array([str(sample.mask.parent) for sample in samples])
+    folders = np.array([sample.origin for sample in samples])
     for folder in np.unique(folders):
         weights[folders == folder] /= np.sqrt(np.sum(folders == folder))
     probabilities: NDArray[np.float64] = weights / weights.sum()
@@ -136,8 +197,5 @@ def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> ND
 
 
 def _shows_class(sample: Sample) -> bool:
-    mask = cv2.imread(str(sample.mask), cv2.IMREAD_GRAYSCALE)
-    if mask is None:
-        raise OutputError(f"{sample.mask}: cannot be read; render this data set again")
-    values = np.unique(sample.lookup[mask])
+    values = np.unique(sample.labels.mask())
     return bool(np.any((values != 0) & (values != IGNORE)))

@@ -15,14 +15,14 @@ import torch
 from savmap.train import augment
 from savmap.train.batches import BatchSource, prefetched
 from savmap.train.checkpoint import Recipe, load_checkpoint, save_checkpoint
-from savmap.train.dataset import Dataset, Sample, read_dataset, sampling_weights, split
+from savmap.train.dataset import Dataset, Sample, sampling_weights, split
 from savmap.train.export import export
 from savmap.train.measure import measure
 from savmap.train.network import SegmentationNetwork, build
+from savmap.train.resume import SUFFIX, Course, Resumption, run_print
+from savmap.train.sets import read_sets
+from savmap.train.task import Progress, Task
 from savmap.train.trainer import Settings, Trainer, predictor
-
-Progress = Callable[[float, str], None]
-"""Called with the share done (0..1) and a line to show."""
 
 LEAST_STEPS = 2
 
@@ -35,27 +35,38 @@ def imagenet_weights() -> Path:
 
 
 def fit(
-    trainer: Trainer, source: BatchSource, minutes: float, progress: Progress, checkpoint: Callable[[], None]
-) -> int:
-    """Train until the minutes are spent, at least LEAST_STEPS; returns the number of steps."""
-    began = saved = time.monotonic()
-    stop = threading.Event()
-    steps, smooth = 0, 0.0
+    trainer: Trainer,
+    source: BatchSource,
+    course: Course,
+    task: Task,
+    progress: Progress,
+    save: Callable[[], None],
+    look: Callable[[], None] = lambda: None,
+) -> None:
+    """Train until the task's minutes are spent or its steps made, those of `course` included, and at least LEAST_STEPS; `save` is called now and then, and
+    when it is interrupted, `look` as often as the settings say and at the end."""
+    began = time.monotonic() - course.spent_s
+    saved, stop = time.monotonic(), threading.Event()
     try:
         for batch in prefetched(source, stop):
-            done = min((time.monotonic() - began) / (60 * minutes), 1.0)
-            if done == 1.0 and steps >= LEAST_STEPS:
+            course.spent_s = time.monotonic() - began
+            done = task.done(course.steps, course.spent_s)
+            if len(course.scores) <= done * trainer.settings.looks:
+                look()
+            if done == 1.0 and course.steps >= LEAST_STEPS:
                 break
             loss = trainer.step(batch, done)
-            steps += 1
-            smooth = loss if steps == 1 else 0.98 * smooth + 0.02 * loss
-            progress(done, f"step {steps}, loss {smooth:.4f}")
+            course.steps += 1
+            course.loss = loss if course.steps == 1 else 0.98 * course.loss + 0.02 * loss
+            progress(done, f"step {course.steps}, loss {course.loss:.4f}")
             if time.monotonic() - saved > trainer.settings.checkpoint_s:
-                checkpoint()
+                save()
                 saved = time.monotonic()
+    except KeyboardInterrupt:
+        save()
+        raise
     finally:
         stop.set()
-    return steps
 
 
 def start(classes: Sequence[str], init: Path | None) -> tuple[SegmentationNetwork, list[Recipe]]:
@@ -92,35 +103,48 @@ def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: 
     }
 
 
-def run(
-    classes: Sequence[str],
-    data: Sequence[Path],
-    output: Path,
-    minutes: float,
-    seed: int,
-    init: Path | None,
-    progress: Progress,
-    settings: Settings,
-) -> Mapping[str, object]:
+def run(task: Task, progress: Progress, settings: Settings) -> Mapping[str, object]:
     """Train, measure, export; returns the recipe that is written into the ONNX file. See `savmap.train.train`."""
-    torch.manual_seed(seed)
-    datasets = [read_dataset(folder, classes) for folder in data]
-    network, history = start(classes, init)
-    training, validation = split([sample for dataset in datasets for sample in dataset.samples])
+    torch.manual_seed(task.seed)
+    datasets = read_sets(task.data, task.classes, task.mapping)
+    network, history = start(task.classes, task.init)
+    samples = [sample for dataset in datasets for sample in dataset.samples]
+    training, validation = split(samples)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to validate on")
     trainer = Trainer(network, settings)
-    source = BatchSource(training, sampling_weights(training), len(classes), settings.batch, seed, settings.crop)
-    recipe = described(datasets, seed, minutes, settings)
-    beside = output.with_suffix(".checkpoint.pt")
-
-    def checkpoint() -> None:
-        save_checkpoint(beside, trainer.average.network, classes, [*history, recipe])
-
-    recipe["steps"] = fit(trainer, source, minutes, progress, checkpoint)
-    progress(1.0, "measuring")
+    kept = Resumption(task.output.with_suffix(SUFFIX), run_print(task.classes, samples, task.seed, task.init, settings))
+    course = resumed(kept, trainer, progress)
+    recipe = described(datasets, task.seed, task.minutes, settings)
+    beside = task.output.with_suffix(".checkpoint.pt")
     averaged = trainer.average.network
-    recipe["validation"] = validation_scores(averaged, validation, classes, settings.validation_limit)
-    checkpoint()
+
+    def save() -> None:
+        save_checkpoint(beside, averaged, task.classes, [*history, recipe])
+        kept.save(trainer, course)
+
+    fit(trainer, source_of(task, training, settings, course), course, task, progress, save)
+    recipe["steps"] = course.steps
+    progress(1.0, "measuring")
+    recipe["validation"] = validation_scores(averaged, validation, task.classes, settings.validation_limit)
+    save_checkpoint(beside, averaged, task.classes, [*history, recipe])
     whole = recipe | {"earlier": history}
-    export(averaged, classes, whole, output)
+    export(averaged, task.classes, whole, task.output)
+    kept.done()
     return whole
+
+
+def resumed(kept: Resumption, trainer: Trainer, progress: Progress) -> Course:
+    """The course of a run that was killed, the trainer brought to where it was; a new one where there is none."""
+    course = kept.load(trainer)
+    if course is None:
+        return Course()
+    progress(0.0, f"going on after step {course.steps}, {course.spent_s / 60:.1f} minutes")
+    return course
+
+
+def source_of(task: Task, training: Sequence[Sample], settings: Settings, course: Course) -> BatchSource:
+    """Where a run's batches come from."""
+    weights = sampling_weights(training)
+    return BatchSource(
+        training, weights, len(task.classes), settings.batch, task.seed, settings.crop, start=course.steps
+    )

@@ -21,7 +21,8 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 from savmap.errors import ModelError
 from savmap.io.files import write_bytes
 from savmap.stages.segment import Segmenter, network_input
-from savmap.train.dataset import Sample, read_dataset, split
+from savmap.train.dataset import Sample, split
+from savmap.train.sets import read_sets
 
 OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize", "DepthToSpace"]
 
@@ -43,10 +44,16 @@ def quantise(model: Path, data: Sequence[Path], output: Path, count: int = 32, s
 
     Raises ModelError for a model that is none of savmap's, OutputError for a data set that cannot be read.
     """
+    classes = Segmenter(model, providers=("cpu",)).classes
+    training = [one for dataset in read_sets(data, classes) for one in split(dataset.samples)[0]]
+    write_quantised(model, training, output, count, seed)
+
+
+def write_quantised(model: Path, training: Sequence[Sample], output: Path, count: int = 32, seed: int = 0) -> None:
+    """Write the network of `model` in 8-bit integers, its ranges from `count` of the pictures. Raises ModelError, OutputError."""
     segmenter = Segmenter(model, providers=("cpu",))
     if segmenter.kind != "semantic" or segmenter.input_size is None:
         raise ModelError(f"{model}: is {segmenter.kind}; only networks that `savmap train` wrote are quantised here")
-    training = [one for folder in data for one in split(read_dataset(folder, segmenter.classes).samples)[0]]
     chosen = np.random.default_rng(seed).choice(len(training), min(count, len(training)), replace=False)
     pictures = Pictures([training[number] for number in chosen], segmenter.input_size)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():

@@ -4,6 +4,7 @@ import copy
 import math
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,12 +15,16 @@ from savmap.train.augment import Crop
 from savmap.train.batches import Batch
 from savmap.train.losses import segmentation_loss
 from savmap.train.measure import Predictor
-from savmap.train.network import SegmentationNetwork
+from savmap.train.network import FIXED_BLOCKS, SegmentationNetwork
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is chosen about training beside its data. Rates are the largest of AdamW's; they rise, then fall as a cosine."""
+    """What is chosen about training beside its data. Rates are the largest of AdamW's; they rise, then fall as a cosine.
+
+    `frozen_blocks`: how many of the encoder's blocks keep their weights; `frozen_statistics`: normalisations keep theirs;
+    `looks`: how often the validation pictures are looked at, and the best network of those is taken (0: the last one).
+    """
 
     batch: int = 6
     encoder_rate: float = 4e-4
@@ -30,6 +35,22 @@ class Settings:
     checkpoint_s: float = 90.0
     validation_limit: int = 120
     crop: Crop = field(default_factory=Crop)
+    frozen_blocks: int = FIXED_BLOCKS
+    frozen_statistics: bool = False
+    looks: int = 0
+
+
+FINE_TUNING = Settings(
+    encoder_rate=1e-4,
+    decoder_rate=4e-4,
+    average_decay=0.99,
+    checkpoint_s=30.0,
+    validation_limit=40,
+    frozen_blocks=5,
+    frozen_statistics=True,
+    looks=5,
+)
+"""For a network that knows its classes and a few hundred pictures of another style: small steps, the early blocks left alone."""
 
 
 def learning_rate_factor(done: float, warm_up: float) -> float:
@@ -54,12 +75,12 @@ class Average:
     def __init__(self, network: SegmentationNetwork, decay: float) -> None:
         self.network = copy.deepcopy(network).eval()
         self._decay = decay
-        self._updates = 0
+        self.updates = 0
 
     def update(self, network: nn.Module) -> None:
         """Move towards the weights of `network`."""
-        self._updates += 1
-        decay = min(self._decay, (1 + self._updates) / (10 + self._updates))
+        self.updates += 1
+        decay = min(self._decay, (1 + self.updates) / (10 + self.updates))
         with torch.no_grad():
             for mine, theirs in zip(self.network.state_dict().values(), network.state_dict().values(), strict=True):
                 if mine.dtype.is_floating_point:
@@ -73,6 +94,11 @@ class Trainer:
 
     def __init__(self, network: SegmentationNetwork, settings: Settings) -> None:
         self.network = network.to(memory_format=torch.channels_last).train()
+        network.encoder.blocks[: settings.frozen_blocks].requires_grad_(False)
+        if settings.frozen_statistics:
+            for module in network.modules():
+                if isinstance(module, nn.BatchNorm2d):
+                    module.eval()
         self.average = Average(network, settings.average_decay)
         self.settings = settings
         encoder = [weight for weight in network.encoder.parameters() if weight.requires_grad]
@@ -82,6 +108,22 @@ class Trainer:
             {"params": decoder, "lr": settings.decoder_rate, "most": settings.decoder_rate},
         ]
         self._optimizer = torch.optim.AdamW(groups, weight_decay=settings.weight_decay)
+
+    def state(self) -> dict[str, Any]:
+        """All that `restore` needs to go on."""
+        return {
+            "network": self.network.state_dict(),
+            "average": self.average.network.state_dict(),
+            "updates": self.average.updates,
+            "optimizer": self._optimizer.state_dict(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state. Raises KeyError, ValueError or RuntimeError for one of another network."""
+        self.network.load_state_dict(state["network"])
+        self.average.network.load_state_dict(state["average"])
+        self.average.updates = state["updates"]
+        self._optimizer.load_state_dict(state["optimizer"])
 
     def step(self, batch: Batch, done: float) -> float:
         """One update when the share `done` of the budget is spent; returns the loss."""

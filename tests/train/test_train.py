@@ -7,6 +7,7 @@ import pytest
 
 from savmap.errors import OutputError, SavmapError
 from savmap.train import check_extra, train
+from savmap.train.task import Task
 
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,9 +35,8 @@ class TestWithTorch:
 
         output = tmp_path / "m.onnx"
         lines: list[str] = []
-        recipe = train(
-            ["crossbar", "column"], [four_pictures], output, 1e-6, 1, None, lambda _, line: lines.append(line)
-        )
+        task = Task(["crossbar", "column"], [four_pictures], output, 1e-6, 1)
+        recipe = train(task, lambda _, line: lines.append(line))
         segmenter = Segmenter(output)
         maps = segmenter.probabilities(np.zeros((480, 640, 3), np.uint8))
         assert segmenter.classes == ("crossbar", "column")
@@ -47,7 +47,8 @@ class TestWithTorch:
         assert any("step 2" in line for line in lines)
         assert output.stat().st_size < 10e6
         beside = output.with_suffix(".checkpoint.pt")
-        again = train(["column"], [four_pictures], tmp_path / "n.onnx", 1e-6, 1, beside)
+        assert not output.with_suffix(".resume.pt").exists()
+        again = train(Task(["column"], [four_pictures], tmp_path / "n.onnx", 1e-6, 1, beside))
         assert Segmenter(tmp_path / "n.onnx").classes == ("column",)
         assert len(again["earlier"]) == 1
 
@@ -118,4 +119,4 @@ class TestWithTorch:
 def test_output_must_be_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.train.NEEDED", ())
     with pytest.raises(OutputError, match=r"must end in \.onnx"):
-        train(["column"], [tmp_path], tmp_path / "m.bin")
+        train(Task(["column"], [tmp_path], tmp_path / "m.bin", 1))

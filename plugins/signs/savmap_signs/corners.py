@@ -128,6 +128,6 @@ def _covariance(corners: Floats, number: int, sigmas: list[float]) -> Floats:
     for side, far in ((number - 1, corners[number - 1]), (number, corners[(number + 1) % 4])):
         along = (far - corners[number]) / max(float(np.linalg.norm(far - corners[number])), 1e-9)
         normal = np.array([-along[1], along[0]])
-        information += np.asarray(np.outer(normal, normal) / sigmas[side] ** 2, np.float64)
-    covariance: Floats = np.linalg.inv(information + 1e-3 * np.eye(2))
+        information += np.outer(normal, normal) / sigmas[side] ** 2
+    covariance: Floats = np.asarray(np.linalg.inv(information + 1e-3 * np.eye(2)), np.float64)
     return covariance

@@ -1,0 +1,66 @@
+"""Pictures of a rack style that the shipped network is poor at, for the fine-tuning run of docs/training.md.
+
+    python bench/fine_tuning.py --count 200 --seed 61 -o data/dark
+    python bench/fine_tuning.py --count 60 --seed 62 --exact -o data/dark-test
+
+Dark galvanised racks of thin profiles with mesh decks and dark goods, in a dark hall, with a noisy camera. The pictures are
+written as a set of polygons, as a labelling tool gives them, or, for measuring, with masks that are exact to the pixel and in
+which what is more than 14 m away is not judged.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from savmap.label.formats import LabelledPicture, write_set
+from savmap.label.polygons import outlines
+from savmap.sim.dataset import CLASSES, samples, write
+from savmap.sim.random_scene import random_scene
+from savmap.sim.scene import Scene, parse_scene
+
+LABELLED = CLASSES[:2]
+
+
+def dark_scene(seed: int) -> Scene:
+    """The random scene of a seed with its racks thin and galvanised, and everything dark."""
+    rng = np.random.default_rng([seed, 5])
+
+    def grey(low: float, high: float) -> list[float]:
+        return [float(rng.uniform(low, high))] * 3
+
+    content = random_scene(seed).model_dump(mode="json")
+    for rack in content["structures"]["shelves"]["rows"].values():
+        steel = grey(0.05, 0.12)
+        rack |= {f"{part}_color": steel for part in ("upright", "beam", "rear", "deck")}
+        rack |= {"deck": "wire", "metallic": 0.7, "roughness": 0.3}
+        rack |= {"upright_texture": "scratches", "beam_texture": "scratches"}
+        rack |= {"upright_width": float(rng.uniform(0.035, 0.05)), "beam_height": float(rng.uniform(0.04, 0.06))}
+    content["hall"] |= {f"{part}_color": grey(0.03, 0.09) for part in ("floor", "wall", "ceiling", "steel")}
+    content["goods"]["colors"] = [grey(0.03, 0.15) for _ in range(4)]
+    content["look"] |= {"ambient": 0.03, "exposure": float(rng.uniform(0.25, 0.5)), "noise": 0.03, "contrast": 1.2}
+    return parse_scene(content, f"dark scene {seed}")
+
+
+def labelled(seed: int, count: int) -> Iterator[LabelledPicture]:
+    """Named pictures with the outlines of what they show."""
+    for name, picture, mask in samples(seed, count, "face", scene_of=dark_scene):
+        yield LabelledPicture(name, picture, {label: outlines(mask == k) for k, label in enumerate(LABELLED, 1)})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--exact", action="store_true", help="masks instead of polygons")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    given = parser.parse_args()
+    if given.exact:
+        write(given.output, given.seed, given.count, "face", scene_of=dark_scene)
+    else:
+        print(*write_set(given.output, LABELLED, labelled(given.seed, given.count)), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

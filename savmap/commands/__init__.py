@@ -1,0 +1,1 @@
+"""Parts of the command line: groups of commands, and how it ends."""

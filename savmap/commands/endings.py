@@ -1,0 +1,50 @@
+"""How the command line ends: one line and a documented exit code for what is expected (docs/exit-codes.md)."""
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import NoReturn
+
+import typer
+
+from savmap.errors import OutputError, SavmapError
+
+INTERRUPTED = 130
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+
+
+@contextmanager
+def plain_endings() -> Iterator[None]:
+    """End the program with one line where what is done in it ends with an expected error; all others keep their traceback."""
+    try:
+        yield
+    except SavmapError as error:
+        typer.echo(f"savmap: {error}", err=True)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        _interrupted()
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _no_room(error)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            _interrupted()
+        raise
+
+
+def _no_room(error: OSError) -> NoReturn:
+    """A full disk that nothing has told in its own words yet, such as that of the standard output."""
+    where = error.filename or "standard output"
+    reason = (error.strerror or str(error)).lower()
+    with suppress(OSError):
+        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(OutputError.exit_code)
+
+
+def _interrupted() -> NoReturn:
+    typer.echo("savmap: interrupted", err=True)
+    sys.exit(INTERRUPTED)

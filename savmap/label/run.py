@@ -1,0 +1,190 @@
+"""`savmap label`: from recordings to the pictures most worth labelling, with the network's own masks to start from."""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.console import Console
+from savmap.errors import SiteError, StructureError
+from savmap.eyes import Eyes
+from savmap.io.clip import time_range
+from savmap.io.overrides import Override
+from savmap.io.video import expected_frames, panoramas, probe
+from savmap.job import Job, job_for, prepare, rooms_for
+from savmap.label.choose import chosen, ranks
+from savmap.label.formats import LabelledPicture, require_unused, write_set
+from savmap.label.polygons import outlines
+from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
+from savmap.monitor import Monitor
+from savmap.observe import PassAims, aim_pass, clip_of, pass_names
+from savmap.rooms import Room
+from savmap.stages.render import Renderer
+from savmap.stages.segment import Segmenter
+from savmap.types import View, ViewSpec
+
+LOOKED_AT_EACH = 6
+LEAST_LOOKED_AT = 60
+TIME_WEIGHT, PASS_WEIGHT = 1.0, 0.3
+
+
+@dataclass
+class Candidate:
+    """A view that might be labelled: of which recording and frame, how unsure the network is of it, what it looks like."""
+
+    recording: int
+    spec: ViewSpec
+    frame: int
+    doubt: float
+    looks: NDArray[np.float64]
+    disagreement: float = 0.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A pass with the views of it that the plugin wants; every `every`-th frame is looked at, and the one after it."""
+
+    row: str
+    aimed: PassAims
+    specs: Sequence[ViewSpec]
+    frames: int
+    every: int = 1
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Renders views and asks the plugin's network about them."""
+
+    segmenter: Segmenter
+    classes: Sequence[str]
+    renderer: Renderer = field(default_factory=Renderer)
+
+    def maps(self, view: View) -> NDArray[np.float32]:
+        """Probabilities (1 + classes, h, w) of the plugin's classes, what is left being background."""
+        maps = self.segmenter.probabilities(view.image)
+        own = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
+        return np.concatenate([np.clip(1 - own.sum(axis=0, keepdims=True), 0, 1), own])
+
+
+def label(
+    source: Path, plugin: str | None, count: int, output: Path, overrides: Sequence[Override] = ()
+) -> Iterator[str]:
+    """Choose `count` views of a site's or a video's recordings and write them with outlines; yields lines for the user.
+
+    Raises SiteError, VideoError, PluginError or ModelError for what cannot be used, StructureError where no view is found,
+    OutputError where labels are in the folder already.
+    """
+    require_unused(output)
+    job = job_for(source, None, output, overrides=overrides)
+    name = plugin_of(job, source, plugin)
+    job = replace(job, plugins=list(dict.fromkeys([*job.plugins, name])))
+    require_footage(job)
+    prepare(output)
+    with Console(Path(os.devnull)) as console:
+        room, recordings = aimed_recordings(job, name, count, console)
+        watcher = Watcher(Eyes([room]).networks[name], room.classes)
+        candidates = [one for number in range(len(recordings)) for one in looked(number, recordings, watcher, console)]
+        picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, recordings), count)]
+        console.note(f"looked at {len(candidates)} views, chose {len(picked)}")
+        yield from write_set(output, room.classes, pictures(picked, recordings, watcher, console))
+
+
+def plugin_of(job: Job, source: Path, plugin: str | None) -> str:
+    """The plugin whose pictures are wanted. Raises SiteError where that is not clear."""
+    if plugin is not None:
+        return plugin
+    if not job.site.plugins and len(job.plugins) > 1:
+        raise SiteError(f"{source}: say whose pictures to label: --plugin {' or --plugin '.join(job.plugins)}")
+    return job.plugins[0]
+
+
+def require_footage(job: Job) -> None:
+    """Raise PluginError or SiteError for plugins and settings, VideoError for a recording or time range, that cannot be used."""
+    for name, row in job.site.rows.items():
+        rooms_for(job, name)
+        for clip in map(clip_of, row.passes):
+            time_range(clip, probe(clip.path, clip.images_fps).duration_s)
+
+
+def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> tuple[Room, list[Recording]]:
+    """The plugin's room, and every pass with the views that it wants of it. All plugins are asked, in their order: one may know
+    where the face is, and another not."""
+    renderer, found = Renderer(), list[Recording]()
+    for row, content in job.site.rows.items():
+        rooms = rooms_for(job, row)
+        eyes = Eyes(rooms)
+        room = next(one for one in rooms if one.name == plugin)
+        for name, one in zip(pass_names(content.passes), content.passes, strict=True):
+            monitor.note(f"row {row}, {name}: aiming the views")
+            aimed, _ = aim_pass(name, one, rooms, eyes, renderer, None)
+            specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
+            found.append(Recording(row, aimed, specs, expected_frames(aimed.clip, probe(aimed.clip.path))))
+    total = sum(one.frames * len(one.specs) for one in found)
+    if total == 0:
+        raise StructureError(
+            f"{job.source}: `{plugin}` wants no views of it; aim them by hand (`views` in a site file)"
+        )
+    every = max(1, total // max(LOOKED_AT_EACH * count, LEAST_LOOKED_AT))
+    return room, [Recording(one.row, one.aimed, one.specs, one.frames, every) for one in found]
+
+
+def looked(number: int, recordings: Sequence[Recording], watcher: Watcher, monitor: Monitor) -> Iterator[Candidate]:
+    """The views of a recording, with what the network makes of each and whether it changes its mind in the next frame."""
+    one = recordings[number]
+    before: dict[ViewSpec, tuple[Candidate, Look]] = {}
+    doing = f"row {one.row}, {one.aimed.name}: looking"
+    for panorama in monitor.each(panoramas(one.aimed.clip), doing, one.frames):
+        if panorama.frame % one.every > 1:
+            continue
+        for spec in one.specs:
+            view = watcher.renderer.render(panorama, spec)
+            maps = watcher.maps(view)
+            look = look_of(view.image, maps)
+            if spec in before:
+                candidate, earlier = before.pop(spec)
+                candidate.disagreement = disagreement(earlier, look)
+                yield candidate
+            if panorama.frame % one.every == 0:
+                looks = descriptor(view.image, maps)
+                before[spec] = Candidate(number, spec, panorama.frame, doubt(maps), looks), look
+    yield from (candidate for candidate, _ in before.values())
+
+
+def worth_and_looks(
+    candidates: Sequence[Candidate], recordings: Sequence[Recording]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What each view promises (n,), 0..1, and what it looks like, with where and when it was taken (n, d)."""
+    unsure = np.array([one.doubt for one in candidates])
+    changed = np.array([one.disagreement for one in candidates])
+    times = np.array([[one.frame / recordings[one.recording].frames] for one in candidates])
+    kinds = np.array([[recordings[one.recording].specs.index(one.spec), one.recording] for one in candidates])
+    looks = np.array([one.looks for one in candidates])
+    spread = max(float(np.sqrt(looks.var(axis=0).sum())), 1e-9)
+    features = np.hstack([looks / spread, TIME_WEIGHT * times, PASS_WEIGHT * kinds])
+    return (ranks(unsure) + ranks(changed)) / 2, features
+
+
+def pictures(
+    picked: Sequence[Candidate], recordings: Sequence[Recording], watcher: Watcher, monitor: Monitor
+) -> Iterator[LabelledPicture]:
+    """The chosen views with the outlines that the network sees in them, in the order of the recordings."""
+    for number, one in enumerate(recordings):
+        wanted = {(candidate.frame, candidate.spec) for candidate in picked if candidate.recording == number}
+        if not wanted:
+            continue
+        doing = f"row {one.row}, {one.aimed.name}: writing"
+        for panorama in monitor.each(panoramas(one.aimed.clip), doing, one.frames):
+            for spec in (spec for spec in one.specs if (panorama.frame, spec) in wanted):
+                view = watcher.renderer.render(panorama, spec)
+                classes = watcher.maps(view).argmax(axis=0)
+                shapes = {name: outlines(classes == value) for value, name in enumerate(watcher.classes, start=1)}
+                yield LabelledPicture(picture_name(one.row, spec.name, panorama.frame), view.image, shapes)
+
+
+def picture_name(row: str, view: str, frame: int) -> str:
+    """Of a view's picture: "A-pass-1-face-00012"."""
+    return "-".join(re.findall(r"[A-Za-z0-9_]+", f"{row} {view}")) + f"-{frame:05d}"

@@ -1,0 +1,1 @@
+"""Pillars, as a plugin of savmap."""

@@ -1,0 +1,71 @@
+"""Pillars in the factor graph, and from its solution into the map."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from savmap.geometry.triangulate import nearest_point
+from savmap.graph import Constraints, KeySpace, Relation, Solution, known_length, observe, tie
+from savmap.types import Floats, RowFacts, Structure, Track, Trajectory
+
+LOST_M = 0.5
+
+
+def constrain(
+    tracks: Sequence[Track],
+    facts: RowFacts,
+    start: Trajectory,
+    room: str,
+    plumb_m: float,
+    height_m: tuple[float, float] | None = None,
+) -> Constraints:
+    """Every foot and top as a point that was seen; a top stands over its foot, and as high above it as is known, if it is."""
+    keys = KeySpace(room).keys([track.name for track in tracks])
+    relations: list[Relation] = []
+    for number in sorted({int(track.place["pillar"]) for track in tracks}):
+        foot, top = keys[f"pillar {number} / foot"], keys[f"pillar {number} / top"]
+        relations += [tie("x", foot, top, plumb_m), tie("z", foot, top, plumb_m)]
+        if height_m is not None:
+            relations.append(known_length("y", foot, top, *height_m, f"height of pillar {number}"))
+    return Constraints(
+        room=room,
+        keys=keys,
+        observations=observe(tracks, keys, facts.views),
+        relations=tuple(relations),
+        initial={track.name: first_place(track, facts, start) for track in tracks},
+    )
+
+
+def first_place(track: Track, facts: RowFacts, start: Trajectory) -> Floats:
+    """The point (3,) m nearest to the rays of a track from the camera's first path."""
+    pose_of = dict(zip(start.frames.tolist(), start.world_from_rig, strict=True))
+    poses = np.array([pose_of[frame] for frame in track.frames.tolist()])
+    rays = [facts.views[view].rig_rays(pixel) for view, pixel in zip(track.views, track.pixels, strict=True)]
+    return nearest_point(poses[:, :3, 3], np.einsum("nij,nj->ni", poses[:, :3, :3], np.array(rays)))
+
+
+def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Structure]:
+    """A structure "pillar 1" and so on with the vertices "foot" and "top"; one that the solve could not place is left out."""
+    solved = solution.of(room)
+    structures: list[Structure] = []
+    for number in sorted({int(track.place["pillar"]) for track in tracks}):
+        points = [solved[f"pillar {number} / {part}"] for part in ("foot", "top")]
+        places = np.array([point.position for point in points])
+        covariances = np.array([point.covariance for point in points])
+        if np.sqrt(np.linalg.eigvalsh(covariances).max()) < LOST_M:
+            structures.append(
+                Structure(
+                    id=f"pillar {number}",
+                    label="pillar",
+                    vertices=places,
+                    covariances=covariances,
+                    vertex_labels=("foot", "top"),
+                    edges=np.array([[0, 1]]),
+                    attributes={
+                        "pillar": number,
+                        "height_m": round(float(places[1, 1] - places[0, 1]), 4),
+                        "observations": sum(point.observations for point in points),
+                    },
+                )
+            )
+    return structures

@@ -1,0 +1,107 @@
+"""SAVMAP_TRACE=1: every call of a hook as a line on standard error and in the log. Where it is off, nothing is in the calls' way."""
+
+import logging
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+import pluggy
+
+VARIABLE = "SAVMAP_TRACE"
+log = logging.getLogger("savmap.trace")
+_row: ContextVar[str] = ContextVar("row", default="")
+
+
+def wanted() -> bool:
+    """Whether the environment asks for a trace."""
+    return os.environ.get(VARIABLE, "").strip().lower() not in ("", "0", "false", "no")
+
+
+def watch(manager: pluggy.PluginManager, plugin: str) -> None:
+    """Have every call of a plugin's hooks told, if a trace is wanted."""
+    if not wanted():
+        return
+    begun = threading.local()
+
+    def before(hook: str, implementations: Sequence[Any], arguments: Mapping[str, Any]) -> None:
+        begun.__dict__.setdefault("times", []).append(time.perf_counter())
+
+    def after(
+        outcome: pluggy.Result[Any], hook: str, implementations: Sequence[Any], arguments: Mapping[str, Any]
+    ) -> None:
+        seconds = time.perf_counter() - begun.times.pop()
+        tell(f"{plugin}.{hook}{_place(arguments)}: {1e3 * seconds:.2f} ms, {_answer(outcome)}")
+
+    manager.add_hookcall_monitoring(before, after)
+
+
+def tell(line: str) -> None:
+    """A line of the trace."""
+    print(f"trace: {line}", file=sys.stderr, flush=True)
+    log.info("trace: %s", line)
+
+
+def tell_again(lines: Sequence[str]) -> None:
+    """Lines that another process had no log for: into this one's."""
+    for line in lines:
+        log.info("%s", line)
+
+
+class _Kept(logging.Handler):
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__(logging.INFO)
+        self.lines = lines
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(self.format(record))
+
+
+@contextmanager
+def about(rows: Sequence[str], keep: bool) -> Iterator[list[str]]:
+    """While this lasts, calls that do not tell their row are about these; `keep`: what is logged, the trace with it, is gathered, for a
+    process that has no log."""
+    lines: list[str] = []
+    own = logging.getLogger("savmap")
+    handler, level, token = _Kept(lines), own.level, _row.set(" and ".join(rows))
+    if keep:
+        own.setLevel(logging.INFO)
+        own.addHandler(handler)
+    try:
+        yield lines
+    finally:
+        own.removeHandler(handler)
+        own.setLevel(level)
+        _row.reset(token)
+
+
+def _place(arguments: Mapping[str, Any]) -> str:
+    """Row, frame and view of a call, as far as it tells: " [row A, frame 12, pass 1 / face]"."""
+    view = arguments.get("view")
+    row = getattr(arguments.get("facts"), "name", None) or _row.get()
+    known = [f"row {row}"] if row else []
+    if view is not None:
+        known += [f"frame {view.frame}", view.spec.name]
+    return f" [{', '.join(known)}]" if known else ""
+
+
+def _answer(outcome: pluggy.Result[Any]) -> str:
+    if outcome.exception is not None:
+        return f"raised {type(outcome.exception).__name__}: {outcome.exception}"
+    answer = outcome.get_result()
+    if isinstance(answer, list | tuple):
+        kinds = sorted({type(one).__name__ for one in answer})
+        return f"{len(answer)} {' and '.join(kinds)}" if answer else f"an empty {type(answer).__name__}"
+    parts = [f"{len(part)} {name}" for name, part in _parts(answer) if isinstance(part, Sized)]
+    return f"{type(answer).__name__}{f' of {parts[0]}' if parts else ''}"
+
+
+def _parts(answer: object) -> Iterator[tuple[str, object]]:
+    """The part of an answer that tells best how much it is."""
+    for name in ("keys", "views", "boxes", "deviations"):
+        if hasattr(answer, name) and not callable(getattr(answer, name)):
+            yield name, getattr(answer, name)

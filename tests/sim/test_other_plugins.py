@@ -1,0 +1,57 @@
+"""Labelled pictures of the structures of further plugins."""
+
+import sys
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap.sim.build import build
+from savmap.sim.camera import sample_camera
+from savmap.sim.dataset import CLASSES, random_place, view_mask
+from savmap.sim.primitives import FACES, Box, Material
+from savmap.sim.raycast import Caster
+from savmap.sim.scene import SceneError, SceneParts, Site
+
+
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+    """Crates on the floor before the first row."""
+    size = np.array([0.8, 0.3, 0.6])
+    places = [np.array([x, 0.15, 0.7]) for x in section["x"]]
+    boxes = [Box(at, size, Material((0.5, 0.3, 0.1)), face_labels=dict.fromkeys(FACES, "crate")) for at in places]
+    return SceneParts(boxes, {})
+
+
+def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
+    return {"x": [float(x) for x in np.arange(0.0, 12.0, 1.2) + rng.uniform(-0.1, 0.1, 10)]}
+
+
+@pytest.fixture
+def crates(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("savmap_crates.scene")
+    vars(module).update(scene=scene, random_section=random_section)
+    monkeypatch.setitem(sys.modules, "savmap_crates", ModuleType("savmap_crates"))
+    monkeypatch.setitem(sys.modules, "savmap_crates.scene", module)
+
+
+def test_a_random_place_has_them_and_their_class_is_the_fourth(crates: None) -> None:
+    built = build(random_place(3, ["crates"]))
+    caster, rng = Caster(built.boxes), np.random.default_rng(0)
+    cameras = [sample_camera(built, rng, "floor") for _ in range(6)]
+    masks = np.stack([view_mask(caster, camera, 64, 48, (*CLASSES, "crate")) for camera in cameras])
+    assert (masks == 4).mean() > 0.01
+    assert not (np.stack([view_mask(caster, camera, 64, 48) for camera in cameras]) == 4).any()
+    assert all(camera.world_from_view[1, 2] < -0.4 for camera in cameras)
+
+
+def test_the_rest_of_the_place_stays_as_it_is(crates: None) -> None:
+    plain, more = random_place(3), random_place(3, ["crates"])
+    assert more.structures["crates"] == random_place(3, ["crates"]).structures["crates"]
+    assert more.model_copy(update={"structures": plain.structures}) == plain
+
+
+def test_a_plugin_that_makes_up_no_places_is_named() -> None:
+    with pytest.raises(SceneError, match=r"--plugin nobody: no module savmap_nobody\.scene"):
+        random_place(3, ["nobody"])

@@ -1,0 +1,259 @@
+"""Every hook is documented with its exact signature and an example, and is really asked of a plugin by a test here."""
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from pydantic import BaseModel, ConfigDict
+
+from savmap import hookspecs, rooms
+from savmap.errors import PluginError, PluginFailedError
+from savmap.evaluation import Score
+from savmap.graph import Constraints, observe
+from savmap.hookspecs import hookimpl
+from savmap.report.drawing import Drawing
+from savmap.rooms import Room, room_of
+from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    FrameTable,
+    RowFacts,
+    SharedThing,
+    SiteMap,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+    ViewSpec,
+)
+
+HOOKS: dict[str, Callable[..., Any]] = {
+    name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
+}
+DOCS = (Path(__file__).parent.parent / "docs" / "hooks.md").read_text(encoding="utf-8")
+SPEC = ViewSpec("view", 0.0, width=16, height=12)
+VIEW = View(SPEC, 3, 0.1, np.zeros((12, 16, 3), np.uint8))
+FACTS = RowFacts("A", FrameTable(np.arange(2.0), ("pass 1",) * 2), {"view": SPEC}, {"pass 1": 1})
+PATH = Trajectory(np.arange(2), np.tile(np.eye(4), (2, 1, 1)))
+MASK = np.ones((12, 16), np.bool_)
+DETECTION = Detection("thing", 0.9, MASK, MASK.astype(np.float32))
+FEATURE = Feature(3, "view", "thing", "foot", 0, np.ones((1, 2)), np.eye(2)[None])
+TRACK = Track("thing 1", "thing", {}, np.zeros(1, np.int64), ("view",), np.ones((1, 2)), np.eye(2)[None])
+THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64))
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    threshold: float = 0.25
+
+
+def asked(hook: str, answer: object) -> tuple[Room, dict[str, Any]]:
+    """A room whose plugin answers one hook with `answer`, and what that is given, once it is asked."""
+    given: dict[str, Any] = {}
+    names = list(inspect.signature(HOOKS[hook]).parameters)
+    body = f"def {hook}(self, {', '.join(names)}):\n    given.update({', '.join(f'{n}={n}' for n in names)})\n    return answer"
+    scope: dict[str, Any] = {"given": given, "answer": answer}
+    exec(body, scope)
+    own = {
+        "name": "made_up",
+        "classes": ("thing",),
+        "model": Path("none"),
+        "Config": Config,
+        "__init__": lambda s, c: None,
+    }
+    return room_of("made_up", type("MadeUp", (), {**own, hook: hookimpl(scope[hook])}), Config()), given
+
+
+def ask_render_views() -> dict[str, Any]:
+    room, given = asked("render_views", Aim((SPEC,)))
+    assert room.render_views(scout=1, see=len, side="left", manual={}, attitude=None).views == (SPEC,)
+    return given
+
+
+def ask_detect() -> dict[str, Any]:
+    room, given = asked("detect", [DETECTION])
+    assert room.detect(view=VIEW, segmenter=1) == [DETECTION]
+    assert given["threshold"] == 0.25
+    return given
+
+
+def ask_extract_features() -> dict[str, Any]:
+    room, given = asked("extract_features", [FEATURE])
+    assert room.extract(VIEW, [DETECTION]) == [FEATURE]
+    return given
+
+
+def ask_track() -> dict[str, Any]:
+    room, given = asked("track", [TRACK])
+    assert room.track(features=[FEATURE], facts=FACTS, attitudes=np.eye(3)[None], start=PATH) == [TRACK]
+    return given
+
+
+def ask_constrain() -> dict[str, Any]:
+    nothing = Constraints("made_up", {}, observe([], {}, {}), (), {})
+    room, given = asked("constrain", nothing)
+    assert room.constrain(tracks=[TRACK], facts=FACTS, start=PATH) is nothing
+    return given
+
+
+def ask_describe() -> dict[str, Any]:
+    room, given = asked("describe", [THING])
+    assert room.describe(tracks=[TRACK], facts=FACTS, solution=1) == [THING]
+    return given
+
+
+def ask_relate() -> dict[str, Any]:
+    related = replace(THING, attributes={"section": 1})
+    room, given = asked("relate", [related])
+    assert room.relate([THING], {"others": [THING]}) == (related,)
+    assert asked("describe", [])[0].relate([THING], {}) == (THING,)
+    return given
+
+
+def ask_shared() -> dict[str, Any]:
+    thing = SharedThing("thing 1", "thing", np.zeros(3), np.eye(3))
+    room, given = asked("shared", [thing])
+    assert room.shared([THING]) == [thing]
+    return given
+
+
+def ask_evaluate() -> dict[str, Any]:
+    score = Score(missing={"thing": 1})
+    room, given = asked("evaluate", score)
+    assert room.evaluate(structures=[THING], survey={}) is score
+    return given
+
+
+def ask_draw() -> dict[str, Any]:
+    drawing = Drawing("point", np.zeros((1, 3)), "mapped", "fixture", "things")
+    room, given = asked("draw", (drawing,))
+    assert room.draw(structures=[THING], survey=None, deviations={}) == (drawing,)
+    return given
+
+
+def ask_scene() -> dict[str, Any]:
+    parts = SceneParts([], {})
+    room, given = asked("scene", parts)
+    site = Site(Hall(), Goods(), Look(), {})
+    assert room.ask("scene", SceneParts, section={}, rng=np.random.default_rng(0), site=site) is parts
+    return given
+
+
+def ask_exporters() -> dict[str, Any]:
+    def write(site_map: SiteMap, path: Path) -> None: ...
+
+    room, given = asked("exporters", {"made": write})
+    own, ours = room.ask("exporters", list)
+    assert own == {"made": write}
+    assert set(ours) == {"csv", "ply"}
+    return given
+
+
+def ask_register_commands() -> dict[str, Any]:
+    room, given = asked("register_commands", None)
+    room.ask("register_commands", list, app=typer.Typer())
+    return given
+
+
+ASKED: dict[str, Callable[[], dict[str, Any]]] = {
+    "render_views": ask_render_views,
+    "detect": ask_detect,
+    "extract_features": ask_extract_features,
+    "track": ask_track,
+    "constrain": ask_constrain,
+    "describe": ask_describe,
+    "relate": ask_relate,
+    "shared": ask_shared,
+    "evaluate": ask_evaluate,
+    "draw": ask_draw,
+    "scene": ask_scene,
+    "exporters": ask_exporters,
+    "register_commands": ask_register_commands,
+}
+
+
+def test_every_hook_is_tested_and_every_test_is_of_a_hook() -> None:
+    assert set(ASKED) == set(HOOKS)
+
+
+@pytest.mark.parametrize("name", HOOKS)
+def test_a_plugin_is_asked_with_every_argument_and_its_answer_comes_back(name: str) -> None:
+    assert set(ASKED[name]()) == set(inspect.signature(HOOKS[name]).parameters)
+
+
+@pytest.mark.parametrize("name", sorted(set(HOOKS) - {"exporters", "register_commands"}))
+def test_an_answer_of_another_type_is_refused_with_the_plugins_name(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = asked
+    ask = ASKED[name]
+    monkeypatch.setitem(ask.__globals__, "asked", lambda hook, answer: real(hook, 3))
+    with pytest.raises(PluginFailedError, match=f"plugin `made_up` returned int from `{name}`, not ") as caught:
+        ask()
+    assert (caught.value.plugin, caught.value.hook) == ("made_up", name)
+
+
+def test_a_plugin_that_fails_to_add_its_commands_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        @staticmethod
+        def register_commands(app: object) -> None:
+            raise RuntimeError("oh")
+
+    monkeypatch.setattr(rooms, "installed", lambda: {"broken": None})
+    monkeypatch.setattr(rooms, "load_class", lambda name: Broken)
+    with pytest.raises(PluginError, match="plugin `broken` failed in `register_commands`: RuntimeError: oh"):
+        rooms.register_commands(typer.Typer())
+
+
+def blocks_of(name: str) -> list[str]:
+    """The Python blocks of a hook's section in the documentation."""
+    section = re.search(rf"^## {name}\n(.*?)(?=^## |\Z)", DOCS, re.MULTILINE | re.DOTALL)
+    assert section is not None, f"docs/hooks.md has no section {name}"
+    return re.findall(r"```python\n(.*?)```", section.group(1), re.DOTALL)
+
+
+def signature_of(source: str) -> tuple[list[tuple[str, str]], str]:
+    """Arguments with their types, and what is given, of the function in a piece of source; types in quotes are taken out of them."""
+    (function,) = ast.parse(textwrap.dedent(source)).body
+    assert isinstance(function, ast.FunctionDef)
+    return [(one.arg, _type(one.annotation)) for one in function.args.args], _type(function.returns)
+
+
+class _Unquoted(ast.NodeTransformer):
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
+        return ast.parse(node.value, mode="eval").body if isinstance(node.value, str) else node
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        return node if ast.unparse(node.value) == "Literal" else self.generic_visit(node)
+
+
+def _type(annotation: ast.expr | None) -> str:
+    return ast.unparse(_Unquoted().visit(annotation)) if annotation is not None else ""
+
+
+@pytest.mark.parametrize("name", HOOKS)
+def test_every_hook_is_documented_with_its_exact_signature(name: str) -> None:
+    documented = signature_of(blocks_of(name)[0])
+    assert documented == signature_of(inspect.getsource(HOOKS[name]))
+    assert [argument for argument, _ in documented[0]] == list(inspect.signature(HOOKS[name]).parameters)
+
+
+@pytest.mark.parametrize("name", HOOKS)
+def test_every_hook_has_an_example_that_a_plugin_could_have(name: str) -> None:
+    (function,) = ast.parse(blocks_of(name)[1]).body
+    assert isinstance(function, ast.FunctionDef)
+    assert function.name == name
+    assert {one.arg for one in function.args.args} - {"self"} <= set(inspect.signature(HOOKS[name]).parameters)
+    assert "hookimpl" in {ast.unparse(one) for one in function.decorator_list}
+
+
+def test_nothing_is_documented_that_is_no_hook() -> None:
+    assert set(re.findall(r"^## ([a-z_]+)$", DOCS, re.MULTILINE)) == set(HOOKS)

@@ -1,0 +1,123 @@
+"""`savmap plugin new`: a whole project under the name that was given, or one line and nothing."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import onnx
+import pytest
+from typer.testing import CliRunner
+
+from savmap.cli import app
+from savmap.errors import OutputError, SiteError
+from savmap.scaffold import new_plugin
+from savmap.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
+from savmap.stages.segment import Segmenter
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project of `lamp_posts`."""
+    folder = tmp_path_factory.mktemp("new") / "project"
+    list(new_plugin("lamp_posts", folder))
+    return folder
+
+
+def test_the_command_writes_it_beside_and_says_what_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["plugin", "new", "lamp_posts"], catch_exceptions=False)
+    assert "cd savmap-lamp-posts && python -m pip install" in result.output
+    assert (tmp_path / "savmap-lamp-posts" / "pyproject.toml").is_file()
+    assert os.listdir(tmp_path) == ["savmap-lamp-posts"]
+
+
+def test_everything_bears_its_name_and_nothing_that_of_the_template(project: Path) -> None:
+    files = [path for path in project.rglob("*") if path.is_file()]
+    assert not [path for path in files if "pillar" in str(path.relative_to(project)).lower()]
+    assert not [path for path in files if b"pillar" in path.read_bytes().lower()]
+    content = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert content["name"] == "savmap-lamp-posts"
+    assert content["entry-points"]["savmap.plugins"] == {"lamp_posts": "savmap_lamp_posts.plugin:LampPosts"}
+    assert content["license"] == "Apache-2.0"
+    assert "your choice" in (project / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_its_tests_pass_as_written(project: Path, tmp_path: Path) -> None:
+    """With an entry point as pip would write it; .ci/wheels does the same with real wheels."""
+    facts = tmp_path / "savmap_lamp_posts-0.1.0.dist-info"
+    facts.mkdir()
+    point = "[savmap.plugins]\nlamp_posts = savmap_lamp_posts.plugin:LampPosts\n"
+    (facts / "entry_points.txt").write_text(point, encoding="utf-8")
+    (facts / "METADATA").write_text("Name: savmap-lamp-posts\nVersion: 0.1.0\n", encoding="utf-8")
+    paths = [str(project / "src"), str(tmp_path), *sys.path]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=project, env=env, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "..........." in done.stdout
+
+
+def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> None:
+    path = project / "src" / "savmap_lamp_posts" / "model" / "lamp_posts.onnx"
+    onnx.checker.check_model(onnx.load(path), full_check=True)
+    assert Segmenter(path).classes == ("lamp_post",)
+    assert path.stat().st_size < 1000
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Pillars", "such as `pillars`"),
+        ("lamp-posts", "such as `lamp_posts`"),
+        ("9lives", "such as `lives`"),
+        ("", "give at most 40 small letters"),
+        ("a__b", "such as `a_b`"),
+        ("x" * 41, "at most 40"),
+        ("class", "is a word of Python"),
+        ("shelves", "is installed"),
+        ("../up", "such as `up`"),
+    ],
+)
+def test_a_name_that_will_not_do_is_refused_in_one_line(name: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=words) as caught:
+        list(new_plugin(name, tmp_path / "new"))
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
+    for folder in (tmp_path, tmp_path / "mine.txt"):
+        with pytest.raises(OutputError, match="is there already, and nothing is overwritten"):
+            list(new_plugin("posts", folder))
+    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
+    (tmp_path / "empty").mkdir()
+    list(new_plugin("posts", tmp_path / "empty"))
+    assert (tmp_path / "empty" / "README.md").is_file()
+
+
+def test_it_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    too_long = "x" * 300
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_folder({"first": b"1", too_long: b"2"}, tmp_path / "new")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "thing"),
+    [("pillars", "pillar"), ("glass", "glass"), ("bus", "bus"), ("lamp_posts", "lamp_post"), ("x", "x")],
+)
+def test_one_of_the_things_is_called(name: str, thing: str) -> None:
+    assert thing_of(name) == thing
+
+
+def test_the_template_is_packaged() -> None:
+    content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns = content["tool"]["setuptools"]["package-data"]["savmap"]
+    packaged = {path for pattern in patterns for path in (ROOT / "savmap").glob(pattern) if path.is_file()}
+    assert {path for path in TEMPLATE.rglob("*.*") if path.is_file() and "__pycache__" not in path.parts} <= packaged
+    assert len(project_files("posts")) == 14

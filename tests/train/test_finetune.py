@@ -1,0 +1,244 @@
+"""Fine-tuning: from an exported network to a better one."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap.errors import ModelError, OutputError, SiteError
+from savmap.train import train
+from savmap.train.dataset import MaskFile, Sample, held_out
+from savmap.train.judge import Reliability, judge, judge_file
+from savmap.train.task import Task
+from savmap.training import float_model, mapping_of
+
+from .conftest import write_dataset
+
+ROOT = Path(__file__).parent.parent.parent
+MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}
+
+
+def sample(group: str, number: int = 0) -> Sample:
+    labels = MaskFile(Path("m.png"), np.arange(256, dtype=np.uint8))
+    return Sample(Path(f"{group}-{number}.jpg"), labels, group, "set")
+
+
+def test_whole_scenes_are_held_out() -> None:
+    samples = [sample(group, number) for group in "abcdefghij" for number in range(20)]
+    training, validation = held_out(samples, 0.2)
+    assert len(validation) == 40
+    assert not {one.group for one in training} & {one.group for one in validation}
+    assert held_out(samples[::-1], 0.2)[1] == validation[::-1]
+    one_scene = held_out(samples[:10], 0.2)
+    assert [one.image.stem for one in one_scene[1]] == ["a-8", "a-9"]
+    assert [len(part) for part in held_out([sample("a"), sample("b")], 0.9)] == [1, 1]
+    with pytest.raises(OutputError, match="1 labelled pictures are too few"):
+        held_out(samples[:1], 0.2)
+
+
+def test_calibration_error_is_how_far_confidence_is_from_being_right() -> None:
+    labels = np.array([0, 0, 0, 1] * 25, np.uint8)
+    sure = np.tile(np.array([[0.95], [0.05]], np.float32), 100)
+    reliability = Reliability()
+    reliability.add(sure, labels)
+    assert reliability.error == pytest.approx(0.2, abs=1e-6)
+    fair, ignored = Reliability(), np.full(100, 255, np.uint8)
+    fair.add(np.tile(np.array([[0.75], [0.25]], np.float32), 100), labels)
+    fair.add(sure, ignored)
+    assert fair.error == pytest.approx(0, abs=1e-6)
+
+
+def test_a_perfect_and_an_empty_prediction(four_pictures: Path) -> None:
+    from savmap.train.sets import read_set
+
+    samples = read_set(four_pictures, ["column", "crossbar"]).samples
+    truths = iter([one.load()[1] for one in samples])
+
+    def perfect(_: np.ndarray) -> np.ndarray:
+        return np.eye(3, dtype=np.float32)[next(truths)].transpose(2, 0, 1)
+
+    verdict = judge(perfect, samples, ["column", "crossbar"])
+    assert (verdict.mean, verdict.calibration_error, verdict.pictures) == (1, 0, 4)
+    nothing = np.stack([np.ones((480, 640)), np.zeros((480, 640)), np.zeros((480, 640))]).astype(np.float32)
+    assert judge(lambda _: nothing, samples, ["column", "crossbar"], limit=2).as_json()["iou"] == {
+        "column": 0,
+        "crossbar": 0,
+    }
+
+
+def test_a_class_that_a_network_lacks_is_never_seen(four_pictures: Path) -> None:
+    from savmap.train.sets import read_set
+
+    samples = read_set(four_pictures, ["column", "light"], {"crossbar": "light"}).samples[:1]
+    assert judge_file(MODELS["lights"], samples, ["column", "light"]).iou["column"] == 0
+
+
+def test_names_of_classes() -> None:
+    assert mapping_of(["pole=column", " a = b "]) == {"pole": "column", "a": "b"}
+    for wrong in ("pole", "a=b=c", "=b"):
+        with pytest.raises(SiteError, match="give THEIRS=OURS"):
+            mapping_of([wrong])
+
+
+def test_the_float_network_beside_the_one_in_use(tmp_path: Path) -> None:
+    assert float_model(MODELS["lights"].with_name("lights.int8.onnx")) == MODELS["lights"]
+    with pytest.raises(ModelError, match=r"own\.onnx: no float32 network to fine-tune"):
+        float_model(tmp_path / "own.int8.onnx")
+
+
+def test_options_of_fine_tuning_need_a_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.train.NEEDED", ())
+    task = Task(["column"], [tmp_path], tmp_path / "m.onnx", 1, int8=True)
+    with pytest.raises(OutputError, match="--held-out and --int8 go with fine-tuning"):
+        train(task)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+class TestWithTorch:
+    @pytest.fixture(autouse=True)
+    def _needs_torch(self) -> None:
+        for name in ("torch", "onnx", "onnxscript"):
+            pytest.importorskip(name)
+
+    @pytest.fixture
+    def task(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+        """Two steps from the shipped network on four pictures, in small crops."""
+        from savmap.train import trainer
+        from savmap.train.augment import Crop
+
+        quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), looks=1, validation_limit=1)
+        monkeypatch.setattr(trainer, "FINE_TUNING", quick)
+        data = write_dataset(tmp_path / "data", 4)
+        mapping = {"column": "upright", "crossbar": "beam"}
+        return Task(("upright", "beam"), [data], tmp_path / "m.onnx", 1e-6, 1, MODELS["shelves"], mapping)
+
+    @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
+    def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
+        from savmap.stages.segment import Segmenter
+        from savmap.train.from_onnx import load_onnx
+        from savmap.train.trainer import predictor
+
+        network, history = load_onnx(MODELS[name], classes)
+        picture = np.random.default_rng(5).integers(0, 255, (480, 640, 3)).astype(np.uint8)
+        assert np.allclose(predictor(network)(picture), Segmenter(MODELS[name]).probabilities(picture), atol=1e-4)
+        assert "earlier" in history[0]
+
+    def test_other_classes_get_a_new_last_layer_alone(self) -> None:
+        import torch
+
+        from savmap.train.from_onnx import load_onnx
+
+        one, other = load_onnx(MODELS["lights"], ["light"])[0], load_onnx(MODELS["lights"], ["a", "b"])[0]
+        assert other.finish.logits.weight.shape[0] == 12
+        assert torch.equal(one.context.near[0].weight, other.context.near[0].weight)
+
+    def test_what_cannot_be_trained_on(self, tmp_path: Path) -> None:
+        from savmap.train.from_onnx import load_onnx
+
+        (tmp_path / "text.onnx").write_text("no model", encoding="utf-8")
+        integers = MODELS["lights"].with_name("lights.int8.onnx")
+        for path, words in (
+            (tmp_path / "text.onnx", "not an ONNX model"),
+            (tmp_path / "none.onnx", "cannot be read"),
+            (integers, "has no weights"),
+        ):
+            with pytest.raises(ModelError, match=f"{path.name}: {words}.* begins from a float32 file"):
+                load_onnx(path, ["light"])
+
+    def test_temperature_makes_confidence_honest(self) -> None:
+        import torch
+
+        from savmap.train.calibrate import softmax, temperature_for, with_temperature
+        from savmap.train.network import build
+
+        generator = torch.Generator().manual_seed(0)
+        honest = torch.randn(20000, 3, generator=generator) * 2
+        labels = torch.multinomial(torch.softmax(honest, 1), 1, generator=generator)[:, 0]
+        assert temperature_for(3 * honest, labels) == pytest.approx(3, rel=0.05)
+        errors = []
+        for divisor in (1.0, 3.0):
+            reliability = Reliability()
+            reliability.add(softmax(3 * honest / divisor), labels.numpy().astype(np.uint8))
+            errors.append(reliability.error)
+        assert errors[1] < 0.02 < errors[0]
+        network = build(2, None).eval()
+        picture = torch.rand(1, 3, 64, 64, generator=generator) * 255
+        with torch.inference_mode():
+            assert torch.allclose(with_temperature(network, 2.5)(picture), network(picture) / 2.5, atol=1e-5)
+
+    def test_frozen_is_frozen(self) -> None:
+        import torch
+
+        from savmap.train.from_onnx import load_onnx
+        from savmap.train.trainer import FINE_TUNING, Trainer
+
+        network, _ = load_onnx(MODELS["lights"], ["light"])
+        before = {name: value.clone() for name, value in network.state_dict().items()}
+        rng = np.random.default_rng(0)
+        batch = rng.integers(0, 255, (1, 64, 64, 3)).astype(np.uint8), rng.integers(0, 2, (1, 64, 64)).astype(np.uint8)
+        Trainer(network, FINE_TUNING).step(batch, 0.5)
+        changed = {name for name, value in network.state_dict().items() if not torch.equal(value, before[name])}
+        assert "finish.logits.weight" in changed
+        assert "encoder.blocks.5.expand.weight" in changed
+        assert not {name for name in changed if name.startswith(("encoder.stem", "encoder.blocks.4."))}
+        assert not {name for name in changed if "running" in name}
+
+    def test_before_and_after_and_what_integers_lose(self, task: Task, tmp_path: Path) -> None:
+        from savmap.stages.segment import Segmenter
+        from savmap.train.finetune import report_lines
+
+        other = write_dataset(tmp_path / "other", 1)
+        recipe = train(replace(task, held_out=[other], int8=True))
+        assert recipe["steps"] == 2
+        assert set(recipe["scores"]) == {"validation", "other"}
+        for figures in recipe["scores"].values():
+            assert set(figures) == {"before", "after", "int8"}
+        text = "\n".join(report_lines(recipe, task.classes))
+        for words in ("validation (1)", "other (1)", "temperature", "8-bit integers lose"):
+            assert words in text
+        assert Segmenter(tmp_path / "m.int8.onnx").classes == ("upright", "beam")
+        assert {path.name for path in tmp_path.glob("m.*")} == {"m.onnx", "m.int8.onnx", "m.checkpoint.pt"}
+        with pytest.raises(OutputError, match="is also trained on"):
+            train(replace(task, held_out=task.data))
+
+    def test_a_run_that_was_stopped_goes_on(self, task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+        from savmap.train.trainer import Trainer
+
+        steps: list[int] = []
+        step = Trainer.step
+
+        def killed(self: Trainer, batch: Any, done: float) -> float:
+            steps.append(1)
+            if len(steps) == 4:
+                raise KeyboardInterrupt
+            return step(self, batch, done)
+
+        monkeypatch.setattr(Trainer, "step", killed)
+        longer = replace(task, minutes=60.0)
+        with pytest.raises(KeyboardInterrupt):
+            train(longer)
+        assert task.output.with_suffix(".resume.pt").is_file()
+        assert not task.output.exists()
+        lines: list[str] = []
+        recipe = train(task, lambda _, line: lines.append(line))
+        assert any(line.startswith("going on after step 3") for line in lines)
+        assert recipe["steps"] == 3
+        assert len(recipe["validation IoU along the way"]) == 2
+        assert not task.output.with_suffix(".resume.pt").exists()
+        assert json.loads(json.dumps(recipe)) == recipe
+
+    def test_other_data_begin_anew(self, task: Task) -> None:
+        from savmap.train.resume import Resumption, run_print
+        from savmap.train.trainer import FINE_TUNING
+
+        samples = [sample("a"), sample("b")]
+        whole = run_print(["column"], samples, 0, None, FINE_TUNING)
+        assert run_print(["column"], samples[:1], 0, None, FINE_TUNING) != whole
+        assert run_print(["column"], samples, 1, None, FINE_TUNING) != whole
+        assert run_print(["column"], samples, 0, MODELS["lights"], FINE_TUNING) != whole
+        path = task.output.with_suffix(".resume.pt")
+        path.write_bytes(b"nothing")
+        assert Resumption(path, whole).load(None) is None  # type: ignore[arg-type]
