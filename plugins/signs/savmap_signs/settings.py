@@ -27,7 +27,7 @@ class Settings(BaseModel):
     """Signs are looked for in each so many of the frames used. Default: two in a pass of 200 frames, three from 300 on."""
     read: bool = True
     """Whether texts and codes are read; needs the extra `signs`."""
-    read_every: Annotated[int, Field(gt=0)] = 2
+    read_every: Annotated[int, Field(gt=0)] = 1
     """Texts are read in each so many of the frames in which signs are looked for."""
     pattern: str | None = None
     r"""A regular expression that every text must match as a whole, such as `[A-Z]\d{2}-\d{2}`; others are not believed."""
