@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic_core import PydanticUndefined, to_jsonable_python
+
 from savmap.errors import OutputError
 from savmap.io.files import write_text
 from savmap.io.siteschema import TITLE, schema_text
@@ -120,8 +122,7 @@ def _plugins() -> str:
 
 
 def _value(default: object) -> str:
-    plain = isinstance(default, bool | int | float | str) or default is None
-    return json.dumps(default, ensure_ascii=False) if plain else "null"
+    return "null" if default is PydanticUndefined else json.dumps(to_jsonable_python(default), ensure_ascii=False)
 
 
 def _keys(annotation: Any) -> list[str]:

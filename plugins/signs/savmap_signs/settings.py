@@ -24,7 +24,7 @@ class Settings(BaseModel):
     along: bool = True
     """Whether to look along the aisle too, both ways, for signs that hang across it."""
     every: Annotated[int, Field(gt=0)] | None = None
-    """Signs are looked for in each so many of the frames used. Default: two in a pass of 200 frames, three from 300 on."""
+    """Signs are looked for in each so many of the frames used. Default: two in a pass of 200 frames, four from 400 on."""
     read: bool = True
     """Whether texts and codes are read; needs the extra `signs`."""
     read_every: Annotated[int, Field(gt=0)] = 1
