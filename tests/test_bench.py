@@ -62,7 +62,7 @@ def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share
 
     from savmap.io.sitefile import load_site
 
-    throughput.write_site(tmp_path / "8k-2.mp4", 2, 16.5, tmp_path / "site.yaml")
+    throughput.write_site(throughput.SITE, tmp_path / "8k-2.mp4", 2, 16.5, tmp_path / "site.yaml")
     rows = load_site(tmp_path / "site.yaml").rows
     assert [(name, row.passes[0].start_s, row.passes[0].end_s) for name, row in rows.items()] == [
         ("A1", 0.0, 16.5),
@@ -72,6 +72,7 @@ def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share
     lines = throughput.table(
         {
             "length": 2,
+            "jobs": 0,
             "rounds": 1,
             "frames": 100,
             "ours": way,

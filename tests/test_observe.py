@@ -115,7 +115,9 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: observe.PassAims)
         return [] if view.frame < 3 else 1 / 0  # type: ignore[return-value]
 
     walk = walk_of([room("one", extract)])
-    with pytest.raises(PluginError, match="`one` failed in `extract_features`: ZeroDivisionError"):
+    with pytest.raises(
+        PluginError, match=r"`one` failed in `extract_features` at frame 3 of pass 1 .*: ZeroDivisionError"
+    ):
         walk.over("A", aimed, Quiet())
     assert max(frames) == 3
     assert threads() == before
