@@ -28,6 +28,7 @@ LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
 UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 STEEPEST_TILT_DEG = 60.0
 FEW = 5
+ENOUGH_FRAMES = 100
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,11 @@ class Scout:
         """Find the building's axes in the key frames. StructureError where none stand out."""
         renderer = renderer or Renderer()
         return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer), frames)
+
+    def apart(self, most: float = np.inf) -> int:
+        """In each of how many frames a long pass need be looked at, `most` at the most: 1, 2 or 4, so that plugins look at the same
+        ones, and in a hundred frames at the least."""
+        return next((many for many in (4, 2) if many <= most and self.frames >= many * ENOUGH_FRAMES), 1)
 
     def views(self, spec: ViewSpec) -> list[View]:
         """The view of every key frame."""

@@ -11,7 +11,6 @@ from savmap.types import Aim, Detection, Floats, View, ViewSpec
 from savmap_lights.features import touches_border
 
 HFOV_DEG = 110.0
-ENOUGH_FRAMES = 100
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
@@ -24,7 +23,7 @@ def aim_at_ceiling(
 ) -> Aim:
     """The view "ceiling" of a pass, in each of `every` frames: its optical axis is the building's vertical, its x axis the
     aisle's where known."""
-    apart = every or next((step for step in (4, 2) if scout.frames >= step * ENOUGH_FRAMES), 1)
+    apart = every or scout.apart()
     rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
     yaw, pitch, roll = angles_from_rotation(rig_from_world @ WORLD_FROM_VIEW)
     spec = ViewSpec("ceiling", yaw, pitch, roll, HFOV_DEG, every=apart)

@@ -21,7 +21,7 @@ Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
 MOSTLY = 0.6
 REMEMBERED = 20
-ENOUGH_FRAMES, LARGEST_STEP_RAD = 100, 0.13
+LARGEST_STEP_RAD = 0.13
 HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
@@ -52,8 +52,7 @@ def apart(scout: Scout, spec: ViewSpec) -> int:
     Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
     """
     step = parallax_rad(scout.pairs, spec, scout.renderer)
-    slow = (many for many in (4, 2) if scout.frames >= many * ENOUGH_FRAMES and many * step <= LARGEST_STEP_RAD)
-    return next(slow, 1)
+    return scout.apart(LARGEST_STEP_RAD / step if step else np.inf)
 
 
 def remembering(see: See) -> See:

@@ -8,14 +8,13 @@ from savmap.types import Aim, Floats, ViewSpec
 from savmap_signs.reading import advice
 from savmap_signs.settings import Settings
 
-ENOUGH_FRAMES = 100
 FACE, AHEAD, BEHIND = "signs face", "signs ahead", "signs behind"
 FACE_HFOV_DEG, ALONG_HFOV_DEG, ALONG_PITCH_DEG = 120.0, 90.0, 10.0
 
 
 def aim_at_signs(scout: Scout, manual: Mapping[str, Manual], attitude: Floats | None, config: Settings) -> Aim:
     """The views of a pass. `attitude`: world_from_rig (3, 3) of its first key frame, if known."""
-    every = config.every or next((step for step in (4, 2) if scout.frames >= step * ENOUGH_FRAMES), 1)
+    every = config.every or scout.apart()
     rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
     wanted = [(FACE, 0.0, 0.0, FACE_HFOV_DEG)]
     if config.along:
