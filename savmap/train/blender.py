@@ -34,7 +34,8 @@ from savmap.train.blender_mesh import meshes_by_shader
 CLASSES = ("upright", "beam", "light")
 VIEWS_A_SCENE = 5
 
-_FACE, _CEILING = get_args(Kind)
+_FACE: Kind = "shelf"
+_CEILING: Kind = "ceiling"
 _CEILING_VIEWS = (2, 5, 9)
 _FOCUS_M = 2.5
 

@@ -1,6 +1,7 @@
 """Path-traced pictures: meshes, paints and masks everywhere; the renderer itself where the bpy wheel is installed."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,3 +129,14 @@ def test_picture_and_mask_agree_to_a_fraction_of_a_pixel() -> None:
     assert (seen & (mask == 1)).sum() / (seen | (mask == 1)).sum() > 0.95
     offset = np.array(np.nonzero(seen)).mean(1) - np.array(np.nonzero(mask)).mean(1)
     assert np.abs(offset).max() < 0.2
+
+
+def test_command_without_blender_says_what_to_install(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    from savmap.train import blender
+
+    with pytest.raises(SystemExit):
+        blender.main(["--count", "1", "-o", str(tmp_path)])
+    assert "install the `blender` extra" in capsys.readouterr().err
