@@ -1,12 +1,16 @@
 """A real YOLO-seg export of savmap's classes, in an environment of its own that has ultralytics (AGPL-3.0; savmap does not need it).
 
-    python -m venv yolo && yolo/bin/pip install ultralytics onnx onnxruntime && yolo/bin/pip install -e .
-    yolo/bin/python bench/yolo_export.py set data/yolo --data data/fast --data data/traced --data data/face
-    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 30 -o racks.onnx
+    python -m venv yolo && yolo/bin/pip install ultralytics onnx onnxruntime && yolo/bin/pip install -e '.[sim]'
+    python bench/yolo_export.py pictures data/blue --count 600 --seed 71
+    python bench/yolo_export.py row data/blue-row --seed 5200
+    yolo/bin/python bench/yolo_export.py set data/yolo --data data/blue
+    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 40 --size 384 -o racks.onnx
     yolo/bin/python bench/yolo_export.py compare racks.onnx data/yolo/images/val
+    python bench/networks.py data/blue-row/site.yaml --yolo racks.onnx
 
-`set` turns labelled pictures into a YOLO-seg set; `train` trains from the architecture's file alone, without anyone's weights, and exports; `compare` reads
-pictures with savmap and with ultralytics itself and says how far their masks agree.
+`pictures` and `row` are made-up racks of one style, blue with orange beams, as a user's own are: so few pictures and minutes do
+not teach a network every style from nothing. `set` turns labelled pictures into a YOLO-seg set; `train` trains from the architecture's file alone,
+without anyone's weights, and exports; `compare` reads pictures with savmap and with ultralytics itself and says how far their masks agree.
 """
 
 import argparse
@@ -19,12 +23,33 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.sim.dataset import write
+from savmap.sim.random_row import random_row
+from savmap.sim.random_scene import random_scene
+from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.simulate import simulate
 from savmap.stages.segment import Segmenter
 from savmap.train.dataset import read_dataset, split
 
 CLASSES = ("upright", "beam")
+CARTONS = [[0.48, 0.33, 0.2], [0.42, 0.28, 0.16], [0.6, 0.6, 0.58], [0.2, 0.2, 0.22]]
 LEAST_AREA_PX = 20.0
 SMOOTH_PX = 0.5
+
+
+def blue(scene: Scene) -> Scene:
+    """A scene with its racks in one style and goods in few colours."""
+    content = scene.model_dump(mode="json")
+    for rack in content["structures"]["shelves"]["rows"].values():
+        rack |= {"upright_color": [0.03, 0.12, 0.42], "upright_texture": "holes", "rear_color": None}
+        rack |= {"beam_color": [0.8, 0.25, 0.02], "beam_texture": "plain", "metallic": 0.0}
+    content["goods"]["colors"] = CARTONS
+    return parse_scene(content, "blue racks")
+
+
+def make_row(folder: Path, seed: int) -> None:
+    """Footage of a row of that style, with its site file and survey."""
+    simulate(blue(random_row(seed, frames=36, width=4096)), folder)
 
 
 def yolo(model: Path | str) -> Any:
@@ -104,6 +129,11 @@ def compare(export: Path, pictures: Sequence[Path]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     doing = parser.add_subparsers(dest="doing", required=True)
+    for name in ("pictures", "row"):
+        one = doing.add_parser(name)
+        one.add_argument("output", type=Path)
+        one.add_argument("--seed", type=int, required=True)
+    doing.choices["pictures"].add_argument("--count", type=int, required=True)
     one = doing.add_parser("set")
     one.add_argument("output", type=Path)
     one.add_argument("--data", type=Path, action="append", required=True)
@@ -117,7 +147,11 @@ def main() -> None:
     one.add_argument("model", type=Path)
     one.add_argument("pictures", type=Path)
     given = parser.parse_args()
-    if given.doing == "set":
+    if given.doing == "pictures":
+        write(given.output, given.seed, given.count, "face", CLASSES, lambda seed: blue(random_scene(seed)))
+    elif given.doing == "row":
+        make_row(given.output, given.seed)
+    elif given.doing == "set":
         make_set(given.data, given.output)
     elif given.doing == "train":
         train(given.data, given.architecture, given.minutes, given.size, given.output)

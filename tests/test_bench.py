@@ -84,3 +84,31 @@ def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share
     assert "decode                          16.0   80.0%       160.0" in lines
     assert "ratio 1.30 by the clock, 1.25 by processor time" in lines
     assert lines[-1] == "peak memory 900 MB"
+
+
+def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
+    import signs
+
+    from savmap.sim.build import build
+    from savmap.types import Structure
+
+    scene = signs.signed_row(6100, 12, 4096)
+    truth = build(scene).survey["rows"]["A"]["signs"]
+
+    def mapped(number: int, corners: object, text: str) -> Structure:
+        edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+        labels = ("a", "b", "c", "d")
+        own = {"text": text}
+        return Structure(f"sign {number}", "sign", np.array(corners), np.zeros((4, 3, 3)), labels, edges, own)
+
+    found = [mapped(n, one["corners"], " ".join(one["text"].split())) for n, one in enumerate(truth)]
+    figures = signs.judged(scene, found)
+    assert 0 < figures["legible"] == figures["found"] == figures["read"] <= figures["signs"] == len(truth)
+    assert max(figures["corners_m"]) < 1e-4
+    assert (figures["invented"], figures["spurious"], figures["not_read"]) == ([], 0, [])
+    far = mapped(99, np.array(truth[0]["corners"]) + 2.0, "Z99-99")
+    wrong = [mapped(n, np.array(one["corners"]) + 0.01, "A00-00") for n, one in enumerate(truth)]
+    figures = signs.judged(scene, [*wrong, far])
+    assert (figures["read"], len(figures["invented"]), figures["spurious"]) == (0, len(truth) + 1, 1)
+    assert figures["corners_m"] == pytest.approx([0.0173] * 4 * figures["legible"], abs=1e-3)
+    assert signs.line(6100, figures).split()[:2] == ["6100", str(len(truth))]
