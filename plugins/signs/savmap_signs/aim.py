@@ -1,4 +1,7 @@
-"""Which way to look: straight at the face, widely, and along the aisle both ways, where signs hang across it."""
+"""Which way to look: at the upper and at the lower half of the face, and along the aisle both ways, where signs hang across it.
+
+The cart's motion brings every sign of a face before a view; what a view must have is height, and pixels enough for small signs.
+"""
 
 from collections.abc import Mapping
 
@@ -8,24 +11,23 @@ from savmap.types import Aim, Floats, ViewSpec
 from savmap_signs.reading import advice
 from savmap_signs.settings import Settings
 
-FACE, AHEAD, BEHIND = "signs face", "signs ahead", "signs behind"
-FACE_HFOV_DEG, ALONG_HFOV_DEG, ALONG_PITCH_DEG = 120.0, 90.0, 10.0
+HFOV_DEG, FACE_PITCH_DEG, ALONG_PITCH_DEG = 90.0, 25.0, 10.0
+FACE = (("signs upper", 0.0, FACE_PITCH_DEG), ("signs lower", 0.0, -FACE_PITCH_DEG))
+ALONG = (("signs ahead", 90.0, ALONG_PITCH_DEG), ("signs behind", -90.0, ALONG_PITCH_DEG))
 
 
 def aim_at_signs(scout: Scout, manual: Mapping[str, Manual], attitude: Floats | None, config: Settings) -> Aim:
     """The views of a pass. `attitude`: world_from_rig (3, 3) of its first key frame, if known."""
     every = config.every or scout.apart()
     rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
-    wanted = [(FACE, 0.0, 0.0, FACE_HFOV_DEG)]
-    if config.along:
-        wanted += [(AHEAD, 90.0, ALONG_PITCH_DEG, ALONG_HFOV_DEG), (BEHIND, -90.0, ALONG_PITCH_DEG, ALONG_HFOV_DEG)]
-    specs = [_spec(name, rig_from_world, yaw, pitch, hfov, every) for name, yaw, pitch, hfov in wanted]
+    wanted = FACE + ALONG if config.along else FACE
+    specs = [_spec(name, rig_from_world, yaw, pitch, every) for name, yaw, pitch in wanted]
     note = advice() if config.read else None
     views = tuple(manual[one.name].over(one) if one.name in manual else one for one in specs)
     return Aim(views, notes=(note,) if note else ())
 
 
-def _spec(name: str, rig_from_world: Floats, yaw: float, pitch: float, hfov: float, every: int) -> ViewSpec:
+def _spec(name: str, rig_from_world: Floats, yaw: float, pitch: float, every: int) -> ViewSpec:
     """The view turned by `yaw` to the right of straight at the face, raised by `pitch`."""
     angles = angles_from_rotation(rig_from_world @ LEVEL @ rig_from_view(yaw, pitch, 0.0))
-    return ViewSpec(name, *angles, hfov_deg=hfov, every=every)
+    return ViewSpec(name, *angles, hfov_deg=HFOV_DEG, every=every)

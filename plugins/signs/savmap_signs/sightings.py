@@ -12,12 +12,11 @@ from savmap_signs.features import PARTS
 
 @dataclass(frozen=True)
 class Sightings:
-    """n signs as seen: their four features, frames and views (n,), the camera's places (n, 3), unit rays to the corners
-    (n, 4, 3) in the row's frame, and the views' focal lengths (n,) px."""
+    """n signs as seen: their four features, frames (n,), the camera's places (n, 3), unit rays to the corners (n, 4, 3) in the row's
+    frame, and the views' focal lengths (n,) px."""
 
     features: Sequence[tuple[Feature, ...]]
     frames: Ints
-    views: Ints
     origins: Floats
     rays: Floats
     focal: Floats
@@ -31,7 +30,6 @@ class Sightings:
         return Sightings(
             [self.features[i] for i in index],
             self.frames[index],
-            self.views[index],
             self.origins[index],
             self.rays[index],
             self.focal[index],
@@ -55,7 +53,6 @@ def sightings(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -
         if feature.frame in poses:
             grouped.setdefault((feature.frame, feature.view, feature.instance), {})[feature.part] = feature
     whole = [tuple(own[part] for part in PARTS) for own in grouped.values() if len(own) == len(PARTS)]
-    number = {name: index for index, name in enumerate(facts.views)}
     turned = [
         poses[four[0].frame][:3, :3] @ facts.views[four[0].view].rig_rays(np.array([f.pixels[0] for f in four])).T
         for four in whole
@@ -63,7 +60,6 @@ def sightings(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -
     return Sightings(
         whole,
         np.array([four[0].frame for four in whole], np.int64),
-        np.array([number[four[0].view] for four in whole], np.int64),
         np.array([poses[four[0].frame][:3, 3] for four in whole]).reshape(-1, 3),
         np.array([rays.T for rays in turned]).reshape(-1, 4, 3),
         np.array([float(facts.views[four[0].view].camera[0, 0]) for four in whole]),

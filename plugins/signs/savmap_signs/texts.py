@@ -10,6 +10,8 @@ from savmap_signs.reading import TEXT
 LEAST_READINGS = 2
 DOUBTFUL = 0.5
 DIGITS = 3
+CORRECTED = ("QRCode:", "DataMatrix:", "Aztec:")
+"""Codes that correct and check themselves: one reading is enough. Bar codes and tags are now and then read where there are none."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Words:
 
 def voted(readings: Iterable[Mapping[str, float]], pattern: str | None, least_confidence: float) -> Words:
     """What most readings of a sign say. A text is believed if two readings or more agree on it, it matches the pattern, and it
-    has the wanted share of what all readings of text weigh; a code, which checks itself, if it was read twice, or once and never
+    has the wanted share of what all readings of text weigh; a code if it was read twice, or, one that checks itself, once and never
     another."""
     texts: dict[str, list[float]] = defaultdict(list)
     codes: dict[str, int] = defaultdict(int)
@@ -62,4 +64,5 @@ def _code(codes: Mapping[str, int]) -> str:
     if not codes:
         return ""
     code = min(codes, key=lambda one: (-codes[one], one))
-    return code if codes[code] >= LEAST_READINGS or len(codes) == 1 else ""
+    sure = len(codes) == 1 and code.startswith(CORRECTED)
+    return code if sure or codes[code] >= LEAST_READINGS else ""

@@ -60,8 +60,7 @@ def _found(seen: Sightings) -> list[tuple[Floats, Ints]]:
         quad, chosen = _settled(seen, fits[best] & left, left)
         explained = np.union1d(chosen, np.flatnonzero(fits[best] & left))
         left[explained] = False
-        frames = len(np.unique(seen.frames[chosen]))
-        if frames >= MIN_SUPPORT and _is_sign(quad) and not any(_same(quad, other) for other, _ in found):
+        if len(chosen) >= MIN_SUPPORT and _is_sign(quad) and not any(_same(quad, other) for other, _ in found):
             found.append((quad, chosen))
 
 
@@ -95,7 +94,7 @@ def _met(seen: Sightings, one: int, other: int) -> Floats | None:
 
 
 def _settled(seen: Sightings, chosen: np.ndarray, left: np.ndarray) -> tuple[Floats, Ints]:
-    """The corners from all sightings that agree, which are chosen again by them, and these sightings: one a frame and view."""
+    """The corners from all sightings that agree, which are chosen again by them, and these sightings: one a frame."""
     quad = np.zeros((4, 3))
     for _ in range(3):
         own = np.flatnonzero(chosen)
@@ -108,13 +107,13 @@ def _settled(seen: Sightings, chosen: np.ndarray, left: np.ndarray) -> tuple[Flo
 
 
 def _once(seen: Sightings, off: Floats) -> np.ndarray:
-    """Sightings (n,) that agree, the best one of each frame and view."""
+    """Sightings (n,) that agree, the best one of each frame: two views of a frame are of the same pixels."""
     chosen = np.zeros(len(off), dtype=bool)
-    taken: set[tuple[int, int]] = set()
+    taken: set[int] = set()
     for index in np.argsort(off, kind="stable").tolist():
-        place = int(seen.frames[index]), int(seen.views[index])
-        if off[index] < AGREE_PX and place not in taken:
-            taken.add(place)
+        frame = int(seen.frames[index])
+        if off[index] < AGREE_PX and frame not in taken:
+            taken.add(frame)
             chosen[index] = True
     return chosen
 

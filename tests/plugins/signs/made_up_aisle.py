@@ -11,7 +11,7 @@ from savmap_signs.scene import Plate, corners
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 VIEWS = {
-    "pass 1 / signs face": ViewSpec("pass 1 / signs face", 0.0, hfov_deg=120.0),
+    "pass 1 / signs lower": ViewSpec("pass 1 / signs lower", 0.0, -25.0, hfov_deg=90.0),
     "pass 1 / signs ahead": ViewSpec("pass 1 / signs ahead", 90.0, 10.0, hfov_deg=90.0),
 }
 PLATES = (

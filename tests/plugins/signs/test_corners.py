@@ -11,7 +11,7 @@ from savmap_signs.quads import quad_of
 
 from .drawn_signs import panorama_of, plate
 
-SPEC = ViewSpec("signs face", yaw_deg=0.0, hfov_deg=110.0)
+SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0)
 
 
 def mask_of(quad: Floats) -> np.ndarray:

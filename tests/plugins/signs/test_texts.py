@@ -13,7 +13,7 @@ from savmap_signs.texts import Words, voted
 from .drawn_signs import panorama_of, plate
 
 READS = pytest.mark.skipif(importlib.util.find_spec("rapidocr") is None, reason="the extra `signs` is not installed")
-SPEC = ViewSpec("signs face", yaw_deg=0.0, hfov_deg=110.0)
+SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0)
 
 
 def test_the_text_most_readings_say_wins() -> None:
@@ -67,6 +67,12 @@ def test_a_sign_in_a_panorama_is_read() -> None:
 
 
 @READS
+@pytest.mark.parametrize("code", ["tag36h11:7", "ITF:1234", "Codabar:12"])
+def test_codes_that_are_seen_where_there_are_none_must_be_read_twice(code: str) -> None:
+    assert voted([{code: 1.0}], None, 0.6).code == ""
+    assert voted([{code: 1.0}, {code: 1.0}], None, 0.6).code == code
+
+
 def test_codes_are_read_with_their_kind() -> None:
     style = ((230, 230, 230), (10, 10, 10), "DejaVuSans-Bold", False)
     printed = artwork("", (0.2, 0.2), *style, "qr", "A21-03")
