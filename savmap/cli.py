@@ -226,13 +226,13 @@ def simulate(
 @app.command()
 def train(
     plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
-    data: Annotated[list[Path], typer.Option(help="A folder of labelled pictures; may be given more than once.")],
+    data: Annotated[list[Path], typer.Option(help="Labelled pictures: a folder, or its file; may be repeated.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
     minutes: Annotated[
         float | None, typer.Option(min=0, help="How long to train (60; fine-tuning: 20).", show_default=False)
     ] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="How many steps, instead of how long.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     init: Annotated[
         Path | None, typer.Option(help="What to begin with: a checkpoint; or `shipped` or an ONNX file, to fine-tune.")
     ] = None,

@@ -1,5 +1,9 @@
 """Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program with."""
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class SavmapError(Exception):
     """An error the user can mend. `exit_code` is what the command line returns for it."""
@@ -71,3 +75,13 @@ class PluginsLeftOutError(SavmapError):
     """Plugins failed, and all else was mapped without them, as the site file wants it."""
 
     exit_code = 11
+
+
+@contextmanager
+def ending_in_one_line() -> Iterator[None]:
+    """For modules that are run with `python -m`: an expected error ends the program with its line and exit code."""
+    try:
+        yield
+    except SavmapError as error:
+        print(error, file=sys.stderr)
+        raise SystemExit(error.exit_code) from error

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from savmap.errors import ModelError, SiteError
@@ -31,38 +31,37 @@ class Wish:
 def train(plugin: str, wish: Wish) -> Iterator[str]:
     """A network for a plugin's classes; yields lines for the user. Raises SavmapError's kinds."""
     from savmap.console import Console
-    from savmap.train import check_extra
+    from savmap.train import check
     from savmap.train import train as train_network
     from savmap.train.task import Task
 
     plugin_class = load_class(plugin)
     init = float_model(plugin_class.model) if wish.init == SHIPPED else wish.init
-    fine_tunes = init is not None and init.suffix == ".onnx"
-    minutes = wish.minutes or (FINE_TUNING_MINUTES if fine_tunes else MINUTES)
     task = Task(
         plugin_class.classes,
         wish.data,
         wish.output,
-        minutes,
+        MINUTES,
         wish.seed,
         init,
-        mapping_of(wish.renamed),
+        mapping_of(wish.renamed, plugin_class.classes),
         wish.held_out,
         wish.int8,
         wish.steps,
     )
-    check_extra()
+    task = replace(task, minutes=minutes_of(wish.minutes, task.fine_tunes))
+    check(task)
     prepare(wish.output.parent)
     with Console(wish.output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
         recipe = train_network(task, progress)
     yield f"wrote {wish.output}"
-    if not fine_tunes:
+    if not task.fine_tunes:
         yield json.dumps(recipe, indent=2)
         return
-    from savmap.train.finetune import int8_beside, report_lines
+    from savmap.train.finetune import report_lines
 
     if wish.int8:
-        yield f"wrote {int8_beside(wish.output)}"
+        yield f"wrote {task.integers}"
     yield from report_lines(recipe, plugin_class.classes)
     yield f"{recipe['steps']} steps in {recipe['minutes']} minutes"
 
@@ -76,10 +75,21 @@ def float_model(model: Path) -> Path:
     return path
 
 
-def mapping_of(renamed: Sequence[str]) -> dict[str, str]:
-    """{THEIRS: OURS} of options THEIRS=OURS. Raises SiteError for one that is not like that."""
+def minutes_of(wished: float | None, fine_tunes: bool) -> float:
+    """How long to train. Raises SiteError for no time."""
+    if wished is None:
+        return FINE_TUNING_MINUTES if fine_tunes else MINUTES
+    if wished <= 0:
+        raise SiteError(f"--minutes {wished:g}: give more than 0")
+    return wished
+
+
+def mapping_of(renamed: Sequence[str], classes: Sequence[str]) -> dict[str, str]:
+    """{THEIRS: OURS} of options THEIRS=OURS. Raises SiteError for one that is not like that, or whose OURS is none of the classes."""
     pairs = [one.split("=") for one in renamed]
     for text, pair in zip(renamed, pairs, strict=True):
         if len(pair) != 2 or not all(part.strip() for part in pair):
             raise SiteError(f"--class {text}: give THEIRS=OURS, such as --class pole=column")
+        if pair[1].strip() not in classes:
+            raise SiteError(f"--class {text}: the network has no class {pair[1].strip()} (it has {', '.join(classes)})")
     return {theirs.strip(): ours.strip() for theirs, ours in pairs}

@@ -63,7 +63,10 @@ def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledP
     whole = {"images": images, "annotations": annotations, "categories": categories}
     write_text(folder / COCO, json.dumps(whole) + "\n")
     yield f"wrote {len(images)} pictures with {len(annotations)} outlines into {folder}"
-    yield f"wrote {folder / COCO} (CVAT, Label Studio), {folder / YOLO} (YOLO), and LabelMe's files beside the pictures"
+    yield (
+        f"wrote the same as {folder / COCO} (CVAT, Label Studio), {folder / YOLO} (YOLO) and {folder / IMAGES} (LabelMe): "
+        "correct one of them, and train on that one"
+    )
 
 
 def coco_annotations(
@@ -95,8 +98,9 @@ def yolo(picture: LabelledPicture, classes: Sequence[str]) -> str:
 
 
 def data_yaml(classes: Sequence[str]) -> str:
-    """What YOLO's tools read of a set: where its pictures are, and the classes' names."""
-    content = {"path": ".", "train": IMAGES, "val": IMAGES, "names": dict(enumerate(classes))}
+    """What YOLO's tools read of a set: where its pictures are, and the classes' names. No `path`: they would take one of "." to be the
+    folder that they are run in."""
+    content = {"train": IMAGES, "val": IMAGES, "names": dict(enumerate(classes))}
     return str(yaml.safe_dump(content, sort_keys=False))
 
 

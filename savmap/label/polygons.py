@@ -16,8 +16,9 @@ TOLERANCE_PX = 0.35
 
 
 def outlines(mask: Mask, tolerance_px: float = TOLERANCE_PX, least_pixels: int = LEAST_PIXELS) -> list[Polygon]:
-    """A polygon for each connected region of a mask (h, w), holes cut in; regions and holes of fewer than `least_pixels` are
-    left out. `tolerance_px`: how far a polygon may be from the pixels' borders (Douglas and Peucker)."""
+    """A polygon for each connected region of a mask (h, w), holes cut in; regions and holes of less than about `least_pixels` are
+    left out. It cuts inner corners of the pixels' borders by half a pixel along each side, and may be `tolerance_px` away from what
+    is then left (Douglas and Peucker)."""
     borders, tree = cv2.findContours(_corner_grid(mask), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if tree is None:
         return []

@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count as numbers
 from pathlib import Path
 
 import numpy as np
@@ -46,9 +47,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Recording:
-    """A pass with the views of it that the plugin wants; every `every`-th frame is looked at, and the one after it."""
+    """A pass with the views of it that the plugin, in its row's room, wants; every `every`-th frame is looked at, and the one after
+    it."""
 
     row: str
+    room: Room
     aimed: PassAims
     specs: Sequence[ViewSpec]
     frames: int
@@ -85,12 +88,14 @@ def label(
     require_footage(job)
     prepare(output)
     with Console(Path(os.devnull)) as console:
-        room, recordings = aimed_recordings(job, name, count, console)
-        watcher = Watcher(Eyes([room]).networks[name], room.classes)
-        candidates = [one for number in range(len(recordings)) for one in looked(number, recordings, watcher, console)]
+        recordings = aimed_recordings(job, name, count, console)
+        watchers, classes = watchers_of(recordings), recordings[0].room.classes
+        candidates = [
+            one for number, watcher in enumerate(watchers) for one in looked(number, recordings, watcher, console)
+        ]
         picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, recordings), count)]
         console.note(f"looked at {len(candidates)} views, chose {len(picked)}")
-        yield from write_set(output, room.classes, pictures(picked, recordings, watcher, console))
+        yield from write_set(output, classes, pictures(picked, recordings, watchers, console))
 
 
 def plugin_of(job: Job, source: Path, plugin: str | None) -> str:
@@ -110,9 +115,9 @@ def require_footage(job: Job) -> None:
             time_range(clip, probe(clip.path, clip.images_fps).duration_s)
 
 
-def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> tuple[Room, list[Recording]]:
-    """The plugin's room, and every pass with the views that it wants of it. All plugins are asked, in their order: one may know
-    where the face is, and another not."""
+def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> list[Recording]:
+    """Every pass with the views that the plugin wants of it, if any. All plugins are asked, in their order: one may know where the face
+    is, and another not. Raises StructureError where it wants none of any."""
     renderer, found = Renderer(), list[Recording]()
     for row, content in job.site.rows.items():
         rooms = rooms_for(job, row)
@@ -122,14 +127,26 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> tup
             monitor.note(f"row {row}, {name}: aiming the views")
             aimed, _ = aim_pass(name, one, rooms, eyes, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
-            found.append(Recording(row, aimed, specs, expected_frames(aimed.clip, probe(aimed.clip.path))))
+            frames = expected_frames(aimed.clip, probe(aimed.clip.path))
+            found.append(Recording(row, room, aimed, specs, frames))
     total = sum(one.frames * len(one.specs) for one in found)
     if total == 0:
         raise StructureError(
             f"{job.source}: `{plugin}` wants no views of it; aim them by hand (`views` in a site file)"
         )
-    every = max(1, total // max(LOOKED_AT_EACH * count, LEAST_LOOKED_AT))
-    return room, [Recording(one.row, one.aimed, one.specs, one.frames, every) for one in found]
+    every = -(-total // max(LOOKED_AT_EACH * count, LEAST_LOOKED_AT))
+    return [replace(one, every=every) for one in found if one.specs]
+
+
+def watchers_of(recordings: Sequence[Recording]) -> list[Watcher]:
+    """Each recording's: rows may have networks of their own. Recordings with one network share it."""
+    eyes: dict[object, Eyes] = {}
+    found = []
+    for room in (one.room for one in recordings):
+        network = room.model, tuple(sorted(room.class_names.items())), room.providers
+        eyes[network] = eyes.get(network) or Eyes([room])
+        found.append(Watcher(eyes[network].networks[room.name], room.classes))
+    return found
 
 
 def looked(number: int, recordings: Sequence[Recording], watcher: Watcher, monitor: Monitor) -> Iterator[Candidate]:
@@ -161,7 +178,8 @@ def worth_and_looks(
     unsure = np.array([one.doubt for one in candidates])
     changed = np.array([one.disagreement for one in candidates])
     times = np.array([[one.frame / recordings[one.recording].frames] for one in candidates])
-    kinds = np.array([[recordings[one.recording].specs.index(one.spec), one.recording] for one in candidates])
+    known = list(dict.fromkeys((one.recording, one.spec) for one in candidates))
+    kinds = np.eye(len(known))[[known.index((one.recording, one.spec)) for one in candidates]]
     looks = np.array([one.looks for one in candidates])
     spread = max(float(np.sqrt(looks.var(axis=0).sum())), 1e-9)
     features = np.hstack([looks / spread, TIME_WEIGHT * times, PASS_WEIGHT * kinds])
@@ -169,10 +187,11 @@ def worth_and_looks(
 
 
 def pictures(
-    picked: Sequence[Candidate], recordings: Sequence[Recording], watcher: Watcher, monitor: Monitor
+    picked: Sequence[Candidate], recordings: Sequence[Recording], watchers: Sequence[Watcher], monitor: Monitor
 ) -> Iterator[LabelledPicture]:
-    """The chosen views with the outlines that the network sees in them, in the order of the recordings."""
-    for number, one in enumerate(recordings):
+    """The chosen views with the outlines that the network sees in them, in the order of the recordings; no two of one name."""
+    names = set[str]()
+    for number, (one, watcher) in enumerate(zip(recordings, watchers, strict=True)):
         wanted = {(candidate.frame, candidate.spec) for candidate in picked if candidate.recording == number}
         if not wanted:
             continue
@@ -182,9 +201,12 @@ def pictures(
                 view = watcher.renderer.render(panorama, spec)
                 classes = watcher.maps(view).argmax(axis=0)
                 shapes = {name: outlines(classes == value) for value, name in enumerate(watcher.classes, start=1)}
-                yield LabelledPicture(picture_name(one.row, spec.name, panorama.frame), view.image, shapes)
+                plain = picture_name(one.row, spec.name, panorama.frame)
+                name = next(name for more in numbers() if (name := "x-" * more + plain) not in names)
+                names.add(name)
+                yield LabelledPicture(name, view.image, shapes)
 
 
 def picture_name(row: str, view: str, frame: int) -> str:
     """Of a view's picture: "A-pass-1-face-00012"."""
-    return "-".join(re.findall(r"[A-Za-z0-9_]+", f"{row} {view}")) + f"-{frame:05d}"
+    return "-".join(re.findall(r"\w+", f"{row} {view}")) + f"-{frame:05d}"

@@ -8,7 +8,6 @@ Structures of other plugins: `--plugin NAME --classes upright,beam,light,THING`,
 import argparse
 import importlib
 import json
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -17,9 +16,9 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from savmap.errors import SavmapError
+from savmap.errors import OutputError, ending_in_one_line
 from savmap.geometry.pinhole import focal_px
-from savmap.io.files import write_text
+from savmap.io.files import read_json, write_text
 from savmap.io.images import write_picture
 from savmap.sim.build import build
 from savmap.sim.camera import CameraSample, Kind, sample_camera, view_rays
@@ -145,9 +144,15 @@ def write(
     classes: Sequence[str] = CLASSES,
     scene_of: Callable[[int], Scene] = random_scene,
 ) -> None:
-    """Writes a labelled data set; pictures that are there already are kept."""
+    """Writes a labelled data set; pictures of other kinds and seeds that are there already are kept.
+
+    Raises OutputError where they are labelled with other classes, or something cannot be written."""
+    header = folder / "dataset.json"
+    there = read_json(header) if header.is_file() else {"classes": list(classes)}
+    if not isinstance(there, dict) or there.get("classes") != list(classes):
+        raise OutputError(f"{header}: is of pictures with other classes; choose another -o, or give the same --classes")
     about = {"format": "savmap-dataset", "version": 1, "classes": list(classes), "renderer": "savmap.sim, ray cast"}
-    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
+    write_text(header, json.dumps(about, indent=1) + "\n")
     for name, picture, mask in samples(seed, count, kind, classes, scene_of):
         write_picture(folder / "masks" / f"{name}.png", mask)
         flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
@@ -165,12 +170,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--classes", default=",".join(CLASSES), help="the classes to label, in the masks' order")
     parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
     options = parser.parse_args(arguments)
-    try:
+    if options.seed < 0 or options.count < 1:
+        parser.error("--seed is 0 or more, --count 1 or more")
+    with ending_in_one_line():
         scene_of = partial(random_place, plugins=options.plugin)
         write(options.output, options.seed, options.count, options.kind, options.classes.split(","), scene_of)
-    except SavmapError as error:
-        print(error, file=sys.stderr)
-        raise SystemExit(error.exit_code) from error
 
 
 if __name__ == "__main__":

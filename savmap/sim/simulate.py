@@ -2,7 +2,8 @@
 
 The folder gets footage.mp4, survey.json (a survey file), references.json (what a user would know without mapping),
 site.yaml (a site file with these references),
-poses.json (the rig's path), passes.json (where the cart's drive is a path), scene.yaml (the scene as resolved) and masks/VIEW/FRAME.png for the views asked for.
+poses.json (the rig's path), passes.json (where the cart's drive is a path), scene.yaml (the scene as resolved), and for the views
+asked for masks/VIEW/FRAME.png with masks/classes.json.
 """
 
 import json
@@ -20,6 +21,7 @@ from savmap.io.images import write_picture
 from savmap.monitor import Monitor, Quiet
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
+from savmap.sim.dataset import CLASSES
 from savmap.sim.footage import encode, frames
 from savmap.sim.panorama import view_classes
 from savmap.sim.passes import passes_file, true_passes
@@ -28,8 +30,6 @@ from savmap.sim.shade import Renderer, renderer
 from savmap.sim.site import site_of
 from savmap.sim.truth import poses, references
 from savmap.types import ViewSpec
-
-CLASSES = ("upright", "beam", "light", "sign")
 
 
 def simulate(
@@ -75,8 +75,11 @@ def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpe
     (folder / "site.yaml").write_text(site, encoding="utf-8")
     monitor.note(f"lighting {len(built.boxes)} boxes")
     scene = renderer(built)
+    classes = classes_of(built)
     for spec in masks:
-        _write_masks(scene, path, spec, folder / "masks" / spec.name)
+        _write_masks(scene, path, spec, classes, folder / "masks" / spec.name)
+    if masks:
+        _dump(folder / "masks" / "classes.json", {"classes": classes})
     images = monitor.each(frames(scene, path, workers), "rendering panoramas", len(path.origins))
     encode(images, built.scene.cart, folder / "footage.mp4")
 
@@ -85,10 +88,16 @@ def _dump(path: Path, content: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _write_masks(scene: Renderer, path: Drive, spec: ViewSpec, folder: Path) -> None:
+def classes_of(built: Built) -> list[str]:
+    """What the masks' values 1, 2, ... mean: savmap's own classes, then those of other plugins' structures, by name."""
+    labels = {label for box in built.boxes for label in box.face_labels.values()}
+    return [*CLASSES, *sorted(labels - set(CLASSES))]
+
+
+def _write_masks(scene: Renderer, path: Drive, spec: ViewSpec, classes: Sequence[str], folder: Path) -> None:
     folder.mkdir(parents=True)
     for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
-        write_picture(folder / f"{index:06d}.png", view_classes(scene, origin, turn, spec, CLASSES))
+        write_picture(folder / f"{index:06d}.png", view_classes(scene, origin, turn, spec, classes))
 
 
 def _moved(partial: Path, folder: Path) -> list[Path]:

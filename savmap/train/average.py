@@ -12,14 +12,15 @@ from pathlib import Path
 
 import torch
 
+from savmap.errors import ending_in_one_line
 from savmap.train.checkpoint import load_checkpoint, save_checkpoint
 from savmap.train.export import export
 
 
 def average(checkpoints: Sequence[Path], classes: Sequence[str], output: Path) -> Mapping[str, object]:
     """Write the mean network (ONNX, and a checkpoint beside it); returns its recipe. The history is that of the last
-    checkpoint. Raises OutputError for a file that is not a checkpoint."""
-    loaded = [load_checkpoint(path, classes) for path in checkpoints]
+    checkpoint. Raises OutputError for a file that is not a checkpoint of a network for these classes, in this order."""
+    loaded = [load_checkpoint(path, classes, same=True) for path in checkpoints]
     states = [network.state_dict() for network, _ in loaded]
     network, history = loaded[-1]
     network.load_state_dict(
@@ -41,7 +42,8 @@ def main() -> None:
     parser.add_argument("--classes", required=True, help="comma-separated, in the order of the masks' numbers")
     parser.add_argument("-o", "--output", type=Path, default=Path("model.onnx"))
     given = parser.parse_args()
-    average(given.checkpoints, given.classes.split(","), given.output)
+    with ending_in_one_line():
+        average(given.checkpoints, given.classes.split(","), given.output)
 
 
 if __name__ == "__main__":

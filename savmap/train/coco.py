@@ -3,18 +3,24 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from savmap.errors import OutputError
-from savmap.io.images import picture_size
-from savmap.train.dataset import NO_MAPPING, Dataset, Sample, group_of, require_classes
+from savmap.train.dataset import NO_MAPPING, Dataset, require_classes
 from savmap.train.runs import mask_of, unpacked
-from savmap.train.shapes import Region, Shapes, polygon_of, require_pictures, values_of
+from savmap.train.shapes import (
+    Region,
+    checked,
+    home_of,
+    picture_file,
+    polygon_of,
+    require_pictures,
+    sample_in,
+    values_of,
+)
 
-Model = TypeVar("Model", bound=BaseModel)
 RENDERER = "labelled (COCO)"
 
 
@@ -78,20 +84,12 @@ def read_coco(path: Path, content: object, classes: Sequence[str], mapping: Mapp
             raise OutputError(f"{where}: there is no category {annotation.category_id}")
         region = region_of(annotation, pictures[annotation.image_id], where)
         regions[annotation.image_id].append((values[annotation.category_id], region))
-    samples = [sample_of(path, pictures[number], found) for number, found in regions.items()]
-    return Dataset(path.parent, RENDERER, tuple(sorted(samples, key=lambda sample: sample.image.name)))
-
-
-def checked(model: type[Model], path: Path, content: object) -> Model:
-    """The content as records. Raises OutputError that names the first entry which is not as it should be."""
-    try:
-        return model.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(
-            str(part) for part in first["loc"] if not str(part)[:1].isupper() and part != "list[list[float]]"
-        )
-        raise OutputError(f"{path}: `{entry}`: {first['msg'].lower()}; export the set again") from None
+    samples, folder = [], home_of(path.parent)
+    for number, found in regions.items():
+        picture = pictures[number]
+        file = picture_file(path, picture.file_name)
+        samples.append(sample_in(folder, path, file, (picture.width, picture.height), found))
+    return Dataset(folder, RENDERER, tuple(sorted(samples, key=lambda sample: sample.image.name)))
 
 
 def region_of(annotation: Annotation, picture: Picture, where: str) -> Region:
@@ -110,29 +108,3 @@ def region_of(annotation: Annotation, picture: Picture, where: str) -> Region:
         return np.asarray(mask_of(runs, picture.height, picture.width), np.bool_)
     except ValueError as error:
         raise OutputError(f"{where}: {error}") from None
-
-
-def sample_of(path: Path, picture: Picture, regions: Sequence[tuple[int, Region]]) -> Sample:
-    """A picture with what is in it. Raises OutputError where its file is missing or of another size."""
-    file = picture_file(path, picture.file_name)
-    size = picture_size(file)
-    if size != (picture.width, picture.height):
-        found = f"{size[0]}x{size[1]}" if size else "damaged"
-        raise OutputError(f"{file}: is {found}, but {path.name} says {picture.width}x{picture.height}")
-    name = path.parent.name if path.parent.name != "annotations" else path.parent.parent.name
-    shapes = Shapes(picture.width, picture.height, tuple(regions))
-    return Sample(file, shapes, f"{name}/{group_of(file.stem)}", str(path))
-
-
-def picture_file(path: Path, name: str) -> Path:
-    """Where a picture lies: beside the JSON file or the folder it is in, in `images/` or in its subset's folder (CVAT). Raises
-    OutputError where it is nowhere."""
-    subset = path.stem.removeprefix("instances_")
-    bases = (path.parent, path.parent.parent)
-    folders = [base / inner for base in bases for inner in (".", "images", f"images/{subset}", subset)]
-    found = next(
-        (file for one in (name, Path(name).name) for folder in folders if (file := folder / one).is_file()), None
-    )
-    if found is None:
-        raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/; put the pictures there")
-    return found

@@ -1,16 +1,17 @@
 """Labelled pictures on disk: reading, checking, mapping of classes, splitting into training and validation.
 
-Sets of other tools are read by `sets`, `coco` and `yolo`.
+Sets of other tools are read by `sets`, `coco`, `yolo` and `labelme`.
 
 A data set is a folder with `images/NAME.jpg` (or .png), `masks/NAME.png` (uint8: 0 background, k = classes[k-1], 255 not
 to be judged) and `dataset.json` (`{"format": "savmap-dataset", "version": 1, "classes": [...], "renderer": "..."}`).
 """
 
 import hashlib
-import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
+from savmap.io.files import read_json, sha256
 from savmap.train.fitted import fitted
 
 IGNORE = 255
@@ -29,6 +31,10 @@ GROUP_SIZE = 20
 
 Bytes = NDArray[np.uint8]
 NO_MAPPING: Mapping[str, str] = {}
+SUFFIXES = {".jpg", ".jpeg", ".png"}
+MOST_CLASSES = 254
+_ADDED_BY_TOOLS = re.compile(r"^(?=[0-9]*[a-f])[0-9a-f]{8}-|[._](?:jpe?g|png|bmp|webp)\.rf\.[0-9A-Za-z]+$")
+"""What Label Studio puts before a picture's name, and Roboflow behind it."""
 
 
 class Labels(Protocol):
@@ -36,6 +42,10 @@ class Labels(Protocol):
 
     def mask(self) -> Bytes:
         """(H, W): 0 background, k the k-th class of the network, 255 ignore. Raises OutputError."""
+
+    @property
+    def digest(self) -> str:
+        """Of all that makes the mask: other labels have another. Raises OutputError."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +56,19 @@ class MaskFile:
     lookup: Bytes
 
     def mask(self) -> Bytes:
-        values = cv2.imread(str(self.path), cv2.IMREAD_GRAYSCALE)
+        values = cv2.imread(str(self.path), cv2.IMREAD_UNCHANGED)
         if values is None:
             raise OutputError(f"{self.path}: the mask cannot be read; render or label this picture again")
+        if values.ndim != 2 or values.dtype != np.uint8:
+            raise OutputError(
+                f"{self.path}: a mask has one channel of 8 bits, the numbers of classes; save it without colours"
+            )
         mapped: Bytes = self.lookup[values]
         return mapped
+
+    @property
+    def digest(self) -> str:
+        return sha256(self.path) + self.lookup.tobytes().hex()
 
 
 @dataclass(frozen=True)
@@ -61,6 +79,11 @@ class Sample:
     labels: Labels
     group: str
     origin: str
+
+    @cached_property
+    def image_digest(self) -> str:
+        """Of the picture's file: copies have the same. Raises OutputError."""
+        return sha256(self.image)
 
     def load(self) -> tuple[Bytes, Bytes]:
         """Picture (480, 640, 3) RGB and mask (480, 640): 0 background, k the k-th class of the network, 255 ignore. Pictures of
@@ -87,13 +110,24 @@ class Dataset:
 
 
 def group_of(name: str) -> str:
-    """Pictures of one scene have neighbouring numbers: the group is the name's numbers, the last one by blocks.
+    """Pictures of one scene have neighbouring numbers: the group is the name's numbers, the last one by blocks, without what
+    labelling tools add to a name.
 
-    >>> group_of("ceiling-7-00059"), group_of("row-7-00041")
-    ('7-2', '7-2')
+    >>> group_of("ceiling-7-00059"), group_of("row-7-00041"), group_of("3f2a9c1b-row-7-00041"), group_of("row-7-41_jpg.rf.9b")
+    ('7-2', '7-2', '7-2', '7-2')
     """
-    numbers = [int(digits) for digits in re.findall(r"\d+", name)] or [0]
+    numbers = [int(digits) for digits in re.findall(r"\d+", _ADDED_BY_TOOLS.sub("", name))] or [0]
     return "-".join(map(str, [*numbers[:-1], numbers[-1] // GROUP_SIZE]))
+
+
+def set_name(folder: Path) -> str:
+    """What a set is called: as its folder, however that was given."""
+    return folder.resolve().name
+
+
+def group_in(folder: Path, picture: Path) -> str:
+    """The scene of a picture of the set in a folder."""
+    return f"{set_name(folder)}/{group_of(picture.stem)}"
 
 
 def class_lookup(theirs: Sequence[str], ours: Sequence[str]) -> Bytes:
@@ -108,15 +142,15 @@ def class_lookup(theirs: Sequence[str], ours: Sequence[str]) -> Bytes:
 def read_header(folder: Path) -> tuple[list[str], str]:
     """Classes and renderer's name from `dataset.json`. Raises OutputError."""
     path = folder / "dataset.json"
-    try:
-        header = json.loads(path.read_text(encoding="utf-8"))
-        if header["format"] != "savmap-dataset" or header["version"] != 1:
-            raise OutputError(f"{path}: not a savmap-dataset of version 1")
-        return [str(name) for name in header["classes"]], str(header.get("renderer", "unknown"))
-    except FileNotFoundError as error:
-        raise OutputError(f"{folder}: no dataset.json; give the folder of a data set (see docs/training.md)") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{path}: malformed ({error}); expected format, version and classes") from error
+    if not path.is_file():
+        raise OutputError(f"{folder}: no dataset.json; give the folder of a data set (see docs/training.md)")
+    header = read_json(path)
+    if not isinstance(header, dict) or (header.get("format"), header.get("version")) != ("savmap-dataset", 1):
+        raise OutputError(f"{path}: not a savmap-dataset of version 1")
+    classes = header.get("classes")
+    if not isinstance(classes, list) or not 0 < len(classes) <= MOST_CLASSES:
+        raise OutputError(f"{path}: `classes` is a list of 1 to {MOST_CLASSES} names")
+    return [str(name) for name in classes], str(header.get("renderer", "unknown"))
 
 
 def require_classes(source: Path, theirs: Sequence[str], classes: Sequence[str]) -> None:
@@ -136,13 +170,12 @@ def read_dataset(folder: Path, classes: Sequence[str], mapping: Mapping[str, str
     theirs = [mapping.get(name, name) for name in theirs]
     require_classes(folder, theirs, classes)
     lookup = class_lookup(theirs, classes)
-    pictures = sorted(p for p in (folder / "images").glob("*") if p.suffix in {".jpg", ".png"})
+    pictures = sorted(p for p in (folder / "images").glob("*") if p.suffix.lower() in SUFFIXES)
     samples = []
     for picture in pictures:
         mask = folder / "masks" / f"{picture.stem}.png"
         if mask.exists():
-            group = f"{folder.name}/{group_of(picture.stem)}"
-            samples.append(Sample(picture, MaskFile(mask, lookup), group, str(folder)))
+            samples.append(Sample(picture, MaskFile(mask, lookup), group_in(folder, picture), str(folder)))
     if not samples:
         raise OutputError(f"{folder}: no picture in images/ has its mask in masks/")
     return Dataset(folder, renderer, tuple(samples))
@@ -155,29 +188,31 @@ def is_validation(group: str, share: float) -> bool:
 
 
 def split(samples: Sequence[Sample], share: float = 0.06) -> tuple[list[Sample], list[Sample]]:
-    """(training, validation) by scene; at least one sample in each."""
+    """(training, validation) by scene; at least one sample in each: a single one is in both. Too few scenes for their names to
+    decide are split as by `held_out`."""
     validation = [sample for sample in samples if is_validation(sample.group, share)]
     training = [sample for sample in samples if not is_validation(sample.group, share)]
-    if not validation or not training:
-        return list(samples[1:] or samples), list(samples[:1])
-    return training, validation
+    if validation and training:
+        return training, validation
+    return held_out(samples, share) if len(samples) > 1 else (list(samples), list(samples))
 
 
 def held_out(samples: Sequence[Sample], share: float) -> tuple[list[Sample], list[Sample]]:
-    """(training, validation) by scene, for sets of a few scenes: whole scenes, in an order that their names alone decide, until
-    `share` of the pictures is reached. One scene is cut in two, its last pictures for validation. Raises OutputError for fewer than
-    two pictures."""
+    """(training, validation) by scene, for sets of a few scenes: whole scenes, in an order that their names alone decide, those that
+    bring the validation pictures nearer to `share`; where none does, the smallest. One scene is cut in two, its last pictures for
+    validation. Raises OutputError for fewer than two pictures."""
     if len(samples) < 2:
         raise OutputError(f"{len(samples)} labelled pictures are too few to train and to validate on; label more")
-    groups = sorted({sample.group for sample in samples}, key=lambda group: hashlib.sha256(group.encode()).digest())
-    wanted = max(1, round(share * len(samples)))
-    if len(groups) == 1:
+    sizes = Counter(sample.group for sample in samples)
+    wanted = min(max(1, round(share * len(samples))), len(samples) - 1)
+    if len(sizes) == 1:
         return list(samples[:-wanted]), list(samples[-wanted:])
-    chosen: set[str] = set()
-    for group in groups[:-1]:
-        if sum(sample.group in chosen for sample in samples) >= wanted:
-            break
-        chosen.add(group)
+    chosen, missing = set[str](), wanted
+    for group in sorted(sizes, key=lambda group: hashlib.sha256(group.encode()).digest()):
+        if sizes[group] < 2 * missing and len(chosen) < len(sizes) - 1:
+            chosen.add(group)
+            missing -= sizes[group]
+    chosen = chosen or {min(sizes, key=lambda group: (sizes[group], group))}
     inside = [sample for sample in samples if sample.group in chosen]
     return [sample for sample in samples if sample.group not in chosen], inside
 
@@ -186,9 +221,12 @@ def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> ND
     """Probability (n,) of drawing each sample.
 
     Pictures without any class are drawn less often. A data set's share goes with the square root of its number of pictures,
-    so that a small one with another look counts for more than its size.
+    so that a small one with another look counts for more than its size. Raises OutputError where no picture shows any class.
     """
-    weights = np.array([1.0 if _shows_class(sample) else empty_weight for sample in samples])
+    showing = [_shows_class(sample) for sample in samples]
+    if not any(showing):
+        raise OutputError(f"none of the {len(samples)} pictures to train on shows any class; look at their labels")
+    weights = np.where(showing, 1.0, empty_weight)
     folders = np.array([sample.origin for sample in samples])
     for folder in np.unique(folders):
         weights[folders == folder] /= np.sqrt(np.sum(folders == folder))

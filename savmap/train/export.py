@@ -11,9 +11,9 @@ import torch
 from torch import Tensor, nn
 
 from savmap.io.files import write_bytes
+from savmap.train.fitted import HEIGHT, WIDTH
 from savmap.train.network import SegmentationNetwork
 
-WIDTH, HEIGHT = 640, 480
 MODEL_VERSION = "1"
 LICENCE = "Apache-2.0; encoder initialised from EfficientNet-Lite0 ImageNet weights (Google, Apache-2.0)"
 
@@ -69,3 +69,11 @@ def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping
     onnx.helper.set_model_props(model, metadata(classes, recipe))
     onnx.checker.check_model(model)
     write_bytes(output, model.SerializeToString())
+
+
+def with_recipe(file: Path, recipe: Mapping[str, object]) -> None:
+    """Put what is known by now of how it was trained into a file. Raises OutputError."""
+    model = onnx.load(file)
+    known = {entry.key: entry.value for entry in model.metadata_props}
+    onnx.helper.set_model_props(model, known | {"savmap.recipe": json.dumps(recipe, sort_keys=True)})
+    write_bytes(file, model.SerializeToString())

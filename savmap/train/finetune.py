@@ -10,18 +10,19 @@ import torch
 from savmap.errors import OutputError
 from savmap.train.calibrate import logits_of, softmax, temperature_for, with_temperature
 from savmap.train.checkpoint import save_checkpoint
-from savmap.train.dataset import Sample, held_out
-from savmap.train.export import export
+from savmap.train.dataset import Sample, held_out, set_name
+from savmap.train.export import export, with_recipe
 from savmap.train.from_onnx import load_onnx
 from savmap.train.judge import Reliability, judge, judge_file
 from savmap.train.loop import described, fit, resumed, source_of
 from savmap.train.network import SegmentationNetwork
 from savmap.train.quantise import write_quantised
 from savmap.train.resume import SUFFIX, Resumption, run_print
-from savmap.train.sets import read_sets
+from savmap.train.sets import read_sets, samples_of
 from savmap.train.task import Progress, Task
 from savmap.train.trainer import Settings, Trainer, predictor
 
+VALIDATION = "validation"
 SHARE = 0.2
 """How many of the pictures are kept to choose, calibrate and measure by."""
 
@@ -33,8 +34,9 @@ def fine_tune(task: Task, progress: Progress, settings: Settings) -> Mapping[str
     """
     assert task.init is not None
     torch.manual_seed(task.seed)
-    datasets, tests = read_sets(task.data, task.classes, task.mapping), named_tests(task)
-    samples = [sample for dataset in datasets for sample in dataset.samples]
+    datasets = read_sets(task.data, task.classes, task.mapping)
+    samples = samples_of(datasets)
+    tests = named_tests(task, samples)
     training, validation = held_out(samples, SHARE)
     network, history = load_onnx(task.init, task.classes)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to choose and measure by")
@@ -60,31 +62,39 @@ def fine_tune(task: Task, progress: Progress, settings: Settings) -> Mapping[str
     recipe |= {"validation IoU along the way": [round(one, 4) for one in course.scores]}
     progress(1.0, "calibrating")
     calibrated, recipe["calibration"] = calibration(chosen, validation)
-    save_checkpoint(task.output.with_suffix(".checkpoint.pt"), chosen, task.classes, [*history, recipe])
+    save_checkpoint(task.checkpoint, chosen, task.classes, [*history, recipe])
     export(calibrated, task.classes, recipe | {"earlier": history}, task.output)
     files = {"before": task.init, "after": task.output}
     if task.int8:
-        files["int8"] = int8_beside(task.output)
-        write_quantised(task.output, training, files["int8"])
-    judged = {"validation": validation, **tests}
+        files["int8"] = task.integers
+        write_quantised(task.output, training, task.integers)
+    judged = {VALIDATION: validation, **tests}
     recipe["scores"] = {
         name: {when: verdict_of(file, own, task, progress) for when, file in files.items()}
         for name, own in judged.items()
     }
+    for file in files.values():
+        if file != task.init:
+            with_recipe(file, recipe | {"earlier": history})
     kept.done()
     return recipe
 
 
-def named_tests(task: Task) -> dict[str, Sequence[Sample]]:
-    """The sets to be measured on by their names. Raises OutputError for one that is also trained on, or two of one name."""
+def named_tests(task: Task, samples: Sequence[Sample]) -> dict[str, Sequence[Sample]]:
+    """The sets to be measured on by their names. Raises OutputError for one with pictures of `samples`, which are trained on, or two
+    of one name."""
     found: dict[str, Sequence[Sample]] = {}
-    trained = {one.resolve() for one in task.data}
+    trained = {one.image_digest for one in samples}
     for source, dataset in zip(task.held_out, read_sets(task.held_out, task.classes, task.mapping), strict=True):
-        name = source.name if source.is_dir() else dataset.folder.name
-        if source.resolve() in trained:
-            raise OutputError(f"--held-out {source}: is also trained on; give another set, or leave it out")
-        if name in found:
-            raise OutputError(f"--held-out {source}: two sets are called {name}; rename one")
+        name = set_name(dataset.folder)
+        known = [one.image.name for one in dataset.samples if one.image_digest in trained]
+        if known:
+            raise OutputError(
+                f"--held-out {source}: {known[0]} is also trained on, {len(known)} of {len(dataset.samples)} pictures in all; "
+                "give another set, or leave it out"
+            )
+        if name in found or name == VALIDATION:
+            raise OutputError(f"--held-out {source}: two sets would be called {name}; rename its folder")
         found[name] = dataset.samples
     return found
 
@@ -110,11 +120,6 @@ def verdict_of(file: Path, samples: Sequence[Sample], task: Task, progress: Prog
     return judge_file(file, samples, task.classes).as_json()
 
 
-def int8_beside(output: Path) -> Path:
-    """Where the network in integers goes: shelves.onnx -> shelves.int8.onnx."""
-    return output.with_suffix(".int8.onnx")
-
-
 def report_lines(recipe: Mapping[str, Any], classes: Sequence[str]) -> Iterator[str]:
     """A table of intersection over union and calibration error, before and after, and what integers lose."""
     first = f"{'pictures':24s} {'network':8s}"
@@ -128,9 +133,11 @@ def report_lines(recipe: Mapping[str, Any], classes: Sequence[str]) -> Iterator[
             yield f"{title:24s} {when:8s}{cells}{verdict['calibration error']:20.4f}"
     figures = recipe["calibration"]
     yield (
-        f"temperature {figures['temperature']:.3f}: calibration error on the validation pictures "
+        f"temperature {figures['temperature']:.3f}, fitted to the validation pictures: calibration error on them "
         f"{figures['error before']:.4f} without it, {figures['error after']:.4f} with it"
     )
+    if len(recipe["scores"]) == 1:
+        yield f"the network and its temperature were chosen by the {VALIDATION} pictures; --held-out SET measures on others"
     lost = dict(chain.from_iterable(_lost(name, files) for name, files in recipe["scores"].items()))
     if lost:
         yield "8-bit integers lose " + ", ".join(f"{loss:+.4f} IoU on {name}" for name, loss in lost.items())

@@ -46,7 +46,10 @@ def load_onnx(path: Path, classes: Sequence[str]) -> tuple[SegmentationNetwork, 
         state |= {f"{normalisation}.weight": ones, f"{normalisation}.bias": bias}
         state |= {f"{normalisation}.running_mean": 0 * ones, f"{normalisation}.running_var": ones - layer.eps}
     network.load_state_dict(state)
-    return network, [json.loads(about.get("savmap.recipe", "{}"))]
+    try:
+        return network, [json.loads(about.get("savmap.recipe", "{}"))]
+    except ValueError as error:
+        raise ModelError(f"{path}: its recipe (savmap.recipe in its metadata) is not JSON; {ADVICE}") from error
 
 
 def _read(path: Path) -> onnx.ModelProto:

@@ -15,12 +15,12 @@ import torch
 from savmap.train import augment
 from savmap.train.batches import BatchSource, prefetched
 from savmap.train.checkpoint import Recipe, load_checkpoint, save_checkpoint
-from savmap.train.dataset import Dataset, Sample, sampling_weights, split
+from savmap.train.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.train.export import export
 from savmap.train.measure import measure
 from savmap.train.network import SegmentationNetwork, build
 from savmap.train.resume import SUFFIX, Course, Resumption, run_print
-from savmap.train.sets import read_sets
+from savmap.train.sets import read_sets, samples_of
 from savmap.train.task import Progress, Task
 from savmap.train.trainer import Settings, Trainer, predictor
 
@@ -87,7 +87,7 @@ def validation_scores(
 def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: Settings) -> dict[str, object]:
     """What is known about a run before it begins."""
     return {
-        "data": [{"name": d.folder.name, "renderer": d.renderer, "pictures": len(d.samples)} for d in datasets],
+        "data": [{"name": set_name(d.folder), "renderer": d.renderer, "pictures": len(d.samples)} for d in datasets],
         "seed": seed,
         "minutes": minutes,
         "settings": asdict(settings),
@@ -108,25 +108,24 @@ def run(task: Task, progress: Progress, settings: Settings) -> Mapping[str, obje
     torch.manual_seed(task.seed)
     datasets = read_sets(task.data, task.classes, task.mapping)
     network, history = start(task.classes, task.init)
-    samples = [sample for dataset in datasets for sample in dataset.samples]
+    samples = samples_of(datasets)
     training, validation = split(samples)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to validate on")
     trainer = Trainer(network, settings)
     kept = Resumption(task.output.with_suffix(SUFFIX), run_print(task.classes, samples, task.seed, task.init, settings))
     course = resumed(kept, trainer, progress)
     recipe = described(datasets, task.seed, task.minutes, settings)
-    beside = task.output.with_suffix(".checkpoint.pt")
     averaged = trainer.average.network
 
     def save() -> None:
-        save_checkpoint(beside, averaged, task.classes, [*history, recipe])
+        save_checkpoint(task.checkpoint, averaged, task.classes, [*history, recipe])
         kept.save(trainer, course)
 
     fit(trainer, source_of(task, training, settings, course), course, task, progress, save)
     recipe["steps"] = course.steps
     progress(1.0, "measuring")
     recipe["validation"] = validation_scores(averaged, validation, task.classes, settings.validation_limit)
-    save_checkpoint(beside, averaged, task.classes, [*history, recipe])
+    save_checkpoint(task.checkpoint, averaged, task.classes, [*history, recipe])
     whole = recipe | {"earlier": history}
     export(averaged, task.classes, whole, task.output)
     kept.done()
@@ -137,6 +136,8 @@ def resumed(kept: Resumption, trainer: Trainer, progress: Progress) -> Course:
     """The course of a run that was killed, the trainer brought to where it was; a new one where there is none."""
     course = kept.load(trainer)
     if course is None:
+        if kept.path.exists():
+            progress(0.0, f"beginning anew: {kept.path.name} is of other data or settings")
         return Course()
     progress(0.0, f"going on after step {course.steps}, {course.spent_s / 60:.1f} minutes")
     return course

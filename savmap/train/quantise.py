@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
-from savmap.errors import ModelError
+from savmap.errors import ModelError, ending_in_one_line
 from savmap.io.files import write_bytes
 from savmap.stages.segment import Segmenter, network_input
 from savmap.train.dataset import Sample, split
@@ -79,11 +79,12 @@ def write_quantised(model: Path, training: Sequence[Sample], output: Path, count
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model", type=Path)
-    parser.add_argument("--data", type=Path, action="append", required=True, help="a data set folder; may be repeated")
+    parser.add_argument("--data", type=Path, action="append", required=True, help="a data set; may be repeated")
     parser.add_argument("--pictures", type=int, default=32, help="how many to take the activations' ranges from")
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()
-    quantise(given.model, given.data, given.output, given.pictures)
+    with ending_in_one_line():
+        quantise(given.model, given.data, given.output, given.pictures)
 
 
 if __name__ == "__main__":

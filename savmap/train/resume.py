@@ -3,7 +3,6 @@
 import hashlib
 import io
 import json
-import pickle
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor
 
 from savmap.io.files import sha256, write_bytes
+from savmap.train.checkpoint import BROKEN
 from savmap.train.dataset import Sample
 from savmap.train.trainer import Settings, Trainer
 
@@ -39,12 +39,10 @@ class Course:
 def run_print(
     classes: Sequence[str], samples: Sequence[Sample], seed: int, init: Path | None, settings: Settings
 ) -> str:
-    """A digest of what a run is made of: what changes it makes a new run of the same command."""
-    origins = sorted({sample.origin for sample in samples})
+    """A digest of what a run is made of, pictures and labels included: what changes it makes a new run of the same command."""
     parts = [
         list(classes),
-        [[str(sample.image), sample.group] for sample in samples],
-        [sha256(Path(one)) for one in origins if Path(one).is_file()],
+        [[sample.image_digest, sample.labels.digest, sample.group, sample.origin] for sample in samples],
         seed,
         sha256(init) if init is not None else None,
         asdict(settings),
@@ -71,10 +69,11 @@ class Resumption:
             content: dict[str, Any] = torch.load(self.path, map_location="cpu", weights_only=True)
             if content["print"] != self.print_:
                 return None
+            course = Course(**content["course"])
             trainer.restore(content["trainer"])
-            return Course(**content["course"])
-        except (OSError, RuntimeError, KeyError, TypeError, ValueError, EOFError, pickle.UnpicklingError):
+        except BROKEN:
             return None
+        return course
 
     def done(self) -> None:
         """The run is finished: the same command begins a new one."""

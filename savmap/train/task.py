@@ -33,6 +33,16 @@ class Task:
         return min(steps / self.steps if self.steps else spent_s / (60 * self.minutes), 1.0)
 
     @property
+    def checkpoint(self) -> Path:
+        """The averaged weights, to go on from."""
+        return self.output.with_suffix(".checkpoint.pt")
+
+    @property
+    def integers(self) -> Path:
+        """The network in 8-bit integers: shelves.onnx -> shelves.int8.onnx."""
+        return self.output.with_suffix(".int8.onnx")
+
+    @property
     def fine_tunes(self) -> bool:
         """Whether a network that was exported is trained further."""
         return self.init is not None and self.init.suffix == ".onnx"

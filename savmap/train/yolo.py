@@ -7,10 +7,9 @@ from pydantic import BaseModel
 
 from savmap.errors import OutputError
 from savmap.io.files import read_text
-from savmap.io.images import SUFFIXES, picture_size
-from savmap.train.coco import checked
-from savmap.train.dataset import NO_MAPPING, Dataset, Sample, group_of, require_classes
-from savmap.train.shapes import Region, Shapes, polygon_of, require_pictures, values_of
+from savmap.io.images import SUFFIXES
+from savmap.train.dataset import NO_MAPPING, Dataset, Sample, require_classes
+from savmap.train.shapes import Region, checked, polygon_of, require_pictures, sample_in, shown_size, values_of
 
 RENDERER = "labelled (YOLO segments)"
 _SLACK = 0.01
@@ -41,6 +40,10 @@ def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapp
     values = dict(zip(theirs, values_of(list(theirs.values()), classes), strict=True))
     files = sorted({file for place in yolo.places for file in pictures_at(path, yolo.path, place)})
     require_pictures(path, len(files))
+    if not any(labels_file(file).is_file() for file in files):
+        raise OutputError(
+            f"{path}: none of its pictures has labels (such as {labels_file(files[0])}); export the set again"
+        )
     return Dataset(path.parent, RENDERER, tuple(sample_of(path, file, values) for file in files))
 
 
@@ -60,22 +63,21 @@ def pictures_at(path: Path, base: str, place: str) -> Iterator[Path]:
 
 
 def labels_file(picture: Path) -> Path:
-    """The file of polygons of a picture: the last folder called images on its way is called labels."""
-    parts = list(picture.parts)
+    """The file of polygons of a picture: the last folder called images on its way is called labels; or it is beside the picture."""
+    beside = picture.with_suffix(".txt")
+    parts = list(beside.parts)
     if "images" in parts:
         last = len(parts) - 1 - parts[::-1].index("images")
         parts[last] = "labels"
-    return Path(*parts).with_suffix(".txt")
+    elsewhere = Path(*parts)
+    return beside if beside.is_file() and not elsewhere.is_file() else elsewhere
 
 
 def sample_of(path: Path, picture: Path, values: Mapping[int, int]) -> Sample:
     """A picture with its polygons; none where there is no file of them. Raises OutputError."""
-    size = picture_size(picture)
-    if size is None:
-        raise OutputError(f"{picture}: the picture cannot be read; save it again")
-    labels = labels_file(picture)
-    regions = list(regions_of(labels, size, values)) if labels.is_file() else []
-    return Sample(picture, Shapes(*size, regions), f"{path.parent.name}/{group_of(picture.stem)}", str(path))
+    labels, size = labels_file(picture), shown_size(picture)
+    regions = list(regions_of(labels, size, values)) if size is not None and labels.is_file() else []
+    return sample_in(path.parent, path, picture, size, regions)
 
 
 def regions_of(labels: Path, size: tuple[int, int], values: Mapping[int, int]) -> Iterator[tuple[int, Region]]:

@@ -2,23 +2,42 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from savmap.errors import OutputError
 from savmap.io.clip import Clip
+from savmap.job import Job
 from savmap.label.choose import chosen
 from savmap.label.formats import LabelledPicture, write_set
-from savmap.label.run import Recording, Watcher, looked, picture_name, pictures, worth_and_looks
+from savmap.label.polygons import filled
+from savmap.label.run import (
+    Candidate,
+    Recording,
+    Watcher,
+    aimed_recordings,
+    looked,
+    picture_name,
+    pictures,
+    watchers_of,
+    worth_and_looks,
+)
 from savmap.monitor import Quiet
 from savmap.observe import PassAims
-from savmap.types import ViewSpec
+from savmap.site import Pass, Row, Site
+from savmap.types import Aim, ViewSpec
 
 SPEC = ViewSpec("pass 1 / face", 0.0, width=64, height=48)
 FRAMES = 12
+ROOM: Any = SimpleNamespace(name="posts", classes=["post"], model=Path("a.onnx"), class_names={}, providers=())
 
 
 class Dark:
@@ -44,7 +63,7 @@ def recording(tmp_path: Path) -> Recording:
         panorama = np.full((64, 128, 3), 40 * (number % 4) + 110, np.uint8)
         panorama[:, 50 + number : 58 + number] = 30
         cv2.imwrite(str(folder / f"{number:03d}.png"), panorama)
-    return Recording("A", PassAims("pass 1", Clip(folder, fps=30.0), {}), [SPEC], FRAMES, 2)
+    return Recording("A", ROOM, PassAims("pass 1", Clip(folder, fps=30.0), {}), [SPEC], FRAMES, 2)
 
 
 def written(recording: Recording, folder: Path, count: int = 3) -> list[str]:
@@ -53,7 +72,7 @@ def written(recording: Recording, folder: Path, count: int = 3) -> list[str]:
     assert [one.frame for one in candidates] == list(range(0, FRAMES, 2))
     assert all(0 <= one.disagreement <= 1 and one.doubt >= 0 for one in candidates)
     picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, [recording]), count)]
-    return list(write_set(folder, ["post"], pictures(picked, [recording], watcher, Quiet())))
+    return list(write_set(folder, ["post"], pictures(picked, [recording], [watcher], Quiet())))
 
 
 def digest(folder: Path) -> str:
@@ -66,6 +85,8 @@ def test_all_three_formats_say_the_same(recording: Recording, tmp_path: Path) ->
     assert "wrote 3 pictures with 3 outlines" in lines[0]
     coco = json.loads((tmp_path / "out" / "coco.json").read_text(encoding="utf-8"))
     assert [category["name"] for category in coco["categories"]] == ["post"]
+    data = yaml.safe_load((tmp_path / "out" / "data.yaml").read_text(encoding="utf-8"))
+    assert data == {"train": "images", "val": "images", "names": {0: "post"}}
     for image, annotation in zip(coco["images"], coco["annotations"], strict=True):
         corners = np.reshape(annotation["segmentation"], (-1, 2))
         stem = Path(image["file_name"]).stem
@@ -76,6 +97,7 @@ def test_all_three_formats_say_the_same(recording: Recording, tmp_path: Path) ->
         assert labelme["shapes"][0]["points"] == corners.tolist()
         assert labelme["imagePath"] == image["file_name"]
         _, top, width, height = annotation["bbox"]
+        assert annotation["area"] == pytest.approx(filled(corners, 48, 64).sum(), rel=0.1)
         assert annotation["area"] <= width * height
         assert (top, height) == (0, 48)
         assert cv2.imread(str(tmp_path / "out" / "images" / image["file_name"])).shape == (48, 64, 3)
@@ -109,3 +131,55 @@ def test_what_breaks_off_leaves_nothing_that_looks_finished(tmp_path: Path) -> N
 
 def test_names_are_safe_and_tell_the_scene() -> None:
     assert picture_name("3/A", "pass 1 / face low", 12) == "3-A-pass-1-face-low-00012"
+    assert (
+        picture_name("\N{LATIN CAPITAL LETTER O WITH DIAERESIS}", "pass 1 / face", 3)[0]
+        == "\N{LATIN CAPITAL LETTER O WITH DIAERESIS}"
+    )
+
+
+def test_rows_whose_names_come_to_the_same_keep_their_own_pictures(recording: Recording) -> None:
+    rows = [replace(recording, row=name) for name in ("3/A", "3-A", "3 A")]
+    watcher = Watcher(Dark(), ["post"])  # type: ignore[arg-type]
+    picked = [Candidate(number, SPEC, 4, 0.0, np.zeros(1)) for number in range(3)]
+    names = [one.name for one in pictures(picked, rows, [watcher] * 3, Quiet())]
+    assert names == [f"{more}3-A-pass-1-face-00004" for more in ("", "x-", "x-x-")]
+
+
+def test_all_recordings_are_as_far_from_one_another(recording: Recording) -> None:
+    rows = [replace(recording, row=name) for name in "ABCDE"]
+    _, features = worth_and_looks([Candidate(number, SPEC, 4, 0.0, np.zeros(2)) for number in range(5)], rows)
+    apart = np.linalg.norm(features[:, None] - features[None], axis=2)[~np.eye(5, dtype=bool)]
+    assert apart.min() == apart.max() > 0
+
+
+def test_no_more_views_are_looked_at_than_six_for_each_that_is_wanted(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def aimed(name: str, one: Pass, *_: object) -> tuple[PassAims, None]:
+        views = (SPEC,) if one.start_s == 0 else ()
+        return PassAims(name, recording.aimed.clip, {"posts": Aim(views)}), None
+
+    monkeypatch.setattr("savmap.label.run.rooms_for", lambda *_: [ROOM])
+    monkeypatch.setattr("savmap.label.run.Eyes", lambda _: None)
+    monkeypatch.setattr("savmap.label.run.aim_pass", aimed)
+    monkeypatch.setattr("savmap.label.run.probe", lambda *_: None)
+    passes = tuple(Pass(video=tmp_path, start_s=start, end_s=9.0) for start in (0.0, 5.0))
+    job = Job(Site(rows={"A": Row(passes=passes)}), tmp_path, ["posts"], tmp_path)
+    for frames, every in ((60, 1), (61, 2), (119, 2), (121, 3)):
+        monkeypatch.setattr("savmap.label.run.expected_frames", lambda *_, frames=frames: frames)
+        (only,) = aimed_recordings(job, "posts", 10, Quiet())
+        assert only.every == every
+
+
+def test_each_row_is_looked_at_with_its_own_network(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[Path] = []
+
+    def eyes(rooms: Sequence[Any]) -> SimpleNamespace:
+        opened.append(rooms[0].model)
+        return SimpleNamespace(networks={"posts": rooms[0].model})
+
+    monkeypatch.setattr("savmap.label.run.Eyes", eyes)
+    rooms = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
+    watchers = watchers_of([replace(recording, room=room) for room in rooms])  # type: ignore[arg-type]
+    assert [str(one.segmenter) for one in watchers] == ["a", "b", "a"]
+    assert opened == [Path("a"), Path("b")]

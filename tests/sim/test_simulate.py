@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -14,12 +15,12 @@ from savmap.errors import OutputError
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.sim.build import Built
 from savmap.sim.camera import sample_camera
-from savmap.sim.dataset import CLASSES, IGNORED, view_mask, write
+from savmap.sim.dataset import CLASSES, IGNORED, main, view_mask, write
 from savmap.sim.panorama import panorama
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene
 from savmap.sim.shade import Renderer, renderer
-from savmap.sim.simulate import simulate
+from savmap.sim.simulate import classes_of, simulate
 from savmap.types import ViewSpec
 
 FACE = ViewSpec("face", yaw_deg=-90.0, hfov_deg=100.0, width=64, height=48)
@@ -104,6 +105,34 @@ def test_bands_join_without_a_seam(built: Built, scene: Renderer, monkeypatch: p
     whole = panorama(scene, place, np.eye(3), 64, look)
     monkeypatch.setattr("savmap.sim.panorama._BAND_PIXELS", 128 * 7)
     np.testing.assert_array_equal(panorama(scene, place, np.eye(3), 64, look), whole)
+
+
+def test_masks_have_the_classes_of_other_plugins_after_ours(built: Built, folder: Path) -> None:
+    assert json.loads((folder / "masks" / "classes.json").read_text()) == {"classes": list(CLASSES)}
+    crates = [replace(built.boxes[0], face_labels={"+z": name}) for name in ("crate", "bin", "beam")]
+    assert classes_of(replace(built, boxes=[*built.boxes, *crates])) == [*CLASSES, "bin", "crate"]
+
+
+def test_a_data_set_of_other_classes_is_not_mixed_in(
+    tmp_path: Path, scene_with: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("savmap.sim.dataset.random_scene", lambda seed: scene_with(seed=seed))
+    write(tmp_path, 4, 0, "shelf", ("light",))
+    write(tmp_path, 5, 0, "shelf", ("light",))
+    with pytest.raises(OutputError, match=r"dataset\.json: is of pictures with other classes"):
+        write(tmp_path, 4, 0, "shelf", ("upright", "light"))
+    assert json.loads((tmp_path / "dataset.json").read_text())["classes"] == ["light"]
+
+
+@pytest.mark.parametrize("wrong", [["--seed", "-1", "--count", "1"], ["--count", "0"]])
+def test_numbers_that_a_data_set_cannot_have(
+    wrong: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main([*wrong, "-o", str(tmp_path / "out")])
+    assert end.value.code == 2
+    assert "--seed is 0 or more, --count 1 or more" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_data_set_is_labelled_and_repeats(

@@ -1,9 +1,19 @@
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+
+from savmap.label.formats import LabelledPicture, write_set
+from savmap.label.polygons import outlines
+from savmap.train.task import Task
+
+ROOT = Path(__file__).parent.parent.parent
+MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}
 
 
 def bars(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -32,3 +42,39 @@ def write_dataset(folder: Path, count: int) -> Path:
 @pytest.fixture
 def four_pictures(tmp_path: Path) -> Path:
     return write_dataset(tmp_path / "data", 4)
+
+
+def masks(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    rng = np.random.default_rng(3)
+    return [bars(rng) for _ in range(count)]
+
+
+@pytest.fixture
+def both(tmp_path: Path) -> Path:
+    """A folder that `savmap label` might have written: COCO, YOLO and LabelMe of the same two pictures."""
+    pictures = [
+        LabelledPicture(f"a-{20 * n:05d}", image, {"column": outlines(mask == 1), "crossbar": outlines(mask == 2)})
+        for n, (image, mask) in enumerate(masks(2))
+    ]
+    list(write_set(tmp_path / "set", ["column", "crossbar"], pictures))
+    return tmp_path / "set"
+
+
+def edited(path: Path, edit: Callable[[Any], None]) -> Path:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    edit(content)
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+    """Two steps from the shipped network on four pictures, in small crops."""
+    from savmap.train import trainer
+    from savmap.train.augment import Crop
+
+    quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), looks=1, validation_limit=1)
+    monkeypatch.setattr(trainer, "FINE_TUNING", quick)
+    data = write_dataset(tmp_path / "data", 4)
+    mapping = {"column": "upright", "crossbar": "beam"}
+    return Task(("upright", "beam"), [data], tmp_path / "m.onnx", 1e-6, 1, MODELS["shelves"], mapping)

@@ -4,9 +4,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from savmap.errors import OutputError
-from savmap.train.dataset import IGNORE, class_lookup, group_of, read_dataset, sampling_weights, split
+from savmap.train.dataset import (
+    IGNORE,
+    Sample,
+    class_lookup,
+    group_of,
+    read_dataset,
+    sampling_weights,
+    split,
+)
+from savmap.train.shapes import Shapes
 
 from .conftest import write_dataset
 
@@ -29,6 +39,52 @@ def test_read_and_load(four_pictures: Path) -> None:
 
 def test_neighbours_in_number_are_one_group() -> None:
     assert group_of("row-7-00041") == group_of("ceiling-7-00059") != group_of("row-7-00060")
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("3f2a9c1b-row-7-00041", "77ab01cd-row-7-00042"),
+        ("row-7-41_jpg.rf.9b0a1c2d3e4f5061", "row-7-41_jpg.rf.0011aa22bb33cc44"),
+        ("20260131-row-7-00041", "20260131-row-7-00042"),
+    ],
+)
+def test_what_labelling_tools_add_to_a_name_does_not_part_a_scene(first: str, second: str) -> None:
+    assert group_of(first) == group_of(second)
+    assert group_of(first).endswith("7-2")
+
+
+def sample(group: str, number: int) -> Sample:
+    return Sample(Path(f"{number}.jpg"), Shapes(1, 1, ()), group, "set")
+
+
+def test_a_single_scene_is_cut_in_two_and_not_shared(four_pictures: Path) -> None:
+    training, validation = split([sample("a", number) for number in range(50)])
+    assert [one.image.stem for one in validation] == ["47", "48", "49"]
+    assert len(training) == 47
+    assert [len(part) for part in split([sample("a", 0)])] == [1, 1]
+
+
+def test_a_folder_is_called_the_same_however_it_is_given(four_pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(four_pictures)
+    here, there = (read_dataset(folder, ["column"]) for folder in (Path(), four_pictures))
+    assert [one.group for one in here.samples] == [one.group for one in there.samples]
+
+
+def test_a_mask_in_colours_is_refused(four_pictures: Path) -> None:
+    path = four_pictures / "masks" / "a-00000.png"
+    coloured = Image.open(path).convert("P")
+    coloured.putpalette([0, 0, 0, 128, 0, 0, 0, 128, 0])
+    coloured.save(path)
+    with pytest.raises(OutputError, match=r"a-00000\.png: a mask has one channel of 8 bits"):
+        read_dataset(four_pictures, ["column"]).samples[0].load()
+
+
+def test_labels_that_show_nothing_are_not_trained_on(four_pictures: Path) -> None:
+    for path in (four_pictures / "masks").iterdir():
+        cv2.imwrite(str(path), np.full((480, 640), IGNORE, np.uint8))
+    with pytest.raises(OutputError, match="none of the 4 pictures to train on shows any class"):
+        sampling_weights(read_dataset(four_pictures, ["column"]).samples)
 
 
 def test_split_is_by_scene_and_never_empty(four_pictures: Path) -> None:
@@ -59,11 +115,19 @@ def test_no_header(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["{", "[]", '{"format": "other", "version": 1, "classes": []}', '{"format": "savmap-dataset"}']
+    ("text", "words"),
+    [
+        ("{", "is not JSON"),
+        ("[]", "not a savmap-dataset of version 1"),
+        ('{"format": "other", "version": 1, "classes": ["column"]}', "not a savmap-dataset of version 1"),
+        ('{"format": "savmap-dataset", "version": 1}', "`classes` is a list of 1 to 254 names"),
+        ('{"format": "savmap-dataset", "version": 1, "classes": "column"}', "`classes` is a list"),
+        (json.dumps({"format": "savmap-dataset", "version": 1, "classes": ["column"] * 300}), "`classes` is a list"),
+    ],
 )
-def test_bad_header(four_pictures: Path, text: str) -> None:
+def test_bad_header(four_pictures: Path, text: str, words: str) -> None:
     (four_pictures / "dataset.json").write_text(text)
-    with pytest.raises(OutputError, match=r"dataset\.json"):
+    with pytest.raises(OutputError, match=rf"dataset\.json: {words}"):
         read_dataset(four_pictures, ["column"])
 
 

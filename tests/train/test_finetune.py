@@ -1,9 +1,9 @@
 """Fine-tuning: from an exported network to a better one."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +13,9 @@ from savmap.train import train
 from savmap.train.dataset import MaskFile, Sample, held_out
 from savmap.train.judge import Reliability, judge, judge_file
 from savmap.train.task import Task
-from savmap.training import float_model, mapping_of
+from savmap.training import float_model, mapping_of, minutes_of
 
-from .conftest import write_dataset
-
-ROOT = Path(__file__).parent.parent.parent
-MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}
+from .conftest import MODELS, write_dataset
 
 
 def sample(group: str, number: int = 0) -> Sample:
@@ -35,6 +32,11 @@ def test_whole_scenes_are_held_out() -> None:
     one_scene = held_out(samples[:10], 0.2)
     assert [one.image.stem for one in one_scene[1]] == ["a-8", "a-9"]
     assert [len(part) for part in held_out([sample("a"), sample("b")], 0.9)] == [1, 1]
+    for large, small in ("ab", "ba"):
+        uneven = [sample(large, number) for number in range(100)] + [sample(small, number) for number in range(5)]
+        assert {one.group for one in held_out(uneven, 0.2)[1]} == {small}
+    alike = [sample(group, number) for group in "abc" for number in range(100)]
+    assert len(held_out(alike, 0.2)[1]) == 100
     with pytest.raises(OutputError, match="1 labelled pictures are too few"):
         held_out(samples[:1], 0.2)
 
@@ -77,10 +79,26 @@ def test_a_class_that_a_network_lacks_is_never_seen(four_pictures: Path) -> None
 
 
 def test_names_of_classes() -> None:
-    assert mapping_of(["pole=column", " a = b "]) == {"pole": "column", "a": "b"}
+    assert mapping_of(["pole=column", " a = b "], ["b", "column"]) == {"pole": "column", "a": "b"}
     for wrong in ("pole", "a=b=c", "=b"):
         with pytest.raises(SiteError, match="give THEIRS=OURS"):
-            mapping_of([wrong])
+            mapping_of([wrong], ["b"])
+    with pytest.raises(SiteError, match=r"--class pole=colum: the network has no class colum \(it has column, beam\)"):
+        mapping_of(["pole=colum"], ["column", "beam"])
+
+
+def test_how_long() -> None:
+    assert (minutes_of(None, True), minutes_of(None, False), minutes_of(3.5, True)) == (20, 60, 3.5)
+    with pytest.raises(SiteError, match="--minutes 0: give more than 0"):
+        minutes_of(0.0, False)
+
+
+def test_what_a_run_begins_with_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.train.NEEDED", ())
+    for name in ("m.onnx", "m.int8.onnx", "m.checkpoint.pt"):
+        task = Task(["column"], [tmp_path], tmp_path / "m.onnx", 1, init=tmp_path / "." / name)
+        with pytest.raises(OutputError, match=rf"--init .*{name}: this run would write over it; choose another -o"):
+            train(task)
 
 
 def test_the_float_network_beside_the_one_in_use(tmp_path: Path) -> None:
@@ -102,18 +120,6 @@ class TestWithTorch:
     def _needs_torch(self) -> None:
         for name in ("torch", "onnx", "onnxscript"):
             pytest.importorskip(name)
-
-    @pytest.fixture
-    def task(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
-        """Two steps from the shipped network on four pictures, in small crops."""
-        from savmap.train import trainer
-        from savmap.train.augment import Crop
-
-        quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), looks=1, validation_limit=1)
-        monkeypatch.setattr(trainer, "FINE_TUNING", quick)
-        data = write_dataset(tmp_path / "data", 4)
-        mapping = {"column": "upright", "crossbar": "beam"}
-        return Task(("upright", "beam"), [data], tmp_path / "m.onnx", 1e-6, 1, MODELS["shelves"], mapping)
 
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
@@ -187,58 +193,40 @@ class TestWithTorch:
         assert not {name for name in changed if "running" in name}
 
     def test_before_and_after_and_what_integers_lose(self, task: Task, tmp_path: Path) -> None:
+        import onnx
+
         from savmap.stages.segment import Segmenter
         from savmap.train.finetune import report_lines
 
-        other = write_dataset(tmp_path / "other", 1)
+        other = write_dataset(tmp_path / "other", 5)
+        for path in sorted((other / "images").iterdir())[:4]:
+            path.unlink()
         recipe = train(replace(task, held_out=[other], int8=True))
         assert recipe["steps"] == 2
         assert set(recipe["scores"]) == {"validation", "other"}
         for figures in recipe["scores"].values():
             assert set(figures) == {"before", "after", "int8"}
         text = "\n".join(report_lines(recipe, task.classes))
-        for words in ("validation (1)", "other (1)", "temperature", "8-bit integers lose"):
+        for words in ("validation (1)", "other (1)", "fitted to the validation pictures", "8-bit integers lose"):
             assert words in text
+        assert "--held-out SET" not in text
+        alone = recipe | {"scores": {"validation": recipe["scores"]["validation"]}}
+        assert "--held-out SET measures on others" in "\n".join(report_lines(alone, task.classes))
+        for name in ("m.onnx", "m.int8.onnx"):
+            written = {entry.key: entry.value for entry in onnx.load(tmp_path / name).metadata_props}
+            assert json.loads(written["savmap.recipe"])["scores"] == recipe["scores"]
+            assert written["savmap.classes"] == '["upright", "beam"]'
         assert Segmenter(tmp_path / "m.int8.onnx").classes == ("upright", "beam")
         assert {path.name for path in tmp_path.glob("m.*")} == {"m.onnx", "m.int8.onnx", "m.checkpoint.pt"}
-        with pytest.raises(OutputError, match="is also trained on"):
+        with pytest.raises(OutputError, match="is also trained on, 4 of 4 pictures in all"):
             train(replace(task, held_out=task.data))
 
-    def test_a_run_that_was_stopped_goes_on(self, task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
-        from savmap.train.trainer import Trainer
-
-        steps: list[int] = []
-        step = Trainer.step
-
-        def killed(self: Trainer, batch: Any, done: float) -> float:
-            steps.append(1)
-            if len(steps) == 4:
-                raise KeyboardInterrupt
-            return step(self, batch, done)
-
-        monkeypatch.setattr(Trainer, "step", killed)
-        longer = replace(task, minutes=60.0)
-        with pytest.raises(KeyboardInterrupt):
-            train(longer)
-        assert task.output.with_suffix(".resume.pt").is_file()
-        assert not task.output.exists()
-        lines: list[str] = []
-        recipe = train(task, lambda _, line: lines.append(line))
-        assert any(line.startswith("going on after step 3") for line in lines)
-        assert recipe["steps"] == 3
-        assert len(recipe["validation IoU along the way"]) == 2
-        assert not task.output.with_suffix(".resume.pt").exists()
-        assert json.loads(json.dumps(recipe)) == recipe
-
-    def test_other_data_begin_anew(self, task: Task) -> None:
-        from savmap.train.resume import Resumption, run_print
-        from savmap.train.trainer import FINE_TUNING
-
-        samples = [sample("a"), sample("b")]
-        whole = run_print(["column"], samples, 0, None, FINE_TUNING)
-        assert run_print(["column"], samples[:1], 0, None, FINE_TUNING) != whole
-        assert run_print(["column"], samples, 1, None, FINE_TUNING) != whole
-        assert run_print(["column"], samples, 0, MODELS["lights"], FINE_TUNING) != whole
-        path = task.output.with_suffix(".resume.pt")
-        path.write_bytes(b"nothing")
-        assert Resumption(path, whole).load(None) is None  # type: ignore[arg-type]
+    def test_copies_of_pictures_are_not_held_out(self, task: Task, tmp_path: Path) -> None:
+        copies = shutil.copytree(task.data[0], tmp_path / "copies")
+        with pytest.raises(OutputError, match=r"--held-out .*copies: a-00000\.jpg is also trained on, 4 of 4"):
+            train(replace(task, held_out=[copies]))
+        own = write_dataset(tmp_path / "validation", 5)
+        for path in sorted((own / "images").iterdir())[:4]:
+            path.unlink()
+        with pytest.raises(OutputError, match="two sets would be called validation; rename its folder"):
+            train(replace(task, held_out=[own]))

@@ -1,6 +1,7 @@
-"""Sets of other tools: COCO instances and YOLO segments."""
+"""Sets of other tools: COCO instances, YOLO segments and LabelMe's files."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,45 +9,24 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from savmap.errors import OutputError
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.train.dataset import IGNORE, group_of
+from savmap.train.dataset import IGNORE, group_of, held_out
 from savmap.train.runs import mask_of, unpacked
-from savmap.train.sets import read_set
+from savmap.train.sets import read_set, samples_of
 
-from .conftest import bars, write_dataset
+from .conftest import edited, masks, write_dataset
 
 CLASSES = ["crossbar", "column"]
 
 
-def masks(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    rng = np.random.default_rng(3)
-    return [bars(rng) for _ in range(count)]
-
-
-@pytest.fixture
-def both(tmp_path: Path) -> Path:
-    """A folder that `savmap label` might have written: COCO and YOLO of the same two pictures."""
-    pictures = [
-        LabelledPicture(f"a-{20 * n:05d}", image, {"column": outlines(mask == 1), "crossbar": outlines(mask == 2)})
-        for n, (image, mask) in enumerate(masks(2))
-    ]
-    list(write_set(tmp_path / "set", ["column", "crossbar"], pictures))
-    return tmp_path / "set"
-
-
-def edited(path: Path, edit: Callable[[Any], None]) -> Path:
-    content = json.loads(path.read_text(encoding="utf-8"))
-    edit(content)
-    path.write_text(json.dumps(content), encoding="utf-8")
-    return path
-
-
-@pytest.mark.parametrize("name", ["coco.json", "data.yaml"])
+@pytest.mark.parametrize("name", ["coco.json", "data.yaml", "images"])
 def test_masks_come_back_to_the_pixel(both: Path, name: str) -> None:
     dataset = read_set(both / name, CLASSES)
+    assert dataset.folder == both
     assert len(dataset.samples) == 2
     _, mask = dataset.samples[0].load()
     _, truth = masks(1)[0]
@@ -56,15 +36,25 @@ def test_masks_come_back_to_the_pixel(both: Path, name: str) -> None:
 
 def test_a_folder_is_recognised_by_what_is_in_it(both: Path, tmp_path: Path) -> None:
     with pytest.raises(
-        OutputError, match=r"holds .*coco\.json and .*data\.yaml; give the one that is to be trained on"
+        OutputError, match=r"several kinds \(.*set/coco\.json, .*set/images, .*set/data\.yaml\); give one of them"
     ):
         read_set(both, CLASSES)
     (both / "data.yaml").unlink()
-    assert read_set(both, CLASSES).renderer == "labelled (COCO)"
+    with pytest.raises(OutputError, match=r"several kinds \(.*coco\.json, .*images\)"):
+        read_set(both, CLASSES)
     (both / "coco.json").rename(tmp_path / "elsewhere.json")
+    assert read_set(both, CLASSES).renderer == "labelled (LabelMe)"
+    for file in (both / "images").glob("*.json"):
+        file.unlink()
     with pytest.raises(OutputError, match=r"no dataset\.json, nor labels of another kind"):
         read_set(both, CLASSES)
-    assert read_set(write_dataset(tmp_path / "own", 2), CLASSES).renderer == "made up"
+    (tmp_path / "elsewhere.json").rename(both / "coco.json")
+    assert read_set(both, CLASSES).renderer == "labelled (COCO)"
+    own = write_dataset(tmp_path / "own", 2)
+    assert read_set(own, CLASSES).renderer == read_set(own / "dataset.json", CLASSES).renderer == "made up"
+    (both / "coco.json").rename(own / "coco.json")
+    with pytest.raises(OutputError, match=r"several kinds \(.*dataset\.json, .*coco\.json\)"):
+        read_set(own, CLASSES)
     with pytest.raises(OutputError, match="no such file or folder"):
         read_set(tmp_path / "none", CLASSES)
 
@@ -76,7 +66,9 @@ def test_as_cvat_lays_it_out(both: Path) -> None:
     (both / "images").mkdir()
     (both / "default").rename(both / "images" / "default")
     (both / "data.yaml").unlink()
-    assert read_set(both, CLASSES).samples[0].group.startswith("set/")
+    dataset = read_set(both, CLASSES)
+    assert dataset.samples[0].group.startswith("set/")
+    assert dataset.folder == both
 
 
 def test_classes_by_other_names(both: Path) -> None:
@@ -191,6 +183,7 @@ def test_a_malformed_coco_file_gets_one_line(both: Path, edit: Callable[[Any], N
         ("data.yaml", "names: 3\ntrain: images\n", r"data\.yaml: `names"),
         ("data.yaml", "names: [column, crossbar]\n", r"data\.yaml: names no pictures"),
         ("data.yaml", "a: [\n", r"data\.yaml:2: is not YAML"),
+        ("data.yaml", "date: 2024-13-45\n", r"data\.yaml: is not YAML"),
         ("data.yaml", "[]", r"data\.yaml: is not a data\.yaml"),
     ],
 )
@@ -203,8 +196,46 @@ def test_a_malformed_yolo_set_gets_one_line(both: Path, file: str, text: str, wo
 
 def test_a_yolo_picture_without_a_file_of_labels_shows_nothing(both: Path) -> None:
     (both / "labels" / "a-00000.txt").unlink()
-    (both / "train.txt").write_text("images/a-00000.jpg\n", encoding="utf-8")
+    (both / "train.txt").write_text("images/a-00000.jpg\nimages/a-00020.jpg\n", encoding="utf-8")
     (both / "data.yaml").write_text("names: {0: column, 1: crossbar}\ntrain: train.txt\n", encoding="utf-8")
     dataset = read_set(both / "data.yaml", CLASSES)
-    assert len(dataset.samples) == 1
-    assert not dataset.samples[0].load()[1].any()
+    assert [bool(sample.load()[1].any()) for sample in dataset.samples] == [False, True]
+    (both / "labels" / "a-00020.txt").unlink()
+    with pytest.raises(
+        OutputError, match=r"data\.yaml: none of its pictures has labels \(such as .*labels/a-00000\.txt\)"
+    ):
+        read_set(both / "data.yaml", CLASSES)
+
+
+def test_yolo_labels_beside_the_pictures_in_a_set_below_a_folder_called_images(tmp_path: Path) -> None:
+    folder = tmp_path / "images" / "set"
+    (folder / "train").mkdir(parents=True)
+    cv2.imwrite(str(folder / "train" / "a.png"), np.zeros((48, 64, 3), np.uint8))
+    (folder / "train" / "a.txt").write_text("0 0 0 1 0 1 1 0 1\n", encoding="utf-8")
+    (folder / "data.yaml").write_text("names: [column]\ntrain: train\n", encoding="utf-8")
+    assert read_set(folder, ["column"]).samples[0].labels.mask().all()
+
+
+def test_a_picture_is_as_large_as_it_is_shown(tmp_path: Path) -> None:
+    lying = Image.new("RGB", (64, 48), "white")
+    turned = lying.getexif()
+    turned[0x0112] = 6
+    lying.save(tmp_path / "a.jpg", exif=turned)
+    content = {
+        "images": [{"id": 1, "file_name": "a.jpg", "width": 48, "height": 64}],
+        "annotations": [{"image_id": 1, "category_id": 1, "segmentation": [[0, 0, 48, 0, 48, 32, 0, 32]]}],
+        "categories": [{"id": 1, "name": "column"}],
+    }
+    (tmp_path / "coco.json").write_text(json.dumps(content), encoding="utf-8")
+    picture, mask = read_set(tmp_path, ["column"]).samples[0].load()
+    assert picture.shape == (480, 640, 3)
+    assert (mask[:238, 145:495] == 1).all()
+    assert (mask[242:, 145:495] == 0).all()
+
+
+def test_a_picture_that_stands_in_two_sets_is_of_one_scene(both: Path) -> None:
+    again = shutil.copytree(both, both.parent / "again")
+    samples = samples_of([read_set(folder / "coco.json", CLASSES) for folder in (both, again)])
+    assert [sample.group for sample in samples] == ["set/0", "set/1"] * 2
+    training, validation = held_out(samples, 0.5)
+    assert not {one.image_digest for one in training} & {one.image_digest for one in validation}

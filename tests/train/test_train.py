@@ -1,3 +1,4 @@
+import importlib
 import resource
 import sys
 from pathlib import Path
@@ -90,6 +91,9 @@ class TestWithTorch:
         for left, right, both in zip(one.parameters(), other.parameters(), mean.parameters(), strict=True):
             assert torch.allclose((left + right) / 2, both)
         assert Segmenter(tmp_path / "m.onnx").classes == ("column",)
+        with pytest.raises(OutputError, match=r"a\.pt: is for column, not for crossbar"):
+            average([tmp_path / "a.pt", tmp_path / "b.pt"], ["crossbar"], tmp_path / "n.onnx")
+        assert not (tmp_path / "n.onnx").exists()
 
     def test_a_full_disk_keeps_the_earlier_checkpoint(self, tmp_path: Path) -> None:
         from savmap.train.checkpoint import save_checkpoint
@@ -109,11 +113,44 @@ class TestWithTorch:
         assert [one.name for one in tmp_path.iterdir()] == ["c.pt"]
 
     def test_not_a_checkpoint(self, tmp_path: Path) -> None:
-        from savmap.train.checkpoint import load_checkpoint
+        import torch
 
-        (tmp_path / "c.pt").write_bytes(b"nothing")
+        from savmap.train.checkpoint import load_checkpoint
+        from savmap.train.network import build
+
+        path = tmp_path / "c.pt"
+        weights = build(1, None).state_dict()
+        for content in (torch.zeros(3), [1], {"network": weights, "classes": ["column"], "history": "{"}):
+            torch.save(content, path)
+            with pytest.raises(OutputError, match="not a checkpoint"):
+                load_checkpoint(path, ["column"])
+        path.write_bytes(b"nothing")
         with pytest.raises(OutputError, match="not a checkpoint"):
-            load_checkpoint(tmp_path / "c.pt", ["column"])
+            load_checkpoint(path, ["column"])
+
+    @pytest.mark.parametrize(
+        ("module", "arguments", "code"),
+        [
+            ("average", ["none.pt", "--classes", "column", "-o", "m.onnx"], 9),
+            ("quantise", ["none.onnx", "--data", "none", "-o", "m.onnx"], 6),
+        ],
+    )
+    def test_modules_end_in_one_line(
+        self,
+        module: str,
+        arguments: list[str],
+        code: int,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [module, *arguments])
+        with pytest.raises(SystemExit) as end:
+            importlib.import_module(f"savmap.train.{module}").main()
+        assert end.value.code == code
+        assert capsys.readouterr().err.count("\n") == 1
+        assert not list(tmp_path.iterdir())
 
 
 def test_output_must_be_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

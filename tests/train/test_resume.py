@@ -1,0 +1,92 @@
+"""Runs that go on, and runs that begin anew."""
+
+import importlib.util
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from savmap.train import train
+from savmap.train.dataset import Sample
+from savmap.train.task import Task
+
+from .conftest import MODELS
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning"),
+    pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="the extra `train` is not installed"),
+]
+
+
+def test_a_run_that_was_stopped_goes_on(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+    from savmap.train.trainer import Trainer
+
+    steps: list[int] = []
+    step = Trainer.step
+
+    def killed(self: Trainer, batch: Any, done: float) -> float:
+        steps.append(1)
+        if len(steps) == 4:
+            raise KeyboardInterrupt
+        return step(self, batch, done)
+
+    monkeypatch.setattr(Trainer, "step", killed)
+    longer = replace(task, minutes=60.0)
+    with pytest.raises(KeyboardInterrupt):
+        train(longer)
+    assert task.output.with_suffix(".resume.pt").is_file()
+    assert not task.output.exists()
+    lines: list[str] = []
+    recipe = train(task, lambda _, line: lines.append(line))
+    assert any(line.startswith("going on after step 3") for line in lines)
+    assert recipe["steps"] == 3
+    assert len(recipe["validation IoU along the way"]) == 2
+    assert not task.output.with_suffix(".resume.pt").exists()
+    assert json.loads(json.dumps(recipe)) == recipe
+
+
+def test_other_data_begin_anew(task: Task) -> None:
+    from savmap.train.loop import resumed
+    from savmap.train.resume import Resumption, run_print
+    from savmap.train.sets import read_set
+    from savmap.train.trainer import FINE_TUNING
+
+    def named(**mapping: str) -> Sequence[Sample]:
+        return read_set(task.data[0], ["upright"], mapping).samples
+
+    def print_of(samples: Sequence[Sample], seed: int = 0, init: Path | None = None) -> str:
+        return run_print(["upright"], samples, seed, init, FINE_TUNING)
+
+    samples = named(column="upright")
+    whole = print_of(samples)
+    assert print_of(named(column="upright")) == whole
+    assert print_of(named(crossbar="upright")) != whole
+    assert print_of(samples[:1]) != whole
+    assert print_of(samples, 1) != whole
+    assert print_of(samples, 0, MODELS["lights"]) != whole
+    picture, mask = (next((task.data[0] / kind).iterdir()) for kind in ("images", "masks"))
+    cv2.imwrite(str(mask), np.zeros((480, 640), np.uint8))
+    relabelled = print_of(named(column="upright"))
+    assert relabelled != whole
+    cv2.imwrite(str(picture), np.zeros((480, 640, 3), np.uint8))
+    assert print_of(named(column="upright")) not in {relabelled, whole}
+    path = task.output.with_suffix(".resume.pt")
+    path.write_bytes(b"nothing")
+    assert Resumption(path, whole).load(None) is None  # type: ignore[arg-type]
+    lines: list[str] = []
+    assert resumed(Resumption(path, whole), None, lambda _, line: lines.append(line)).steps == 0  # type: ignore[arg-type]
+    assert lines == ["beginning anew: m.resume.pt is of other data or settings"]
+
+
+def test_corrected_outlines_begin_anew() -> None:
+    from savmap.train.shapes import Shapes
+
+    square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
+    first = Shapes(8, 8, [(1, [square])])
+    assert first.digest == Shapes(8, 8, [(1, [square])]).digest
+    assert len({first.digest, Shapes(8, 8, [(1, [square + 1])]).digest, Shapes(8, 8, [(2, [square])]).digest}) == 3
