@@ -92,10 +92,28 @@ def make_set(folders: Sequence[Path], output: Path) -> None:
 def train(data: Path, architecture: str, minutes: float, size: int, output: Path) -> None:
     """Train from nothing for so many minutes, and export."""
     model = yolo(architecture)
+    model.add_callback("on_train_start", in_few_bits)
     settings = {"device": "cpu", "workers": 0, "batch": 8, "amp": False, "plots": False, "val": False, "mosaic": 0.0}
+    settings |= {"warmup_epochs": 1.0, "cache": "ram"}
     folder = output.absolute().parent
     model.train(data=str(data / "data.yaml"), time=minutes / 60, imgsz=size, project=str(folder), **settings)
     export(yolo(model.trainer.last), output)
+
+
+def in_few_bits(trainer: Any) -> None:
+    """Let a training network compute in bfloat16 where the processor can; what it returns, and so the loss, stays in 32 bits."""
+    from torch.utils._pytree import tree_map
+
+    from savmap.train.trainer import fast_arithmetic
+
+    plain = trainer.model.predict
+
+    def predict(*given: Any, **named: Any) -> Any:
+        with fast_arithmetic():
+            found = plain(*given, **named)
+        return tree_map(lambda one: one.float() if hasattr(one, "float") else one, found)
+
+    trainer.model.predict = predict
 
 
 def export(model: Any, output: Path) -> None:

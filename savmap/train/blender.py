@@ -34,7 +34,7 @@ from savmap.train.blender_mesh import meshes_by_shader
 CLASSES = ("upright", "beam", "light")
 VIEWS_A_SCENE = 5
 
-_FACE: Kind = "shelf"
+_FACE: Kind = get_args(Kind)[0]
 _CEILING: Kind = "ceiling"
 _CEILING_VIEWS = (2, 5, 9)
 _FOCUS_M = 2.5

@@ -11,9 +11,9 @@ from savmap.types import Aim, Floats, ViewSpec
 from savmap_signs.reading import advice
 from savmap_signs.settings import Settings
 
-HFOV_DEG, FACE_PITCH_DEG, ALONG_PITCH_DEG = 90.0, 25.0, 10.0
-FACE = (("signs upper", 0.0, FACE_PITCH_DEG), ("signs lower", 0.0, -FACE_PITCH_DEG))
-ALONG = (("signs ahead", 90.0, ALONG_PITCH_DEG), ("signs behind", -90.0, ALONG_PITCH_DEG))
+HFOV_DEG, PITCH_DEG = 90.0, 25.0
+FACE = (("signs upper", 0.0, PITCH_DEG), ("signs lower", 0.0, -PITCH_DEG))
+ALONG = (("signs ahead", 90.0, PITCH_DEG), ("signs behind", -90.0, PITCH_DEG))
 
 
 def aim_at_signs(scout: Scout, manual: Mapping[str, Manual], attitude: Floats | None, config: Settings) -> Aim:

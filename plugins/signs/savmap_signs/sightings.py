@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from savmap.types import Feature, Floats, Ints, RowFacts, Trajectory
 from savmap_signs.features import PARTS
 
+START_M = 0.03
+"""How far the first path may have a camera from its place: much, in pixels, for a sign close by."""
+
 
 @dataclass(frozen=True)
 class Sightings:
@@ -36,11 +39,12 @@ class Sightings:
         )
 
     def off(self, quads: Floats) -> Floats:
-        """How far, px, the worst corner of signs (h, 4, 3) would be off each sighting: (h, n); infinite behind the camera."""
+        """How far, px, the worst corner of signs (h, 4, 3) would be off each sighting, beyond what a camera that is `START_M` off its
+        place explains: (h, n); infinite behind the camera."""
         towards = quads[:, None] - self.origins[None, :, None]
         length = np.maximum(np.linalg.norm(towards, axis=-1), 1e-6)
         cosine = np.einsum("hnki,nki->hnk", towards, self.rays) / length
-        angle = np.sqrt(np.maximum(2 - 2 * cosine, 0.0))
+        angle = np.maximum(np.sqrt(np.maximum(2 - 2 * cosine, 0.0)) - START_M / length, 0.0)
         worst: Floats = np.where((cosine > 0).all(axis=-1), angle.max(axis=-1) * self.focal, np.inf)
         return worst
 
