@@ -1,6 +1,15 @@
 """Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program with."""
 
 
+def told(error: BaseException) -> str:
+    """What an error of any kind is and says, in one line: "ValueError: oh"."""
+    try:
+        says = " ".join(str(error).split())
+    except Exception:
+        says = ""
+    return f"{type(error).__name__}: {says}" if says else type(error).__name__
+
+
 class SavmapError(Exception):
     """An error the user can mend. `exit_code` is what the command line returns for it."""
 
