@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,19 @@ def load_class(name: str) -> Any:
         return points[name].load()
     except Exception as error:
         raise PluginError(f"plugin `{name}` ({points[name].value}) cannot be imported: {told(error)}") from error
+
+
+def lacking(plugin_class: Any) -> tuple[str, ...]:
+    """The packages that a plugin's class names as its `libraries` and that are not installed: without them it does less."""
+    return tuple(name for name in getattr(plugin_class, "libraries", ()) if not _is_there(name))
+
+
+def _is_there(package: str) -> bool:
+    try:
+        distribution(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

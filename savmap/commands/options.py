@@ -7,7 +7,12 @@ import typer
 
 from savmap.io.where import where
 
-Plugins = Annotated[str | None, typer.Option(help="Comma-separated plugins; default: those that the site file names.")]
+Plugins = Annotated[
+    str | None,
+    typer.Option(
+        help="Comma-separated plugins; default: those that the site file names, or all that have what they need."
+    ),
+]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
 ]
