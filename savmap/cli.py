@@ -1,6 +1,7 @@
 """The command line: its commands in their order, and how it is run. Everything heavy is imported when it is needed."""
 
 import sys
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 import typer
@@ -8,7 +9,7 @@ import typer
 from savmap.commands import installation, mapping, plugin, results, sources
 from savmap.commands.endings import plain_endings
 
-COMMANDS = {
+COMMANDS: Mapping[str, Callable[..., None]] = {
     "map": mapping.map_,
     "init": mapping.init,
     "check": mapping.check,

@@ -77,7 +77,7 @@ def words_taken() -> tuple[set[str], set[str]]:
     """Names and texts of the template's code that are not replaced: another of the same name would get into their way."""
     paths = list(TEMPLATE.rglob("*.py"))
     nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-    names = {getattr(node, key, None) for node in nodes for key in ("id", "arg", "name", "asname")}
+    names = {str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")}
     texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     names |= {path.stem.removeprefix("test_") for path in paths if path.parent.name == "tests"}
     return names - {TEMPLATE_NAME, title_of(TEMPLATE_NAME)}, texts - {TEMPLATE_NAME, thing_of(TEMPLATE_NAME)}
