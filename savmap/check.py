@@ -8,9 +8,8 @@ from savmap.checks import Footage, placed
 from savmap.errors import SavmapError, SiteError, VideoError
 from savmap.io.overrides import Override
 from savmap.io.sitefile import problems_in, read_draft, site_of, sound_part
-from savmap.job import Job, rooms_for
+from savmap.job import Job, plugins_of, rooms_for
 from savmap.needs import needs
-from savmap.rooms import installed
 from savmap.settings import settings_problems
 
 SEEN_TO = 0.7
@@ -62,8 +61,9 @@ def _found(
     if site is None:
         yield f"{source}: the rest is checked once this is put right"
         return
-    names = plugins or list(site.plugins) or list(installed())
-    yield from of_job(Job(site, source, names, output, earlier, draft.places), pictures)
+    names, note = plugins_of(site, plugins)
+    yield from [note] if note else []
+    yield from of_job(Job(site, source, names, output, earlier, draft.places, note), pictures)
 
 
 def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:

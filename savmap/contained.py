@@ -9,6 +9,7 @@ from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
 from savmap.rooms import Room
+from savmap.types import Structure
 
 log = logging.getLogger("savmap")
 told = logging.getLogger("savmap-plugins")
@@ -27,13 +28,25 @@ class ContainedRoom(Room):
         return self.failures[0] if self.failures else None
 
     def ask(self, hook: str, expected: type, item: type | None = None, **arguments: Any) -> Any:
-        """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still raised."""
+        """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still raised, but not
+        where another hook of its own failed meanwhile."""
         if not self.failures:
             try:
                 return super().ask(hook, expected, item, **arguments)
             except PluginFailedError as error:
-                self._failed(error)
+                if not self.failures:
+                    self._failed(error)
+            except SavmapError:
+                if not self.failures:
+                    raise
         return nothing(expected, self.name)
+
+    def relate(
+        self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
+    ) -> tuple[Structure, ...]:
+        """The structures as they were described, where the plugin cannot say how they stand to others."""
+        related = super().relate(structures, others)
+        return related if self.failure is None else tuple(structures)
 
     def _failed(self, error: PluginFailedError) -> None:
         self.failures.append(error)

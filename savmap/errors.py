@@ -5,6 +5,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
+def told(error: BaseException) -> str:
+    """What an error of any kind is and says, in one line: "ValueError: oh"."""
+    try:
+        says = " ".join(str(error).split())
+    except Exception:
+        says = ""
+    return f"{type(error).__name__}: {says}" if says else type(error).__name__
+
+
 class SavmapError(Exception):
     """An error the user can mend. `exit_code` is what the command line returns for it."""
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from savmap.contained import contained
-from savmap.errors import OutputError, SiteError
+from savmap.errors import OutputError, PluginError, SiteError
 from savmap.io.files import reason
 from savmap.io.overrides import Override
 from savmap.io.sitefile import draft_of, read_draft, site_of
 from savmap.io.siteplaces import Places
-from savmap.rooms import Room, installed, open_rooms
+from savmap.rooms import Room, installed, lacking, load_class, open_rooms
 from savmap.site import Site
 
 VIDEO_ROW = "1"
@@ -23,8 +23,8 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
 
 @dataclass(frozen=True)
 class Job:
-    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known, and
-    where the site's keys were given."""
+    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known,
+    where the site's keys were given, and a line where nobody named plugins."""
 
     site: Site
     source: Path
@@ -32,6 +32,7 @@ class Job:
     output: Path
     earlier: Path | None = None
     places: Places = field(default_factory=lambda: Places("options"))
+    note: str = ""
 
 
 def job_for(
@@ -48,20 +49,36 @@ def job_for(
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
-    if plugins is not None and not plugins:
-        raise SiteError("--plugins: names none; give one or more, with commas between, or leave the option out")
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, Places(str(source)), Path(), overrides)
-        return Job(site_of(draft), source, plugins or list(installed()), output, earlier, draft.places)
+        site = site_of(draft)
+        names, note = plugins_of(site, plugins)
+        return Job(site, source, names, output, earlier, draft.places, note)
     if camera_height_m is not None or side is not None:
         raise SiteError(
             f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
         )
     draft = read_draft(source, overrides)
     site = site_of(draft)
-    names = plugins or list(site.plugins) or list(installed())
-    return Job(site, source, names, output, earlier, draft.places)
+    names, note = plugins_of(site, plugins)
+    return Job(site, source, names, output, earlier, draft.places, note)
+
+
+def plugins_of(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
+    """The plugins of a job: those that are named, else those of the site, else all installed ones that have what they need, with
+    a line that says so. Raises SiteError where an option names none, PluginError for an installed one that cannot be imported, or
+    where there is none."""
+    if named is not None and not named:
+        raise SiteError("--plugins: names none; give one or more, with commas between, or leave the option out")
+    if named or site.plugins:
+        return named or list(site.plugins), ""
+    missing = {name: lacking(load_class(name)) for name in installed()}
+    taken = [name for name, packages in missing.items() if not packages]
+    left = "".join(f"; not {name} ({' and '.join(lost)} not installed)" for name, lost in missing.items() if lost)
+    if not taken:
+        raise PluginError(f"no plugin is installed that has all it needs{left}; name one with --plugins")
+    return taken, f"no plugins are named: looking for {', '.join(taken)}{left}"
 
 
 def video_content(video: Path, camera_height_m: float | None, side: str | None) -> dict[str, Any]:

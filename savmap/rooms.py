@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import pluggy
 from pydantic import BaseModel
 
 from savmap import defaults, hookspecs, trace
-from savmap.errors import PluginError, PluginFailedError, SavmapError
+from savmap.errors import PluginError, PluginFailedError, SavmapError, told
 from savmap.io.sitefile import validated
 from savmap.types import Aim, Detection, Feature, Panorama, SharedThing, Structure, Track, View
 
@@ -41,7 +41,20 @@ def load_class(name: str) -> Any:
     try:
         return points[name].load()
     except Exception as error:
-        raise PluginError(f"plugin `{name}` ({points[name].value}) cannot be imported: {error}") from error
+        raise PluginError(f"plugin `{name}` ({points[name].value}) cannot be imported: {told(error)}") from error
+
+
+def lacking(plugin_class: Any) -> tuple[str, ...]:
+    """The packages that a plugin's class names as its `libraries` and that are not installed: without them it does less."""
+    return tuple(name for name in getattr(plugin_class, "libraries", ()) if not _is_there(name))
+
+
+def _is_there(package: str) -> bool:
+    try:
+        distribution(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ class Room:
         except SavmapError:
             raise
         except Exception as error:
-            what = f"failed in `{hook}`{_place(arguments)}: {type(error).__name__}: {error}"
+            what = f"failed in `{hook}`{_place(arguments)}: {told(error)}"
             raise PluginFailedError(self.name, hook, what) from error
         if not isinstance(answer, expected):
             given = type(answer).__name__
@@ -109,7 +122,9 @@ class Room:
     def _require_items(self, hook: str, answer: Any, item: type) -> None:
         wrong = next((one for one in answer if not isinstance(one, item)), None)
         if wrong is not None:
-            what = f"returned a list with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
+            what = (
+                f"returned a {type(answer).__name__} with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
+            )
             raise PluginFailedError(self.name, hook, what)
 
     def ask_list(self, hook: str, item: type, **arguments: Any) -> list[Any]:
@@ -143,7 +158,9 @@ class Room:
         return answer
 
     def draw(self, **arguments: Any) -> "tuple[Drawing, ...]":
-        answer: tuple[Drawing, ...] = self.ask("draw", tuple, **arguments)
+        from savmap.report.drawing import Drawing
+
+        answer: tuple[Drawing, ...] = self.ask("draw", tuple, Drawing, **arguments)
         return answer
 
     def describe(self, **arguments: Any) -> list[Structure]:
@@ -188,7 +205,7 @@ def room_of(
     except SavmapError:
         raise
     except Exception as error:
-        raise PluginError(f"plugin `{name}` cannot be set up: {error}") from error
+        raise PluginError(f"plugin `{name}` cannot be set up: {told(error)}") from error
     return Room(name, plugin, settings, manager, providers)
 
 
@@ -223,5 +240,5 @@ def register_commands(app: Any) -> None:
         try:
             add(app)
         except Exception as error:
-            what = f"failed in `register_commands`: {type(error).__name__}: {error}"
+            what = f"failed in `register_commands`: {told(error)}"
             raise PluginFailedError(name, "register_commands", what) from error

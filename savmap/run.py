@@ -43,6 +43,8 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     checks.require_ready(job)
     prepare(job.output)
     with locked(job.output), Console(job.output / "savmap.log") as console:
+        if job.note:
+            console.note(job.note)
         mapped = mapped_rows(job, way, console)
         failed = {name: str(error) for name, error in mapped.failed.items()}
         with failures_gathered() as failures, warnings_told(console):
@@ -170,6 +172,7 @@ def preview(job: Job) -> Iterator[str]:
     from savmap.work import row_of
 
     prepare(job.output)
+    yield from [job.note] if job.note else []
     for name, row in job.site.rows.items():
         attitudes = first_attitudes(row_of(job, name))
         for path in previews(name, row.passes, rooms_for(job, name), job.output, attitudes):

@@ -124,7 +124,8 @@ class Site(Strict):
     version: Literal[1] = 1
     """Of the format."""
     plugins: Mapping[str, Settings] = {}
-    """Which plugins look at the rows, with their settings for all rows. Default: all that are installed."""
+    """Which plugins look at the rows, with their settings for all rows. Default: all that are installed with all the
+    packages that they need."""
     references: ReferenceSection = ReferenceSection()
     """What is known without mapping, for all rows; rows may say otherwise."""
     calibration: CalibrationSection = CalibrationSection()

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import string
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -13,13 +12,12 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 from savmap.errors import OutputError
 from savmap.io.files import write_text
 from savmap.io.siteschema import TITLE, schema_text
-from savmap.rooms import installed, load_class
+from savmap.rooms import installed, lacking, load_class
 
 if TYPE_CHECKING:
     from savmap.io.video import VideoInfo
 
 SCHEMA = "site.schema.json"
-PLAIN = re.compile(r"[A-Za-z0-9_./][A-Za-z0-9_./ +-]*(?<! )")
 HEAD = f"""\
 # yaml-language-server: $schema={SCHEMA}
 # A site for savmap. Lengths are metres, times seconds, angles degrees; paths are relative to this file.
@@ -97,10 +95,10 @@ def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
 
 
 def _row(name: str, info: "VideoInfo", folder: Path) -> str:
-    video = os.path.relpath(info.path.resolve(), folder.resolve())
-    text = video if PLAIN.fullmatch(video) else json.dumps(video, ensure_ascii=False)
+    video = os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve())
+    text = json.dumps(video, ensure_ascii=False)
     what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
-    times = f"        start_s: 0\n        end_s: {int(info.duration_s * 100) / 100:g}\n"
+    times = f"        start_s: 0\n        end_s: {int(info.duration_s * 100) / 100:.12g}\n"
     return f"  {name}:\n    passes:\n      - video: {text}  # {what}\n{times}{OF_PASS}{OF_ROW}"
 
 
@@ -110,14 +108,18 @@ def _names(count: int) -> Iterable[str]:
 
 
 def _plugins() -> str:
-    """The section `plugins:` with what every installed plugin lets one set, not in use."""
+    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a package."""
     lines = ["", "# Which structures to map, with settings for all rows; rows may say otherwise.", "plugins:"]
     for name in installed():
-        lines.append(f"  {name}:")
-        for key, field in load_class(name).Config.model_fields.items():
+        plugin = load_class(name)
+        missing = " and ".join(lacking(plugin))
+        lines.append(f"#  {name}:  # {missing} not installed" if missing else f"  {name}:")
+        for key, field in plugin.Config.model_fields.items():
             inner = _keys(field.annotation)
             says = " ".join((field.description or "").split()) + (f" Keys: {', '.join(inner)}." if inner else "")
-            lines.append(f"#    {key}: {_value(field.default)}" + (f"  # {says}" if says else ""))
+            lines.append(
+                f"#    {key}: {_value(field.get_default(call_default_factory=True))}" + (f"  # {says}" if says else "")
+            )
     return "\n".join(lines) + "\n"
 
 

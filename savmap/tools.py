@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import ModelError, PluginError, SavmapError, SiteError
+from savmap.errors import ModelError, PluginError, SavmapError, SiteError, told
 from savmap.job import prepare
 from savmap.rooms import exporters, installed, load_class
 from savmap.types import ViewSpec
@@ -67,7 +67,7 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
     except SavmapError:
         raise
     except Exception as error:
-        raise PluginError(f"exporter `{name}` failed: {type(error).__name__}: {error}") from error
+        raise PluginError(f"exporter `{name}` failed: {told(error)}") from error
     yield f"wrote {output}"
 
 

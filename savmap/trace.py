@@ -5,14 +5,18 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence, Sized
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from typing import Any
 
 import pluggy
 
+from savmap.errors import told
+from savmap.types import View
+
 VARIABLE = "SAVMAP_TRACE"
+PARTS = ("keys", "views", "boxes", "deviations")
 log = logging.getLogger("savmap.trace")
 _row: ContextVar[str] = ContextVar("row", default="")
 
@@ -41,8 +45,9 @@ def watch(manager: pluggy.PluginManager, plugin: str) -> None:
 
 
 def tell(line: str) -> None:
-    """A line of the trace."""
-    print(f"trace: {line}", file=sys.stderr, flush=True)
+    """A line of the trace; one that cannot be printed goes into the log alone."""
+    with suppress(OSError, ValueError):
+        print(f"trace: {line}", file=sys.stderr, flush=True)
     log.info("trace: %s", line)
 
 
@@ -84,24 +89,26 @@ def _place(arguments: Mapping[str, Any]) -> str:
     view = arguments.get("view")
     row = getattr(arguments.get("facts"), "name", None) or _row.get()
     known = [f"row {row}"] if row else []
-    if view is not None:
+    if isinstance(view, View):
         known += [f"frame {view.frame}", view.spec.name]
     return f" [{', '.join(known)}]" if known else ""
 
 
 def _answer(outcome: pluggy.Result[Any]) -> str:
     if outcome.exception is not None:
-        return f"raised {type(outcome.exception).__name__}: {outcome.exception}"
+        return f"raised {told(outcome.exception)}"
     answer = outcome.get_result()
     if isinstance(answer, list | tuple):
         kinds = sorted({type(one).__name__ for one in answer})
         return f"{len(answer)} {' and '.join(kinds)}" if answer else f"an empty {type(answer).__name__}"
-    parts = [f"{len(part)} {name}" for name, part in _parts(answer) if isinstance(part, Sized)]
-    return f"{type(answer).__name__}{f' of {parts[0]}' if parts else ''}"
+    return f"{type(answer).__name__}{_amount(answer)}"
 
 
-def _parts(answer: object) -> Iterator[tuple[str, object]]:
-    """The part of an answer that tells best how much it is."""
-    for name in ("keys", "views", "boxes", "deviations"):
-        if hasattr(answer, name) and not callable(getattr(answer, name)):
-            yield name, getattr(answer, name)
+def _amount(answer: object) -> str:
+    """How much an answer is, by the part of it that tells best: " of 6 keys". Nothing of one that has no such part, or none that can be
+    counted: a plugin may answer anything."""
+    for name in PARTS:
+        with suppress(Exception):
+            part = getattr(answer, name)
+            return f" of {len(part)} {name}"
+    return ""

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from savmap import trace
 from savmap.contained import because, failed
-from savmap.errors import SavmapError, SiteError
+from savmap.errors import SavmapError, SiteError, told
 from savmap.job import Job, rooms_for
 from savmap.monitor import Monitor, Notes
 from savmap.types import RowMap, SiteMap, Trajectory
@@ -142,7 +142,7 @@ def warnings_told(monitor: Monitor) -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> Failure:
-    text = f"unexpected {type(error).__name__}: {error}; please report it with savmap.log"
+    text = f"unexpected {told(error)}; please report it with savmap.log"
     return Failure(SavmapError(text), traceback.format_exc())
 
 

@@ -86,6 +86,13 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
     assert capsys.readouterr().err == "savmap: interrupted\n"
 
 
+def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> None:
+    lines = savmap("--help", folder=tmp_path).stdout.partition("Commands:\n")[2].splitlines()
+    first = ["map", "init", "check", "demo", "evaluate", "report", "export", "find"]
+    then = ["plugins", "split", "schema", "simulate", "train", "label", "plugin"]
+    assert [line.split()[0] for line in lines if line.strip()] == first + then
+
+
 def test_help_needs_nothing_heavy() -> None:
     heavy = "{'numpy', 'scipy', 'cv2', 'gtsam', 'onnxruntime', 'matplotlib', 'pydantic', 'rich'}"
     code = f"import sys, savmap.cli; assert not {heavy} & set(sys.modules), sorted(sys.modules)"

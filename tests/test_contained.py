@@ -28,9 +28,11 @@ AFTERWARDS = ("evaluate", "draw")
 FRAMES = 8
 PLUGINS = '''
 import os
+from dataclasses import replace
 from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from savmap.errors import StructureError
 from savmap.evaluation import Score
 from savmap.geometry.pinhole import project
 from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
@@ -44,6 +46,7 @@ POINTS = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0) for y in (0.5, 1.3,
 class Config(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
     fails_in: str = ""
+    looks: bool = False
 
 
 class Good:
@@ -63,8 +66,10 @@ class Good:
             raise RuntimeError("oh")
 
     @hookimpl
-    def render_views(self):
+    def render_views(self, scout, see):
         self.may("render_views")
+        if self.config.looks and not see(scout.renderer.render(scout.keys[0], ViewSpec("first", 0.0))):
+            raise StructureError("nothing is seen")
         spec = ViewSpec(self.name, 0.0, hfov_deg=110.0, width=160, height=120)
         return Aim((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
 
@@ -115,6 +120,11 @@ class Good:
     def _post(self, track, solved):
         empty = np.empty((0, 2), dtype=np.int64)
         return Structure(track.name, "post", solved.position[None], solved.covariance[None], ("point",), empty)
+
+    @hookimpl
+    def relate(self, structures):
+        self.may("relate")
+        return [replace(one, attributes={"related": True}) for one in structures]
 
     @hookimpl
     def shared(self, structures):
@@ -235,7 +245,28 @@ def test_a_row_is_mapped_without_the_plugin_that_fails_in_it(place: Path, tmp_pa
     assert wanted in (out / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("hook", IN_A_ROW)
+def test_structures_stay_where_only_their_relations_fail(place: Path, tmp_path: Path) -> None:
+    with pytest.raises(PluginsLeftOutError):
+        mapped(site(place, tmp_path, "skip", "relate"), tmp_path / "out")
+    for plugin, related in (("good", {"related": True}), ("bad", {})):
+        found = structures(tmp_path / "out", "A", plugin)
+        assert len(found) == 12
+        assert all(one["attributes"] == related for one in found)
+
+
+def test_what_a_plugin_refuses_because_it_failed_ends_no_row(place: Path, tmp_path: Path) -> None:
+    """Its network's answers fail while it looks for its views, and so it sees nothing."""
+    path = site(place, tmp_path, "skip", "detect")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["plugins"]["bad"]["looks"] = True
+    path.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
+        mapped(path, tmp_path / "out")
+    assert len(structures(tmp_path / "out", "A", "good")) == 12
+    assert "plugin `bad` failed in `detect`" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("hook", [*IN_A_ROW, "relate"])
 def test_otherwise_the_row_fails_and_its_error_names_plugin_and_hook(place: Path, tmp_path: Path, hook: str) -> None:
     with pytest.raises(PluginFailedError, match=f"plugin `bad` failed in `{hook}`.*: RuntimeError: oh") as caught:
         mapped(site(place, tmp_path, "fail", hook), tmp_path / "out")

@@ -1,5 +1,7 @@
 """Hooks: checked at the door, and failures named."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from savmap import hookspecs, rooms
-from savmap.errors import PluginError, SiteError
+from savmap.errors import PluginError, PluginFailedError, SiteError
 from savmap.hookspecs import hookimpl
 from savmap.rooms import open_room, room_of
 from savmap.types import Panorama, SharedThing, Structure, View
@@ -71,6 +73,64 @@ def test_a_wrong_answer_is_named(answer: object) -> None:
         room.extract(view=None, detections=[])
 
 
+class SpeechlessError(Exception):
+    """An error that cannot even say what it is."""
+
+    def __str__(self) -> str:
+        raise RuntimeError
+
+
+@pytest.mark.parametrize("traced", ["", "1"])
+@pytest.mark.parametrize(
+    ("error", "says"), [(ValueError("a\nb\n"), "ValueError: a b"), (SpeechlessError(), "SpeechlessError")]
+)
+def test_whatever_a_plugin_raises_is_one_line(
+    error: Exception, says: str, traced: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def extract_features(self: object, view: View) -> list[Any]:
+        raise error
+
+    monkeypatch.setenv("SAVMAP_TRACE", traced)
+    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    with pytest.raises(PluginFailedError) as caught:
+        room.extract(view=None, detections=[])
+    assert str(caught.value) == f"plugin `made-up` failed in `extract_features`: {says}"
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.endswith(f"ms, raised {says}") for line in lines] == ([True] if traced else [])
+
+
+class Odd:
+    """What no hook may answer, and has parts that cannot be counted."""
+
+    views = np.array(3)
+
+    @property
+    def keys(self) -> object:
+        raise RuntimeError
+
+
+def test_a_trace_tells_of_odd_answers_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("SAVMAP_TRACE", "1")
+    room = room_of("made-up", plugin(extract_features=lambda self, view: Odd()), Config())
+    with pytest.raises(PluginError, match="returned Odd from `extract_features`, not list"):
+        room.extract(view=object(), detections=[])
+    assert capsys.readouterr().err.endswith("ms, Odd\n")
+
+
+def test_a_trace_that_cannot_be_printed_is_in_nobodys_way(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("SAVMAP_TRACE", "1")
+    room = room_of("made-up", plugin(extract_features=lambda self, view: []), Config())
+    with (tmp_path / "closed").open("w") as closed:
+        monkeypatch.setattr("sys.stderr", closed)
+    assert room.extract(view=None, detections=[]) == []
+
+
+def test_what_is_drawn_is_checked() -> None:
+    room = room_of("made-up", plugin(draw=lambda self, structures: ("line",)), Config())
+    with pytest.raises(PluginError, match="returned a tuple with a str from `draw`, not Drawing"):
+        room.draw(structures=[], survey=None, deviations={})
+
+
 def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
     assert room_of("made-up", plugin(), Config()).shared([]) == []
     thing = SharedThing("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
@@ -117,7 +177,9 @@ def test_settings_are_strict() -> None:
 
 
 def test_only_named_plugins_are_imported() -> None:
-    assert set(rooms.installed()) >= {"shelves", "lights"}
+    code = "import sys; from savmap.rooms import open_room; open_room('shelves', {}); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
+    assert {name for name in rooms.installed() if f"savmap_{name}" in loaded} == {"shelves"}
 
 
 def test_structures_may_be_related_to_what_others_mapped() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import yaml
 from savmap.errors import OutputError, VideoError
 from savmap.io.sitefile import load_site
 from savmap.io.siteplaces import Places
+from savmap.io.video import probe
 from savmap.settings import settings_problems
 from savmap.site import Site
 from savmap.starter import start, starter_text
@@ -55,9 +57,32 @@ def test_videos_become_rows_with_their_times(tmp_path: Path) -> None:
     assert re.search(r"# \d+x\d+ \w+, \d+ frames a second", text)
 
 
-def test_many_videos_are_numbered(tmp_path: Path) -> None:
-    from savmap.io.video import probe
+@pytest.mark.parametrize("name", ["2024-05-01", "12", "1e3", "true", "null", "on", ".inf", "a #b", '"', "..."])
+def test_a_folder_of_pictures_may_have_any_name(tmp_path: Path, name: str) -> None:
+    video = tmp_path / name
+    video.symlink_to(EXAMPLE)
+    list(start([video], tmp_path / "site.yaml"))
+    assert load_site(tmp_path / "site.yaml").rows["A"].passes[0].video == video
 
+
+def test_a_long_video_ends_within_itself(tmp_path: Path) -> None:
+    long = replace(probe(EXAMPLE), duration_s=10000.197)
+    assert "end_s: 10000.19\n" in starter_text([long], tmp_path)
+
+
+def test_a_plugin_that_lacks_a_package_is_not_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(load_site(written(tmp_path)).plugins) == {"shelves", "lights", "signs"}
+    monkeypatch.setattr("savmap.rooms._is_there", lambda package: package != "rapidocr")
+    assert "#  signs:  # rapidocr not installed\n" in written(tmp_path).read_text(encoding="utf-8")
+    assert set(load_site(tmp_path / "site.yaml").plugins) == {"shelves", "lights"}
+
+
+def written(folder: Path) -> Path:
+    list(start([], folder / "site.yaml", force=True))
+    return folder / "site.yaml"
+
+
+def test_many_videos_are_numbered(tmp_path: Path) -> None:
     info = probe(EXAMPLE)
     assert list(Site.model_validate(yaml.safe_load(starter_text([info] * 30, tmp_path))).rows)[-1] == "30"
 

@@ -1,5 +1,6 @@
 """A project for a new plugin, from the one that lies beside this file: the same, under another name, with a network."""
 
+import ast
 import keyword
 import os
 import re
@@ -7,6 +8,9 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
+
+import yaml
+from pydantic import BaseModel
 
 from savmap.errors import OutputError, SiteError
 from savmap.io.files import reason
@@ -35,13 +39,24 @@ def new_plugin(name: str, folder: Path | None = None) -> Iterator[str]:
 def require_name(name: str) -> None:
     """Raises SiteError for what cannot name a new plugin: the name goes into a Python package, site files and the map's labels."""
     if not NAME.fullmatch(name) or len(name) > LONGEST:
-        near = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_0123456789")[:LONGEST].rstrip("_")
+        near = re.sub(r"[^a-z0-9]+", "_", name.lower()).lstrip("_0123456789")[:LONGEST].rstrip("_")
         hint = f", such as `{near}`" if NAME.fullmatch(near) else ""
         raise SiteError(
             f"plugin name `{name}`: give at most {LONGEST} small letters, digits and single underscores, a letter first{hint}"
         )
-    if keyword.iskeyword(name) or keyword.iskeyword(thing_of(name)):
-        raise SiteError(f"plugin name `{name}`: `{thing_of(name)}` is a word of Python; choose another")
+    own = (name, thing_of(name), title_of(name))
+    for word in own:
+        if keyword.iskeyword(word) or hasattr(BaseModel, word):
+            raise SiteError(f"plugin name `{name}`: `{word}` is a word of Python or pydantic; choose another")
+        if yaml.safe_load(word) != word:
+            raise SiteError(
+                f"plugin name `{name}`: `{word}` is a word of YAML, in which site files are; choose another"
+            )
+    if title_of(name).startswith("Test"):
+        raise SiteError(f"plugin name `{name}`: pytest takes a class `{title_of(name)}` for a test; choose another")
+    names, texts = words_taken()
+    if taken := sorted({name, title_of(name)} & names | set(own) & texts):
+        raise SiteError(f"plugin name `{name}`: the project's own code calls something `{taken[0]}`; choose another")
     if name in installed():
         raise SiteError(
             f"plugin name `{name}`: a plugin of that name is installed ({installed()[name].value}); choose another"
@@ -51,6 +66,21 @@ def require_name(name: str) -> None:
 def thing_of(name: str) -> str:
     """What one of a plugin's things is called: pillars, pillar; its network's class and the labels in the map."""
     return name.removesuffix("s") if len(name) > 2 and not name.endswith(("ss", "us", "is")) else name
+
+
+def title_of(name: str) -> str:
+    """What the plugin's class is called: lamp_posts, LampPosts."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def words_taken() -> tuple[set[str], set[str]]:
+    """Names and texts of the template's code that are not replaced: another of the same name would get into their way."""
+    paths = list(TEMPLATE.rglob("*.py"))
+    nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    names = {str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")}
+    texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    names |= {path.stem.removeprefix("test_") for path in paths if path.parent.name == "tests"}
+    return names - {TEMPLATE_NAME, title_of(TEMPLATE_NAME)}, texts - {TEMPLATE_NAME, thing_of(TEMPLATE_NAME)}
 
 
 def project_files(name: str) -> dict[str, bytes]:
@@ -67,10 +97,9 @@ def project_files(name: str) -> dict[str, bytes]:
 
 def renamed(text: str, name: str) -> str:
     """A text of the template with its plugin's name, and what it calls one thing, replaced."""
-    title = "".join(part.capitalize() for part in name.split("_"))
     words: Mapping[str, str] = {
         f"savmap-{TEMPLATE_NAME}": f"savmap-{name.replace('_', '-')}",
-        "Pillars": title,
+        "Pillars": title_of(name),
         "pillars": name,
         "pillar": thing_of(name),
     }

@@ -62,7 +62,7 @@ def save(
 def yolo(
     path: Path,
     boxes: Sequence[tuple[Box, Sequence[float]]],
-    names: dict[int, str] | None = None,
+    names: dict[int, str] | str | None = None,
     complete: bool = False,
     dynamic: bool = False,
     half: bool = False,

@@ -1,14 +1,16 @@
 """Other people's networks: each layout by a graph whose answer is known."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from onnx import helper
 
 from savmap.errors import ModelError
 from savmap.stages.segment import Segmenter
 
-from .made_up_networks import SIDE, constant, detr, edges, picture, save, yolo
+from .made_up_networks import SIDE, constant, detr, edges, picture, redness, save, yolo
 from .test_segment import GOOD, write_model
 
 NAMES = {0: "post", 1: "bar"}
@@ -47,6 +49,12 @@ def test_yolo_finds_a_thing_once_and_nothing_it_is_unsure_of(tmp_path: Path) -> 
     boxes = [(again, (0.6, 0.1)), (WHOLE, POST), (inside, (0.5, 0.0)), (WHOLE, (0.1, 0.2))]
     found = Segmenter(yolo(tmp_path / "m.onnx", boxes, NAMES)).detections(picture(SIDE, SIDE, (16, 32)), 0.5, 12)
     assert [one.label for one in found] == ["post"]
+
+
+def test_things_of_two_classes_may_be_at_one_place(tmp_path: Path) -> None:
+    network = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST), (WHOLE, BAR)], NAMES))
+    found = network.detections(picture(SIDE, SIDE, (16, 32)), 0.5, 12)
+    assert [one.label for one in found] == ["post", "bar"]
 
 
 def test_a_mask_ends_with_its_box(tmp_path: Path) -> None:
@@ -155,12 +163,59 @@ def test_a_network_of_no_kind_that_is_taken(tmp_path: Path) -> None:
         ({"names": "{0: 'post'}"}, r"1 classes and 2 masks make 7 numbers a box, but output0 .* has 8"),
         ({"names": "post, bar"}, "classes in its metadata cannot be read"),
         ({"names": "{}"}, "classes in its metadata cannot be read"),
+        ({"names": "{1: 'post', 2: 'bar'}"}, "cannot be read: numbers from 0 are expected, not 1, 2"),
         ({"task": "detect"}, "of no kind that is taken"),
     ],
 )
 def test_yolo_metadata_that_does_not_fit(tmp_path: Path, metadata: dict[str, str], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], **metadata))
+
+
+def test_names_by_digits_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    names = {str(number): f"class {number}" for number in range(12)}
+    path = yolo(tmp_path / "m.onnx", [(WHOLE, np.linspace(0, 0.9, 12).tolist())], str(names))
+    assert Segmenter(path).classes == tuple(names.values())
+
+
+@pytest.mark.parametrize(("imgsz", "size"), [("[96, 64]", (64, 96)), ("96", (96, 96)), ("[0, 64]", (640, 640))])
+def test_the_size_of_a_yolo_file_of_open_size(tmp_path: Path, imgsz: str, size: tuple[int, int]) -> None:
+    assert Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], NAMES, dynamic=True, imgsz=imgsz)).input_size == size
+
+
+def test_a_number_of_a_class_that_has_no_name(tmp_path: Path) -> None:
+    network = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, (0.1, 0.1, 0.9))], NAMES, complete=True))
+    with pytest.raises(ModelError, match="gives class 2, but its metadata names 2 from 0"):
+        network.see(picture(SIDE, SIDE))
+
+
+def test_a_network_that_cannot_be_run_is_told_in_one_line(tmp_path: Path) -> None:
+    """A graph of open size that adds a picture of its own, 64x64."""
+    nodes = [
+        constant("own", np.zeros((1, 3, SIDE, SIDE))),
+        helper.make_node("Add", ["images", "own"], ["sum"]),
+        *redness(0.5, 1.0, "sum"),
+        helper.make_node("Neg", ["red"], ["other"]),
+        helper.make_node("Concat", ["red", "other"], ["output1"], axis=1),
+        constant("output0", np.zeros((1, 8, 5))),
+    ]
+    shapes: dict[str, Sequence[int | str]] = {"output0": (1, 8, 5), "output1": (1, 2, "g", "g")}
+    told = {"task": "segment", "imgsz": "[96, 128]", "names": str(NAMES)}
+    path = save(tmp_path / "m.onnx", nodes, shapes, told, "side")
+    with pytest.raises(ModelError, match=r"m\.onnx: cannot be run on a picture of 128x96 \(") as caught:
+        Segmenter(path).see(picture(SIDE, SIDE))
+    assert "\n" not in str(caught.value)
+
+
+def test_detr_that_is_as_sure_as_can_be(tmp_path: Path) -> None:
+    network = Segmenter(detr(tmp_path / "m.onnx", [[-200.0, 200.0]], ("labels", "masks"), "dets"))
+    assert [one.label for one in network.detections(picture(SIDE, SIDE, (16, 32)), 0.5, 12)] == ["1"]
+
+
+def test_where_no_class_is_asked_for_all_is_background(tmp_path: Path) -> None:
+    maps = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], NAMES), 1, {}, ()).probabilities(picture(SIDE, SIDE))
+    assert maps.shape == (1, SIDE, SIDE)
+    assert np.all(maps == 1)
 
 
 def test_detr_names_that_do_not_fit(tmp_path: Path) -> None:

@@ -60,18 +60,18 @@ class Fake:
     """In place of onnxruntime's session: notes which files it was given, and on the processor alone it is the real one."""
 
     files: list[str]
-    starts: bool
+    start: Sequence[str]
     silent: bool
 
     def __init__(self, path: str, settings: Any, providers: list[tuple[str, Any]], enable_fallback: int) -> None:
         Fake.files.append(f"{Path(path).name} on {providers[0][0]}")
-        if providers[0][0] != CPU and not Fake.silent and not Fake.starts:
+        if providers[0][0] not in Fake.start and not Fake.silent:
             raise RuntimeError("CUDA driver version is insufficient\nfor the runtime")
-        self.first = providers[0][0] if Fake.starts else CPU
+        self.own = [name for name, _ in providers if name in Fake.start]
         self.real = REAL(path, settings, providers=[CPU])
 
     def get_providers(self) -> list[str]:
-        return list(dict.fromkeys([self.first, CPU]))
+        return self.own
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.real, name)
@@ -81,7 +81,7 @@ class Fake:
 def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A network "of integers" with a float one beside it, and a fake session."""
     monkeypatch.setattr(onnxruntime, "InferenceSession", Fake)
-    Fake.files, Fake.starts, Fake.silent = [], True, False
+    Fake.files, Fake.start, Fake.silent = [], list(PROVIDERS.values()), False
     write_model(tmp_path / "m.onnx", GOOD)
     return write_model(tmp_path / "m.int8.onnx", GOOD)
 
@@ -92,7 +92,7 @@ def test_the_float_network_runs_on_cuda(model: Path) -> None:
 
 
 def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model: Path) -> None:
-    Fake.starts = False
+    Fake.start = [CPU]
     network = opened(model, 1, ("cuda",), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
     assert Fake.files == [f"m.onnx on {CUDA}", f"m.int8.onnx on {CPU}"]
@@ -101,10 +101,26 @@ def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model
 
 
 def test_a_provider_that_silently_does_not_start_is_told(model: Path) -> None:
-    Fake.starts, Fake.silent = False, True
+    Fake.start, Fake.silent = [CPU], True
     network = opened(model, 1, ("cuda",), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
     assert network.note.endswith("cuda does not start here; it runs on cpu")
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_the_next_one_asked_for_takes_over_and_is_what_runs(model: Path, silent: bool) -> None:
+    Fake.start, Fake.silent = [CUDA, CPU], silent
+    network = opened(model, 1, ("tensorrt", "cuda"), [TENSORRT, CUDA, CPU])
+    assert (network.provider, network.path.name) == ("cuda", "m.onnx")
+    assert Fake.files[-1] == f"m.onnx on {CUDA}"
+    assert network.note.endswith("; it runs on cuda")
+
+
+def test_one_that_is_missing_and_one_that_does_not_start_are_both_told(model: Path) -> None:
+    Fake.start, Fake.silent = [CPU], True
+    network = opened(model, 1, ("openvino", "cuda"), [CUDA, CPU])
+    assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
+    assert "openvino not in this onnxruntime, which has cpu, cuda; cuda does not start here; it runs" in network.note
 
 
 def test_one_that_is_not_there_is_told_with_the_network(model: Path) -> None:

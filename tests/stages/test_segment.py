@@ -84,6 +84,7 @@ def test_not_a_model(tmp_path: Path) -> None:
         ({"savmap.classes": "post"}, "names no classes"),
         ({"savmap.classes": "[]"}, "JSON list of names"),
         ({"savmap.classes": '["post", "bar"]'}, "its output must be"),
+        ({"savmap.output": "logit"}, "savmap.output must be `logits` or `probabilities`, not `logit`"),
     ],
 )
 def test_metadata_that_breaks_the_contract(tmp_path: Path, changed: dict[str, str], message: str) -> None:

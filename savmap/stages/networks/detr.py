@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from savmap.errors import ModelError
 from savmap.stages.networks.adapter import Sight
 from savmap.stages.networks.face import Face, Tensor
-from savmap.stages.networks.fit import planes, stretched
+from savmap.stages.networks.fit import WHITE, planes, stretched
 from savmap.stages.networks.instances import Instance, put_together
+from savmap.stages.networks.logits import logistic, softmax
 from savmap.stages.networks.session import Run
 
 KIND = "DETR-like"
@@ -29,8 +30,6 @@ LEAST_SCORE = 0.5
 STEP = 32
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)[:, None, None]
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)[:, None, None]
-
-Floats = NDArray[np.float32]
 
 
 class Detr:
@@ -49,9 +48,9 @@ class Detr:
     def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
         """Queries that are sure of a class asked for, put together."""
         picture, fit = stretched(image, self.input_size or _rounded_up(image))
-        outputs = self._run((planes(picture) - MEAN) / DEVIATION)
+        outputs = self._run((planes(picture) / WHITE - MEAN) / DEVIATION)
         logits, masks = (outputs[number][0].astype(np.float32) for number in self._numbers)
-        scores = _softmaxed(logits)[:, :-1] if self._softmax else 1 / (1 + np.exp(-logits))
+        scores = softmax(logits, 1)[:, :-1] if self._softmax else logistic(logits)
         kinds, best = scores.argmax(axis=1), scores.max(axis=1)
         whole = np.array([0, 0, fit.width, fit.height])
         found = [
@@ -87,8 +86,3 @@ def _names(face: Face, scores: Tensor, nothing: int) -> tuple[str, ...]:
 def _rounded_up(image: NDArray[np.uint8]) -> tuple[int, int]:
     height, width = image.shape[:2]
     return -(-width // STEP) * STEP, -(-height // STEP) * STEP
-
-
-def _softmaxed(logits: Floats) -> Floats:
-    exponentials = np.exp(logits - logits.max(axis=1, keepdims=True))
-    return np.asarray(exponentials / exponentials.sum(axis=1, keepdims=True), np.float32)

@@ -66,7 +66,7 @@ class Face:
                 return _checked(json.loads(self.metadata["savmap.classes"]))
             if "names" in self.metadata:
                 named = ast.literal_eval(self.metadata["names"])
-                return _checked([named[key] for key in sorted(named)] if isinstance(named, dict) else named)
+                return _checked(_in_order(named) if isinstance(named, dict) else named)
         except (ValueError, SyntaxError, TypeError) as error:
             raise ModelError(f"{self.path}: the classes in its metadata cannot be read: {error}") from error
         return None
@@ -83,6 +83,14 @@ def _tensors(nodes: Sequence[Any]) -> tuple[Tensor, ...]:
         Tensor(node.name, tuple(side if isinstance(side, int) else None for side in node.shape), node.type)
         for node in nodes
     )
+
+
+def _in_order(named: Mapping[Any, object]) -> list[object]:
+    """The names of a dictionary from numbers (or their digits) to names."""
+    by_number = {int(key): name for key, name in named.items()}
+    if sorted(by_number) != list(range(len(named))):
+        raise ValueError(f"numbers from 0 are expected, not {', '.join(map(str, named))}")
+    return [by_number[number] for number in range(len(named))]
 
 
 def _checked(names: object) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from savmap.stages.regions import Probabilities
 
 GREY = 114
+WHITE = np.float32(255)
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ def stretched(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[
 
 
 def planes(picture: NDArray[np.uint8]) -> Probabilities:
-    """(H, W, 3) uint8 -> (1, 3, H, W) float32 in 0..1."""
-    return np.stack(cv2.split(picture)).astype(np.float32)[None] / np.float32(255)
+    """(H, W, 3) uint8 -> (1, 3, H, W) float32 in 0..255 (`WHITE`)."""
+    return np.stack(cv2.split(picture)).astype(np.float32)[None]
 
 
 def sampled(mask: Probabilities, fit: Fit, window: NDArray[np.int64]) -> Probabilities:

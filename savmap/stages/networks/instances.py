@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from savmap.stages.networks.adapter import Sight
 from savmap.stages.networks.fit import Fit, sampled
+from savmap.stages.networks.logits import logistic
 from savmap.stages.regions import Probabilities
 
 MOST_SHARED = 0.5
@@ -37,7 +38,7 @@ def put_together(instances: Sequence[Instance], classes: tuple[str, ...], fit: F
         number = classes.index(one.label)
         first_column, first_row, last_column, last_row = one.window.tolist()
         place = slice(first_row, last_row), slice(first_column, last_column)
-        probability = _sigmoid(sampled(one.logits, fit, one.window))
+        probability = logistic(sampled(one.logits, fit, one.window))
         inside = probability > 0.5
         taken = inside & (maps[1 + number][place] > 0.5)
         if not inside.any() or taken.sum() > MOST_SHARED * inside.sum():
@@ -46,9 +47,5 @@ def put_together(instances: Sequence[Instance], classes: tuple[str, ...], fit: F
         better = probability > maps[1 + number][place]
         maps[1 + number][place][better] = probability[better]
         owners[number][place][better] = count[one.label]
-    maps[0] = 1 - maps[1:].max(axis=0)
+    maps[0] = 1 - maps[1:].max(axis=0, initial=0)
     return Sight(classes, maps, owners)
-
-
-def _sigmoid(logits: Probabilities) -> Probabilities:
-    return np.asarray(1 / (1 + np.exp(-np.clip(logits, -60, 60))), np.float32)

@@ -1,7 +1,7 @@
 """Networks that give each pixel's class: what `savmap train` writes, in float32 or 8-bit integers.
 
 The file must say what it is in its metadata: `savmap.format` = "semantic", `savmap.classes` (JSON list, background left
-out) and `savmap.output` = "probabilities" or "logits". Its input is one picture, (1, 3, h, w) float32, RGB 0..255; its output
+out) and `savmap.output` = "probabilities" or "logits" (so if it is missing). Its input is one picture, (1, 3, h, w) float32, RGB 0..255; its output
 (1, 1 + classes, h, w) float32, background first.
 """
 
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from savmap.errors import ModelError
 from savmap.stages.networks.adapter import Sight
 from savmap.stages.networks.face import Face
+from savmap.stages.networks.fit import planes, stretched
+from savmap.stages.networks.logits import softmax
 from savmap.stages.networks.session import Run
 from savmap.stages.regions import Probabilities
 
@@ -32,14 +34,14 @@ class Semantic:
         self.names = _classes(face)
         self.input_size: tuple[int, int] = _input_size(face)
         self._run = run
-        self._gives_logits = face.metadata.get("savmap.output", "logits") == "logits"
+        self._gives_logits = _gives_logits(face)
         _check_output(face, len(self.names) + 1, self.input_size)
 
     def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
         """Maps of all classes; where several of the network's count as one class, their sum."""
         height, width = image.shape[:2]
         result: Probabilities = self._run(network_input(image, self.input_size))[0][0]
-        maps = _softmax(result) if self._gives_logits else result
+        maps = softmax(result, 0) if self._gives_logits else result
         if tuple(labels) != classes:
             maps = _summed(maps, labels, classes)
         return Sight(classes, maps if (width, height) == self.input_size else _resized(maps, width, height))
@@ -62,6 +64,13 @@ def _classes(face: Face) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _gives_logits(face: Face) -> bool:
+    given = face.metadata.get("savmap.output", "logits")
+    if given not in ("logits", "probabilities"):
+        raise ModelError(f"{face.path}: savmap.output must be `logits` or `probabilities`, not `{given}`; {ADVICE}")
+    return given == "logits"
+
+
 def _input_size(face: Face) -> tuple[int, int]:
     size = face.input_size if face.takes_picture else None
     if size is None or face.inputs[0].kind != "tensor(float)":
@@ -81,11 +90,6 @@ def _check_output(face: Face, channels: int, size: tuple[int, int]) -> None:
         )
 
 
-def _softmax(logits: Probabilities) -> Probabilities:
-    exponentials = np.exp(logits - logits.max(axis=0))
-    return np.asarray(exponentials / exponentials.sum(axis=0), np.float32)
-
-
 def _summed(maps: Probabilities, labels: Sequence[str | None], classes: Sequence[str]) -> Probabilities:
     """Maps of `classes`: what is asked for of the network's, and as background all the rest."""
     own = [maps[1:][[label == one for label in labels]].sum(axis=0) for one in classes]
@@ -99,7 +103,4 @@ def _resized(maps: Probabilities, width: int, height: int) -> Probabilities:
 
 def network_input(image: NDArray[np.uint8], size: tuple[int, int]) -> Probabilities:
     """Picture (H, W, 3) uint8 RGB of any size -> (1, 3, h, w) float32 0..255 of `size` (w, h)."""
-    width, height = image.shape[1], image.shape[0]
-    how = cv2.INTER_AREA if width > size[0] else cv2.INTER_LINEAR
-    picture = image if (width, height) == size else cv2.resize(image, size, interpolation=how)
-    return np.stack(cv2.split(picture)).astype(np.float32)[None]
+    return planes(stretched(image, size)[0])

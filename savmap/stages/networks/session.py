@@ -1,4 +1,4 @@
-"""An ONNX file opened by onnxruntime, on the provider chosen, or on the processor where that one does not start."""
+"""An ONNX file opened by onnxruntime, on the first of the chosen providers that starts; the processor, the last one, always does."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from savmap.stages.networks.providers import choose, file_for, options, short
 ADVICE = "train one with `savmap train`, or point `model` at a file that savmap reads (docs/networks.md)"
 
 Run = Callable[[NDArray[np.float32]], list[Any]]
-"""The network: its input to all its outputs."""
+"""The network: its input (1, 3, h, w) to all its outputs. Raises ModelError where it cannot be run."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +39,22 @@ def opened(path: Path, threads: int = 1, asked: Sequence[str] = (), available: S
     if not path.is_file():
         raise ModelError(f"{path}: no such model file; {ADVICE}")
     choice = choose(asked, available)
-    first, note = choice.names[0], choice.note
-    own = file_for(path, first)
-    try:
-        session = _session(own, threads, choice.names)
-    except Exception as error:
-        if first == "cpu":
-            raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from error
-        own, session, note = path, _on_cpu(path, threads), f"{first} cannot run it ({_line(error)})"
-    provider = short(session.get_providers()[0])
-    if provider != first and not note:
-        note = f"{first} does not start here"
-        if own != path:
-            own, session = path, _on_cpu(path, threads)
-    face = face_of(own, session)
-    return Opened(own, face, _run(session, face), provider, f"{path}: {note}; it runs on {provider}" if note else "")
-
-
-def _on_cpu(path: Path, threads: int) -> Any:
-    try:
-        return _session(path, threads, ("cpu",))
-    except Exception as error:
-        raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from error
+    notes = [choice.note] if choice.note else []
+    failure: Exception | None = None
+    for number, provider in enumerate(choice.names):
+        own = file_for(path, provider)
+        try:
+            session = _session(own, threads, choice.names[number:])
+        except Exception as error:
+            failure = error
+            notes.append(f"{provider} cannot run it ({_line(error)})")
+            continue
+        if short(session.get_providers()[0]) == provider:
+            face = face_of(own, session)
+            note = f"{path}: {'; '.join(notes)}; it runs on {provider}" if notes else ""
+            return Opened(own, face, _run(session, face), provider, note)
+        notes.append(f"{provider} does not start here")
+    raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from failure
 
 
 def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
@@ -76,7 +70,11 @@ def _run(session: Any, face: Face) -> Run:
     name = face.inputs[0].name if face.inputs else ""
 
     def run(planes: NDArray[np.float32]) -> list[Any]:
-        found: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
+        try:
+            found: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
+        except Exception as error:
+            size = f"{planes.shape[3]}x{planes.shape[2]}"
+            raise ModelError(f"{face.path}: cannot be run on a picture of {size} ({_line(error)})") from error
         return found
 
     return run

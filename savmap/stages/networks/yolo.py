@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from savmap.errors import ModelError
 from savmap.stages.networks.adapter import Sight
 from savmap.stages.networks.face import Face, Tensor
-from savmap.stages.networks.fit import letterboxed, planes
+from savmap.stages.networks.fit import WHITE, letterboxed, planes
 from savmap.stages.networks.instances import Instance, put_together
 from savmap.stages.networks.session import Run
 
@@ -37,7 +37,8 @@ class Yolo:
 
     def __init__(self, face: Face, run: Run) -> None:
         rows, prototypes = _outputs(face)
-        self._run, self._numbers = run, (face.outputs.index(rows), face.outputs.index(prototypes))
+        self._path, self._run = face.path, run
+        self._numbers = face.outputs.index(rows), face.outputs.index(prototypes)
         self._masks = prototypes.shape[1] or 32
         self._complete = _is_complete(rows, self._masks, face.names)
         self.names = face.names or _numbered(face, rows, self._masks)
@@ -53,11 +54,12 @@ class Yolo:
     def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
         """Instances of the classes asked for, put together."""
         picture, fit = letterboxed(image, self.input_size)
-        outputs = self._run(planes(picture))
+        outputs = self._run(planes(picture) / WHITE)
         rows, prototypes = (outputs[number][0].astype(np.float32) for number in self._numbers)
         boxes, scores, kinds, coefficients = _ends(rows) if self._complete else self._found(rows)
-        asked = np.array([labels[kind] is not None for kind in kinds], dtype=np.bool_)
-        chosen = np.flatnonzero(asked & (scores >= LEAST_SCORE))[:MOST_FOUND]
+        sure = np.flatnonzero(scores >= LEAST_SCORE)
+        self._require_named(kinds[sure])
+        chosen = [one for one in sure.tolist() if labels[kinds[one]] is not None][:MOST_FOUND]
         cell = self.input_size[0] / prototypes.shape[2]
         windows = fit.window(boxes[chosen].astype(np.float64), cell)
         logits = np.tensordot(coefficients[chosen], prototypes, 1)
@@ -66,6 +68,12 @@ class Yolo:
             for one, logit, window in zip(chosen, logits, windows, strict=True)
         ]
         return put_together(found, classes, fit)
+
+    def _require_named(self, kinds: NDArray[np.int64]) -> None:
+        """Raises ModelError for numbers of classes that the metadata does not name."""
+        unknown = kinds[(kinds < 0) | (kinds >= len(self.names))]
+        if unknown.size:
+            raise ModelError(f"{self._path}: gives class {unknown[0]}, but its metadata names {len(self.names)} from 0")
 
     def _found(self, rows: Floats) -> tuple[Floats, Floats, NDArray[np.int64], Floats]:
         """Boxes by their corners (k, 4), scores, numbers of classes and coefficients of what is found, the surest first, each once
@@ -119,12 +127,13 @@ def _numbered(face: Face, rows: Tensor, masks: int) -> tuple[str, ...]:
 
 
 def _size_in_metadata(face: Face) -> tuple[int, int]:
-    """Width and height that a network without a fixed size was made for."""
+    """Width and height that a network without a fixed size was made for: `imgsz`, [height, width] or one number for both."""
     try:
-        height, width = ast.literal_eval(face.metadata["imgsz"])
-        return int(width), int(height)
+        given = ast.literal_eval(face.metadata["imgsz"])
+        height, width = (given, given) if isinstance(given, int) else map(int, given)
     except (KeyError, ValueError, SyntaxError, TypeError):
         return USUAL_SIZE
+    return (width, height) if width > 0 and height > 0 else USUAL_SIZE
 
 
 def _ends(rows: Floats) -> tuple[Floats, Floats, NDArray[np.int64], Floats]:

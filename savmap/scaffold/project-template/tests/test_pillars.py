@@ -116,6 +116,13 @@ def test_scores_and_drawings_tell_what_is_off_and_what_is_missing(plugin: Pillar
     assert plugin.evaluate([first], {}).apart == {}
 
 
+def test_as_many_as_can_have_a_partner(plugin: Pillars) -> None:
+    first, second = mapped(plugin)
+    survey = {"pillars": [(POSTS[0] - np.array([1.9, 0, 0])).tolist(), POSTS[0].tolist()]}
+    score = plugin.evaluate([first, second], survey).apart["pillars"]
+    assert (len(score.distances_m), score.missing, score.spurious) == (2, 1, 1)
+
+
 def test_rows_share_their_feet(plugin: Pillars) -> None:
     first, second = mapped(plugin)
     assert [own.id for own in plugin.shared([first, second])] == ["pillar 1", "pillar 2"]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from savmap.types import Floats, RowFacts, Trajectory
-from savmap_pallets.outline import Camera, corners, errors, with_slopes
+from savmap_pallets.outline import Camera, errors, with_slopes
 
 TURNS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 SOME = 8
@@ -77,6 +77,3 @@ def _refined(
 
     found = least_squares(error, pose, slopes, loss="soft_l1", f_scale=SOFT_PX, max_nfev=most)
     return found.x, float(found.cost)
-
-
-__all__ = ["Sighting", "cameras", "corners", "fitted", "off_px", "poses_of", "spread"]

@@ -35,7 +35,7 @@ def shared(structures: Sequence[Structure]) -> list[SharedThing]:
 
 
 def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
-    """How far feet and tops are from the survey's, m; pillars further away than `GATE_M` have no partner.
+    """How far feet and tops are from the survey's, m; pillars further away than `GATE_M` have no partner, and as many as can have one.
 
     Empty where the survey has none. Raises OutputError where it is malformed.
     """
@@ -44,9 +44,9 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
     truth = checked(Surveyed, survey, "survey").points
     mapped = np.array([own.vertices for own in structures]).reshape(-1, 2, 3)
     apart = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
-    pairs = [
-        (i, j) for i, j in zip(*linear_sum_assignment(apart.max(axis=-1)), strict=True) if apart[i, j].max() < GATE_M
-    ]
+    far = apart.max(axis=-1)
+    chosen = linear_sum_assignment(np.where(far < GATE_M, far, GATE_M * (1 + len(truth))))
+    pairs = [(i, j) for i, j in zip(*chosen, strict=True) if far[i, j] < GATE_M]
     found = np.array([apart[i, j] for i, j in pairs]).ravel()
     deviations = {own.id: float("inf") for own in structures}
     deviations |= {structures[j].id: float(apart[i, j].max()) for i, j in pairs}

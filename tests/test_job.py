@@ -1,0 +1,80 @@
+"""Which plugins a job has where nobody names them."""
+
+from pathlib import Path
+
+import pytest
+
+from savmap import run
+from savmap.check import check
+from savmap.errors import PluginError, SiteError, StructureError
+from savmap.job import job_for
+
+VIDEO = Path(__file__).parent.parent / "examples" / "aisle-dev" / "aisle-dev.mp4"
+SITE = "rows: {{A: {{passes: [{{video: {}}}]}}}}\n"
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """A site file that names no plugins."""
+    (tmp_path / "site.yaml").write_text(SITE.format(VIDEO), encoding="utf-8")
+    return tmp_path / "site.yaml"
+
+
+def lack(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
+    """As if these packages were not installed."""
+    monkeypatch.setattr("savmap.rooms._is_there", lambda package: package not in packages)
+
+
+def test_installed_plugins_are_taken_if_they_have_all_they_need(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for source in (VIDEO, site):
+        lack(monkeypatch)
+        job = job_for(source, None, Path("out"))
+        assert {"lights", "shelves", "signs"} <= set(job.plugins)
+        assert job.note == f"no plugins are named: looking for {', '.join(job.plugins)}"
+        lack(monkeypatch, "rapidocr", "zxing-cpp")
+        job = job_for(source, None, Path("out"))
+        assert {"lights", "shelves"} <= set(job.plugins)
+        assert job.note.endswith("shelves; not signs (rapidocr and zxing-cpp not installed)")
+
+
+def test_plugins_that_are_named_are_taken_whatever_they_lack(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lack(monkeypatch, "rapidocr")
+    job = job_for(VIDEO, ["signs"], Path("out"))
+    assert (job.plugins, job.note) == (["signs"], "")
+    site.write_text("plugins: {shelves: , signs: }\n" + site.read_text(encoding="utf-8"), encoding="utf-8")
+    job = job_for(site, None, Path("out"))
+    assert (job.plugins, job.note) == (["shelves", "signs"], "")
+
+
+def test_where_none_has_what_it_needs_one_must_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.job.lacking", lambda plugin: ("reader",))
+    with pytest.raises(PluginError, match=r"no plugin .*; not shelves \(reader not installed\).*--plugins"):
+        job_for(VIDEO, None, Path("out"))
+
+
+def test_an_option_that_names_none_is_refused(site: Path) -> None:
+    for refused in (lambda: job_for(site, [], Path("out")), lambda: list(check(site, [], Path("out")))):
+        with pytest.raises(SiteError, match="--plugins: names none"):
+            refused()
+
+
+def test_the_user_is_told(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.preview.previews", lambda *_: iter(()))
+    monkeypatch.setattr("savmap.check.of_job", lambda *_: iter(()))
+    (line,) = run.preview(job_for(site, None, tmp_path))
+    assert line.startswith("no plugins are named: looking for ")
+    assert next(check(site, None, tmp_path)) == line
+
+
+def test_a_run_tells_it_on_the_terminal_and_in_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nothing(*_: object) -> None:
+        raise StructureError("enough")
+
+    monkeypatch.setattr("savmap.run.mapped_rows", nothing)
+    job = job_for(VIDEO, None, tmp_path, camera_height_m=3.05)
+    with pytest.raises(StructureError, match="enough"):
+        list(run.run(job))
+    assert job.note in capsys.readouterr().err
+    assert job.note in (tmp_path / "savmap.log").read_text(encoding="utf-8")
