@@ -32,3 +32,15 @@ def nearest_points(origins: Floats, directions: Floats) -> Floats:
     right = np.einsum("nkij,kj->ni", across, origins)
     points: Floats = np.linalg.solve(across.sum(axis=1) + 1e-9 * np.eye(3), right[..., None])[..., 0]
     return points
+
+
+def midway(origin: Floats, ray: Floats, other_origin: Floats, other_ray: Floats) -> Floats:
+    """The points (..., 3) midway between two lines where they are nearest to one another; the rays are unit vectors and not
+    parallel."""
+    apart = origin - other_origin
+    turn = (ray * other_ray).sum(axis=-1, keepdims=True)
+    along, other_along = (ray * apart).sum(axis=-1, keepdims=True), (other_ray * apart).sum(axis=-1, keepdims=True)
+    reach = (turn * other_along - along) / (1 - turn**2)
+    other_reach = (other_along - turn * along) / (1 - turn**2)
+    points: Floats = 0.5 * (origin + reach * ray + other_origin + other_reach * other_ray)
+    return points

@@ -41,11 +41,18 @@ class Sightings:
     def off(self, quads: Floats) -> Floats:
         """How far, px, the worst corner of signs (h, 4, 3) would be off each sighting, beyond what a camera that is `START_M` off its
         place explains: (h, n); infinite behind the camera."""
-        towards = quads[:, None] - self.origins[None, :, None]
+        return self._off(quads[:, None], np.arange(len(self)))
+
+    def off_own(self, quads: Floats, own: Ints) -> Floats:
+        """The same (m,) for signs (m, 4, 3) and one sighting each."""
+        return self._off(quads, own)
+
+    def _off(self, quads: Floats, own: Ints) -> Floats:
+        towards = quads - self.origins[own, None]
         length = np.maximum(np.linalg.norm(towards, axis=-1), 1e-6)
-        cosine = np.einsum("hnki,nki->hnk", towards, self.rays) / length
+        cosine = (towards * self.rays[own]).sum(axis=-1) / length
         angle = np.maximum(np.sqrt(np.maximum(2 - 2 * cosine, 0.0)) - START_M / length, 0.0)
-        worst: Floats = np.where((cosine > 0).all(axis=-1), angle.max(axis=-1) * self.focal, np.inf)
+        worst: Floats = np.where((cosine > 0).all(axis=-1), angle.max(axis=-1) * self.focal[own], np.inf)
         return worst
 
 

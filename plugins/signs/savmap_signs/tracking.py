@@ -7,9 +7,10 @@ explained. All views count together, so that a sign which passes from the view a
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.errors import StructureError
-from savmap.geometry.triangulate import nearest_points
+from savmap.geometry.triangulate import midway, nearest_points
 from savmap.types import Feature, Floats, Ints, RowFacts, Track, Trajectory
 from savmap_signs.features import PARTS
 from savmap_signs.settings import Settings
@@ -17,7 +18,7 @@ from savmap_signs.sightings import Sightings, sightings
 from savmap_signs.texts import Words, voted
 
 MIN_SUPPORT = 3
-WINDOW, PARTNERS = 60, 14
+WINDOW, PARTNERS = 60, 28
 PARALLAX_DEG = (2.0, 70.0)
 NEAREST_M, FURTHEST_M = 0.3, 25.0
 PAIR_PX, AGREE_PX = 4.0, 6.0
@@ -60,7 +61,7 @@ def _found(seen: Sightings) -> list[tuple[Floats, Ints]]:
         quad, chosen = _settled(seen, fits[best] & left, left)
         explained = np.union1d(chosen, np.flatnonzero(fits[best] & left))
         left[explained] = False
-        if len(chosen) >= MIN_SUPPORT and _is_sign(quad) and not any(_same(quad, other) for other, _ in found):
+        if len(chosen) >= MIN_SUPPORT and is_sign(quad) and not any(_same(quad, other) for other, _ in found):
             found.append((quad, chosen))
 
 
@@ -71,26 +72,30 @@ def _guesses(seen: Sightings) -> Floats:
     pairs = []
     for first in range(len(order)):
         later = np.flatnonzero((frames > frames[first]) & (frames <= frames[first] + WINDOW))
-        chosen = later[np.unique(np.linspace(0, len(later) - 1, min(len(later), 4 * PARTNERS)).astype(int))]
-        pairs += [(order[first], order[other]) for other in chosen]
+        pairs += [(order[first], order[other]) for other in partners(later)]
     if not pairs:
         return np.zeros((0, 4, 3))
     one, other = np.array(pairs).T
-    angle = np.degrees(np.arccos(np.clip(np.einsum("nki,nki->nk", seen.rays[one], seen.rays[other]), -1, 1)))
+    angle = np.degrees(np.arccos(np.clip((seen.rays[one] * seen.rays[other]).sum(axis=-1), -1, 1)))
     wide = (angle.min(axis=1) > PARALLAX_DEG[0]) & (angle.max(axis=1) < PARALLAX_DEG[1])
-    one, other = one[wide], other[wide]
-    kept = [_met(seen, a, b) for a, b in zip(one.tolist(), other.tolist(), strict=True)]
-    return np.array([quad for quad in kept if quad is not None]).reshape(-1, 4, 3)
+    return _met(seen, one[wide], other[wide])
 
 
-def _met(seen: Sightings, one: int, other: int) -> Floats | None:
-    """The corners that two sightings share, where their rays meet so well, and they look like a sign."""
-    pair = np.array([one, other])
-    quad = nearest_points(seen.origins[pair], np.moveaxis(seen.rays[pair], 0, 1))
-    away = np.linalg.norm(quad.mean(axis=0) - seen.origins[pair], axis=1)
-    if away.min() < NEAREST_M or away.max() > FURTHEST_M or not _is_sign(quad):
-        return None
-    return quad if seen.take(pair).off(quad[None]).max() < PAIR_PX else None
+def partners(later: Ints) -> Ints:
+    """Of later sightings the next ones, for a sign that is soon gone, and some of the rest."""
+    rest = later[PARTNERS:]
+    spread = np.unique(np.linspace(0, len(rest) - 1, min(len(rest), PARTNERS)).astype(int))
+    return np.concatenate([later[:PARTNERS], rest[spread]])
+
+
+def _met(seen: Sightings, one: Ints, other: Ints) -> Floats:
+    """The corners (h, 4, 3) that pairs of sightings (m,) share, of those whose rays meet so well, and which look like a sign."""
+    quads = midway(seen.origins[one, None], seen.rays[one], seen.origins[other, None], seen.rays[other])
+    kept = is_sign(quads)
+    for own in (one, other):
+        away = np.linalg.norm(quads.mean(axis=1) - seen.origins[own], axis=1)
+        kept &= (away > NEAREST_M) & (away < FURTHEST_M) & (seen.off_own(quads, own) < PAIR_PX)
+    return quads[kept]
 
 
 def _settled(seen: Sightings, chosen: np.ndarray, left: np.ndarray) -> tuple[Floats, Ints]:
@@ -118,16 +123,16 @@ def _once(seen: Sightings, off: Floats) -> np.ndarray:
     return chosen
 
 
-def _is_sign(quad: Floats) -> bool:
-    """Whether corners (4, 3) are about those of a rectangle of a sign's size."""
-    sides = np.roll(quad, -1, axis=0) - quad
-    lengths = np.linalg.norm(sides, axis=1)
-    if lengths.min() < SIDES_M[0] or lengths.max() > SIDES_M[1]:
-        return False
-    unit = sides / lengths[:, None]
-    turns = np.abs(np.einsum("ki,ki->k", unit, np.roll(unit, -1, axis=0)))
-    alike = max(max(a / b, b / a) for a, b in ((lengths[0], lengths[2]), (lengths[1], lengths[3])))
-    return bool(turns.max() < np.sin(np.radians(SQUARE_DEG)) and alike < ALIKE)
+def is_sign(quads: Floats) -> NDArray[np.bool_]:
+    """Which corners (..., 4, 3) are about those of a rectangle of a sign's size."""
+    sides = np.roll(quads, -1, axis=-2) - quads
+    lengths = np.linalg.norm(sides, axis=-1)
+    unit = sides / np.maximum(lengths, 1e-9)[..., None]
+    turns = np.abs((unit * np.roll(unit, -1, axis=-2)).sum(axis=-1)).max(axis=-1)
+    alike = np.abs(np.log(np.maximum(lengths, 1e-9) / np.maximum(np.roll(lengths, -2, axis=-1), 1e-9))).max(axis=-1)
+    sized = (lengths.min(axis=-1) >= SIDES_M[0]) & (lengths.max(axis=-1) <= SIDES_M[1])
+    found: NDArray[np.bool_] = sized & (turns < np.sin(np.radians(SQUARE_DEG))) & (alike < np.log(ALIKE))
+    return found
 
 
 def _same(quad: Floats, other: Floats) -> bool:

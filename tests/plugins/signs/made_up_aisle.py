@@ -49,7 +49,7 @@ def _features(frame: int, spec: ViewSpec, pose: Floats, number: int, sign: Float
     pixels = project(away @ pose[:3, :3] @ spec.rig_from_view, spec.camera)
     inside = np.isfinite(pixels).all() and pixels.min() > 3 and (pixels < [spec.width - 4, spec.height - 4]).all()
     if inside and normal @ away.mean(axis=0) < 0 and np.ptp(pixels, axis=0).min() > 6:
-        readings = {f"text:{PLATES[number].text}": 0.95}
+        readings = {f"text:{PLATES[number % len(PLATES)].text}": 0.95}
         for index, part in enumerate(PARTS):
             pixel = (pixels + noise)[index][None]
             said = readings if index == 0 else {}

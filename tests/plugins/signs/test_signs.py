@@ -6,12 +6,13 @@ import pytest
 
 from savmap.errors import StructureError
 from savmap.graph import Constraints
-from savmap.types import Structure, Track
+from savmap.types import Structure, Track, Trajectory
 from savmap_signs.bays import with_bays
 from savmap_signs.constraints import constrain, nearest_size
 from savmap_signs.evaluate import evaluate
+from savmap_signs.scene import Plate, corners
 from savmap_signs.settings import Settings
-from savmap_signs.tracking import track_signs
+from savmap_signs.tracking import PARTNERS, partners, track_signs
 
 from .made_up_aisle import PLATES, TRUTH, drive, seen
 
@@ -42,6 +43,26 @@ def test_signs_seen_twice_are_not_mapped() -> None:
     few = [feature for feature in seen(PATH, TRUTH[:1]) if feature.frame in (4, 6)]
     with pytest.raises(StructureError, match="no sign was seen in three frames"):
         track_signs(few, FACTS, PATH, Settings())
+
+
+def test_a_sighting_s_partners_are_the_next_ones_and_some_of_the_rest() -> None:
+    later = np.arange(10, 400)
+    chosen = partners(later)
+    assert chosen[:PARTNERS].tolist() == later[:PARTNERS].tolist()
+    assert len(np.unique(chosen)) == 2 * PARTNERS
+    assert chosen[-1] == later[-1]
+    assert partners(later[:5]).tolist() == later[:5].tolist()
+
+
+def test_a_path_that_is_off_costs_no_sign_close_by() -> None:
+    poses = PATH.world_from_rig.copy()
+    poses[:, :3, 3] += np.random.default_rng(4).uniform(-0.02, 0.02, (len(poses), 3))
+    near = Plate(at=(1.4, 1.9, 0.6), size=(0.4, 0.2), text="A21-04")
+    sign = corners(near, "+z")
+    off = Trajectory(PATH.frames, poses)
+    features = seen(PATH, [sign])
+    found = track_signs(features, FACTS, off, Settings())
+    assert found[0].frames.tolist() == sorted({feature.frame for feature in features})
 
 
 def test_each_sign_has_a_factor_of_shape_that_holds_of_the_truth(tracks: list[Track]) -> None:
