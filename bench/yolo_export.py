@@ -4,13 +4,14 @@
     python bench/yolo_export.py pictures data/blue --count 600 --seed 71
     python bench/yolo_export.py row data/blue-row --seed 5200
     yolo/bin/python bench/yolo_export.py set data/yolo --data data/blue
-    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 40 --size 384 -o racks.onnx
+    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 30 --size 384 -o runs/racks.onnx
+    yolo/bin/python bench/yolo_export.py train data/yolo --minutes 16 --from runs/train/weights/last.pt -o racks.onnx
     yolo/bin/python bench/yolo_export.py compare racks.onnx data/yolo/images/val
     python bench/networks.py data/blue-row/site.yaml --yolo racks.onnx
 
 `pictures` and `row` are made-up racks of one style, blue with orange beams, as a user's own are: so few pictures and minutes do
 not teach a network every style from nothing. `set` turns labelled pictures into a YOLO-seg set; `train` trains from the architecture's file alone,
-without anyone's weights, and exports; `compare` reads pictures with savmap and with ultralytics itself and says how far their masks agree.
+without anyone's weights, or goes on from a run's own, and exports; `compare` reads pictures with savmap and with ultralytics itself and says how far their masks agree.
 """
 
 import argparse
@@ -23,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.label.polygons import outlines
 from savmap.sim.dataset import write
 from savmap.sim.random_row import random_row
 from savmap.sim.random_scene import random_scene
@@ -33,8 +35,7 @@ from savmap.train.dataset import read_dataset, split
 
 CLASSES = ("upright", "beam")
 CARTONS = [[0.48, 0.33, 0.2], [0.42, 0.28, 0.16], [0.6, 0.6, 0.58], [0.2, 0.2, 0.22]]
-LEAST_AREA_PX = 20.0
-SMOOTH_PX = 0.5
+LEAST_PIXELS = 20
 
 
 def blue(scene: Scene) -> Scene:
@@ -60,16 +61,12 @@ def yolo(model: Path | str) -> Any:
         raise SystemExit("ultralytics is not installed here; see the head of this file") from None
 
 
-def outlines(mask: NDArray[np.uint8]) -> Iterator[str]:
-    """Lines of a YOLO-seg label file: the number of the class and the outline, 0..1, of each connected region; holes are filled."""
+def lines_of(mask: NDArray[np.uint8]) -> Iterator[str]:
+    """Lines of a YOLO-seg label file: the number of the class and the outline, 0..1, of each connected region."""
     height, width = mask.shape
     for number in range(len(CLASSES)):
-        found, _ = cv2.findContours((mask == number + 1).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-        for contour in found:
-            outline = cv2.approxPolyDP(contour, SMOOTH_PX, closed=True)[:, 0]
-            if cv2.contourArea(contour) >= LEAST_AREA_PX and len(outline) > 2:
-                places = ((outline + 0.5) / (width, height)).ravel()
-                yield f"{number} {' '.join(f'{place:.5f}' for place in places)}"
+        for outline in outlines(mask == number + 1, least_pixels=LEAST_PIXELS):
+            yield f"{number} {' '.join(f'{place:.5f}' for place in (outline / (width, height)).ravel())}"
 
 
 def make_set(folders: Sequence[Path], output: Path) -> None:
@@ -80,7 +77,7 @@ def make_set(folders: Sequence[Path], output: Path) -> None:
                 (output / kind / name).mkdir(parents=True, exist_ok=True)
             for sample in samples:
                 picture, mask = sample.load()
-                if lines := list(outlines(mask)):
+                if lines := list(lines_of(mask)):
                     own = f"{folder.name}-{sample.image.stem}"
                     cv2.imwrite(str(output / "images" / name / f"{own}.jpg"), picture[:, :, ::-1])
                     (output / "labels" / name / f"{own}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -89,9 +86,9 @@ def make_set(folders: Sequence[Path], output: Path) -> None:
     (output / "data.yaml").write_text(text, encoding="utf-8")
 
 
-def train(data: Path, architecture: str, minutes: float, size: int, output: Path) -> None:
-    """Train from nothing for so many minutes, and export."""
-    model = yolo(architecture)
+def train(data: Path, start: str, minutes: float, size: int, output: Path) -> None:
+    """Train for so many minutes, from an architecture's file or weights, and export."""
+    model = yolo(start)
     model.add_callback("on_train_start", in_few_bits)
     settings = {"device": "cpu", "workers": 0, "batch": 8, "amp": False, "plots": False, "val": False, "mosaic": 0.0}
     settings |= {"warmup_epochs": 1.0, "cache": "ram"}
@@ -157,7 +154,9 @@ def main() -> None:
     one.add_argument("--data", type=Path, action="append", required=True)
     one = doing.add_parser("train")
     one.add_argument("data", type=Path)
-    one.add_argument("--architecture", default="yolo11n-seg.yaml")
+    one.add_argument(
+        "--from", dest="start", default="yolo11n-seg.yaml", help="an architecture's file, or weights of an earlier run"
+    )
     one.add_argument("--minutes", type=float, default=30.0)
     one.add_argument("--size", type=int, default=640)
     one.add_argument("-o", "--output", type=Path, required=True)
@@ -172,7 +171,7 @@ def main() -> None:
     elif given.doing == "set":
         make_set(given.data, given.output)
     elif given.doing == "train":
-        train(given.data, given.architecture, given.minutes, given.size, given.output)
+        train(given.data, given.start, given.minutes, given.size, given.output)
     else:
         compare(given.model, sorted(given.pictures.glob("*.jpg")))
 
