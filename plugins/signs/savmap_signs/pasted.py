@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.pinhole import rig_from_view
+from savmap.io.files import write_text
+from savmap.io.images import write_picture
 from savmap.types import Floats
 from savmap_signs.artwork import Picture, artwork
 from savmap_signs.random_plates import code_of, looks, text_of
@@ -91,16 +93,16 @@ def _outline(quad: Floats, shape: tuple[int, int]) -> NDArray[np.float32]:
 
 
 def samples(data: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:
-    """`count` pictures from data sets, in random order, with plates."""
+    """`count` pictures from data sets, in random order, with plates; named by what they were, so that a scene stays one."""
     rng = np.random.default_rng([seed, 80])
     images = [path for folder in data for path in sorted((folder / "images").glob("*"))]
-    for number, index in enumerate(rng.permutation(len(images))[:count]):
+    for index in rng.permutation(len(images))[:count]:
         path = images[index]
         bgr, old = cv2.imread(str(path)), cv2.imread(str(path.parent.parent / "masks" / f"{path.stem}.png"), 0)
         if bgr is None or old is None:
             continue
         picture, mask = pasted(np.asarray(bgr[..., ::-1], np.uint8), (old > 0) & (old < 3), rng)
-        yield f"pasted-{seed}-{number:05d}", picture, mask
+        yield f"pasted-{seed}-{path.parent.parent.name}-{path.stem}", picture, mask
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -111,13 +113,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
-    for part in ("images", "masks"):
-        (options.output / part).mkdir(parents=True, exist_ok=True)
     about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "pasted plates"}
-    (options.output / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(options.output / "dataset.json", json.dumps(about, indent=1) + "\n")
     for name, picture, mask in samples(options.data, options.count, options.seed):
-        cv2.imwrite(str(options.output / "images" / f"{name}.jpg"), np.ascontiguousarray(picture[..., ::-1]))
-        cv2.imwrite(str(options.output / "masks" / f"{name}.png"), mask)
+        write_picture(options.output / "images" / f"{name}.jpg", np.ascontiguousarray(picture[..., ::-1]))
+        write_picture(options.output / "masks" / f"{name}.png", mask)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 
 from savmap.geometry.pinhole import rig_from_view
+from savmap.io.files import write_text
+from savmap.io.images import write_picture
 from savmap.sim.build import build
 from savmap.sim.camera import CameraSample, sample_camera, world_from_level
 from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture
@@ -21,7 +23,7 @@ from savmap.sim.shade import Image, Mask, Renderer, renderer
 from savmap_signs.random_plates import dressed
 
 NAME = "sign"
-VIEWS_A_SCENE = 8
+VIEWS_A_SCENE = 10
 ALONG_SHARE = 0.4
 LEAST_PX = 40
 
@@ -69,14 +71,12 @@ def _judged(mask: Mask) -> Mask:
 
 def write(folder: Path, seed: int, count: int) -> None:
     """Writes a labelled data set."""
-    for part in ("images", "masks"):
-        (folder / part).mkdir(parents=True, exist_ok=True)
     about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
-    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
     for name, picture, mask in samples(seed, count):
+        write_picture(folder / "masks" / f"{name}.png", mask)
         bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
-        cv2.imwrite(str(folder / "masks" / f"{name}.png"), mask)
-        cv2.imwrite(str(folder / "images" / f"{name}.jpg"), bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])
+        write_picture(folder / "images" / f"{name}.jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
