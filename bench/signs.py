@@ -3,9 +3,9 @@ whether any text is made up.
 
     python bench/signs.py --seeds 6100 --frames 40 --width 4096 -o out/signs
 
-A row as `random_row` makes it gets a bay sign (30 x 15 cm) at every upright, signs (80 x 40 cm) that hang across the aisle, and
-labels with codes at beams. A sign counts as legible where it was in sight, whole and clear of goods, in three frames or
-more with letters at least 8 pixels of the panorama high.
+A row as `random_row` makes it gets a bay sign (30 x 15 cm) at every upright, in some rows with an AprilTag, and signs (80 x 40 cm)
+that hang across the aisle. A sign counts as legible where it was in sight, whole and clear of goods, in three frames or more with
+letters at least 8 pixels of the panorama high. "inside": the corners' coordinates within 1.96 of their standard deviations.
 """
 
 import argparse
@@ -28,13 +28,14 @@ from savmap.sim.random_row import random_row
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.types import Structure
+from savmap.types import Floats, Structure
 from savmap_signs.evaluate import match, said
 from savmap_signs.random_plates import starts
 from savmap_signs.survey import SurveyedSign, read_row
 
 LETTER_PX, FRAMES = 8.0, 3
 LETTER_SHARE = 0.33
+TINY_M = 1e-6
 PATTERN = r"[A-Z]\d{2}-\d{2}|AISLE [A-Z]\d{2}"
 
 
@@ -103,6 +104,7 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
     partner = match(surveyed.corners(), np.array([own.vertices for own in signs]).reshape(-1, 4, 3))
     readable = [i for i, sign in enumerate(surveyed.signs) if legible(scene, caster, path, sign)]
     off = {i: np.linalg.norm(surveyed.corners()[i] - signs[j].vertices, axis=1) for i, j in partner.items()}
+    inside = [within(surveyed.corners()[i] - signs[j].vertices, signs[j].covariances) for i, j in partner.items()]
     true = {j: i for i, j in partner.items()}
     invented = [
         own.attributes["text"]
@@ -115,6 +117,7 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
         "found": sum(i in partner for i in readable),
         "read": sum(i in partner and said(surveyed.signs[i], signs[partner[i]]) for i in readable),
         "corners_m": np.concatenate([np.zeros(0), *(off[i] for i in readable if i in off)]).round(4).tolist(),
+        "inside": round(float(np.mean(inside)), 4) if inside else None,
         "invented": invented,
         "spurious": len(signs) - len(partner),
         "not_read": [
@@ -123,6 +126,12 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
             if i not in partner or not said(surveyed.signs[i], signs[partner[i]])
         ],
     }
+
+
+def within(errors: Floats, covariances: Floats) -> Floats:
+    """Which coordinates (4, 3) are off by no more than 1.96 standard deviations."""
+    sigmas = np.sqrt(np.einsum("kii->ki", covariances))
+    return np.asarray(np.abs(errors) <= 1.96 * sigmas + TINY_M, np.float64)
 
 
 def figures_of(seed: int, frames: int, width: int, folder: Path) -> dict[str, Any]:
@@ -143,7 +152,8 @@ def line(seed: int, own: Mapping[str, Any]) -> str:
     corners = np.array(own["corners_m"] or [np.nan])
     return (
         f"{seed:6d} {own['signs']:6d} {own['legible']:8d} {own['found']:6d} {own['read']:5d} {100 * corners.mean():8.2f} "
-        f"{100 * np.percentile(corners, 95):8.2f} {100 * corners.max():8.2f} {len(own['invented']):9d} {own['spurious']:9d}"
+        f"{100 * np.percentile(corners, 95):8.2f} {100 * corners.max():8.2f} {100 * (own['inside'] or 0):8.1f} "
+        f"{len(own['invented']):9d} {own['spurious']:9d}"
     )
 
 
@@ -157,7 +167,7 @@ def main() -> None:
         "-o", "--output", type=Path, default=Path("out/signs"), help="keeps footage, maps and signs.json"
     )
     options = parser.parse_args()
-    print("  seed  signs  legible  found  read  mean cm  95 % cm   max cm  invented  spurious", flush=True)
+    print("  seed  signs  legible  found  read  mean cm  95 % cm   max cm  inside %  invented  spurious", flush=True)
     results = {}
     for seed in options.seeds:
         results[seed] = figures_of(seed, options.frames, options.width, options.output / f"row-{seed}")

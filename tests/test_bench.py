@@ -105,10 +105,12 @@ def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     figures = signs.judged(scene, found)
     assert 0 < figures["legible"] == figures["found"] == figures["read"] <= figures["signs"] == len(truth)
     assert max(figures["corners_m"]) < 1e-4
+    assert figures["inside"] == 1.0
     assert (figures["invented"], figures["spurious"], figures["not_read"]) == ([], 0, [])
     far = mapped(99, np.array(truth[0]["corners"]) + 2.0, "Z99-99")
     wrong = [mapped(n, np.array(one["corners"]) + 0.01, "A00-00") for n, one in enumerate(truth)]
     figures = signs.judged(scene, [*wrong, far])
     assert (figures["read"], len(figures["invented"]), figures["spurious"]) == (0, len(truth) + 1, 1)
+    assert figures["inside"] == 0.0
     assert figures["corners_m"] == pytest.approx([0.0173] * 4 * figures["legible"], abs=1e-3)
     assert signs.line(6100, figures).split()[:2] == ["6100", str(len(truth))]
