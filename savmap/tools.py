@@ -7,7 +7,7 @@ from pathlib import Path
 
 from savmap.errors import ModelError, PluginError, SavmapError, SiteError, told
 from savmap.job import prepare
-from savmap.rooms import exporters, installed, load_class
+from savmap.rooms import exporters, installed, lacking, load_class
 from savmap.types import ViewSpec
 
 
@@ -21,6 +21,8 @@ def plugin_lines() -> Iterator[str]:
         yield f"  model    {plugin.model}"
         yield f"  network  {_network(plugin.model)}"
         yield f"  hooks    {', '.join(hooks)}"
+        if missing := lacking(plugin):
+            yield f"  lacks    {', '.join(missing)}, without which it does less: pip install them, or savmap's extra of its name"
 
 
 def _network(model: Path) -> str:

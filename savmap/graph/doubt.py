@@ -44,8 +44,16 @@ def undoubted(problem: Problem, cameras: Floats, points: Floats) -> tuple[Proble
         told = "; ".join(
             f"{one.name} is given as {one.value:.3f} m, but the rest says {other:.2f} m" for one, other in out
         )
-        raise SolveError(f"row {problem.frames.facts.name}: the references contradict one another or the video: {told}")
+        raise contradiction(problem, told)
     return problem, ()
+
+
+def contradiction(problem: Problem, what: str) -> SolveError:
+    """The error for references that cannot all be right, with what is off and what to do."""
+    return SolveError(
+        f"row {problem.frames.facts.name}: the references contradict one another or the video: {what}; "
+        "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
+    )
 
 
 def readings(problem: Problem, cameras: Floats, points: Floats) -> list[tuple[Problem, tuple[str, ...]]]:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
-from savmap.graph.doubt import gross
+from savmap.graph.doubt import contradiction, gross
 from savmap.graph.keys import mast_key
 from savmap.graph.problem import Problem
 from savmap.graph.residuals import Fit
@@ -117,9 +116,7 @@ def refuse_contradiction(problem: Problem, verdicts: list[Verdict]) -> None:
     wrong = [verdict for verdict in verdicts if verdict.gross]
     if wrong:
         lines = "; ".join(told(verdict) for verdict in sorted(wrong, key=lambda v: -v.off)[:3])
-        raise SolveError(
-            f"row {problem.frames.facts.name}: the references contradict one another or the video: {lines}"
-        )
+        raise contradiction(problem, lines)
 
 
 def refuse_unseen(problem: Problem, fit: Fit) -> None:
@@ -133,10 +130,7 @@ def refuse_unseen(problem: Problem, fit: Fit) -> None:
         and any(seen[at] and not used[at] for at in map(problem.index, filter(None, (relation.a, relation.b))))
     ]
     if len(lost) >= UNSEEN:
-        raise SolveError(
-            f"row {problem.frames.facts.name}: the references contradict one another or the video: nothing that was seen of "
-            f"{', '.join(lost[:3])} fits the others"
-        )
+        raise contradiction(problem, f"nothing that was seen of {', '.join(lost[:3])} fits the others")
 
 
 def told(verdict: Verdict) -> str:

@@ -25,6 +25,7 @@ from savmap.train.trainer import Settings, Trainer, predictor
 VALIDATION = "validation"
 SHARE = 0.2
 """How many of the pictures are kept to choose, calibrate and measure by."""
+LEAST_TO_CALIBRATE = 5
 
 
 def fine_tune(task: Task, progress: Progress, settings: Settings) -> Mapping[str, Any]:
@@ -102,9 +103,10 @@ def named_tests(task: Task, samples: Sequence[Sample]) -> dict[str, Sequence[Sam
 def calibration(
     network: SegmentationNetwork, validation: Sequence[Sample]
 ) -> tuple[SegmentationNetwork, Mapping[str, float]]:
-    """The network with its temperature folded in, and what that is and does to the expected calibration error."""
+    """The network with its temperature folded in, and what that is and does to the expected calibration error. Fewer pictures than
+    `LEAST_TO_CALIBRATE` tell none: it is 1."""
     logits, labels = logits_of(network, validation)
-    temperature = temperature_for(logits, labels)
+    temperature = temperature_for(logits, labels) if len(validation) >= LEAST_TO_CALIBRATE else 1.0
     errors = []
     for divisor in (1.0, temperature):
         reliability = Reliability()
@@ -131,16 +133,22 @@ def report_lines(recipe: Mapping[str, Any], classes: Sequence[str]) -> Iterator[
             cells = "".join(f"{'-':>12s}" if one is None else f"{one:12.3f}" for one in (*known, mean))
             title = f"{name} ({verdict['pictures']})"
             yield f"{title:24s} {when:8s}{cells}{verdict['calibration error']:20.4f}"
-    figures = recipe["calibration"]
-    yield (
-        f"temperature {figures['temperature']:.3f}, fitted to the validation pictures: calibration error on them "
-        f"{figures['error before']:.4f} without it, {figures['error after']:.4f} with it"
-    )
+    yield _calibrated(recipe)
     if len(recipe["scores"]) == 1:
         yield f"the network and its temperature were chosen by the {VALIDATION} pictures; --held-out SET measures on others"
     lost = dict(chain.from_iterable(_lost(name, files) for name, files in recipe["scores"].items()))
     if lost:
         yield "8-bit integers lose " + ", ".join(f"{loss:+.4f} IoU on {name}" for name, loss in lost.items())
+
+
+def _calibrated(recipe: Mapping[str, Any]) -> str:
+    figures, pictures = recipe["calibration"], recipe["scores"][VALIDATION]["before"]["pictures"]
+    if pictures < LEAST_TO_CALIBRATE:
+        return f"confidence is not calibrated: {pictures} validation pictures are too few, label more"
+    return (
+        f"temperature {figures['temperature']:.3f}, fitted to the validation pictures: calibration error on them "
+        f"{figures['error before']:.4f} without it, {figures['error after']:.4f} with it"
+    )
 
 
 def _lost(name: str, files: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

@@ -207,8 +207,9 @@ class TestWithTorch:
         for figures in recipe["scores"].values():
             assert set(figures) == {"before", "after", "int8"}
         text = "\n".join(report_lines(recipe, task.classes))
-        for words in ("validation (1)", "other (1)", "fitted to the validation pictures", "8-bit integers lose"):
+        for words in ("validation (1)", "other (1)", "1 validation pictures are too few", "8-bit integers lose"):
             assert words in text
+        assert recipe["calibration"]["temperature"] == 1.0
         assert "--held-out SET" not in text
         alone = recipe | {"scores": {"validation": recipe["scores"]["validation"]}}
         assert "--held-out SET measures on others" in "\n".join(report_lines(alone, task.classes))
@@ -220,6 +221,16 @@ class TestWithTorch:
         assert {path.name for path in tmp_path.glob("m.*")} == {"m.onnx", "m.int8.onnx", "m.checkpoint.pt"}
         with pytest.raises(OutputError, match="is also trained on, 4 of 4 pictures in all"):
             train(replace(task, held_out=task.data))
+
+    def test_enough_validation_pictures_calibrate(
+        self, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from savmap.train import finetune
+
+        monkeypatch.setattr(finetune, "LEAST_TO_CALIBRATE", 1)
+        recipe = train(task)
+        assert recipe["calibration"]["temperature"] != 1.0
+        assert "fitted to the validation pictures" in "\n".join(finetune.report_lines(recipe, task.classes))
 
     def test_copies_of_pictures_are_not_held_out(self, task: Task, tmp_path: Path) -> None:
         copies = shutil.copytree(task.data[0], tmp_path / "copies")
