@@ -8,7 +8,7 @@ Structures of other plugins: `--plugin NAME --classes upright,beam,light,THING`,
 import argparse
 import importlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -144,20 +144,26 @@ def write(
     classes: Sequence[str] = CLASSES,
     scene_of: Callable[[int], Scene] = random_scene,
 ) -> None:
-    """Writes a labelled data set; pictures of other kinds and seeds that are there already are kept.
+    """Writes a labelled data set; see `write_samples`."""
+    write_samples(folder, classes, "savmap.sim, ray cast", samples(seed, count, kind, classes, scene_of))
+
+
+def write_samples(
+    folder: Path, classes: Sequence[str], renderer: str, pictures: Iterable[tuple[str, Image, Mask]]
+) -> None:
+    """Writes named pictures (h, w, 3) RGB and masks (h, w) as a labelled data set; others that are there already are kept.
 
     Raises OutputError where they are labelled with other classes, or something cannot be written."""
     header = folder / "dataset.json"
     there = read_json(header) if header.is_file() else {"classes": list(classes)}
     if not isinstance(there, dict) or there.get("classes") != list(classes):
         raise OutputError(f"{header}: is of pictures with other classes; choose another -o, or give the same --classes")
-    about = {"format": "savmap-dataset", "version": 1, "classes": list(classes), "renderer": "savmap.sim, ray cast"}
+    about = {"format": "savmap-dataset", "version": 1, "classes": list(classes), "renderer": renderer}
     write_text(header, json.dumps(about, indent=1) + "\n")
-    for name, picture, mask in samples(seed, count, kind, classes, scene_of):
+    for name, picture, mask in pictures:
         write_picture(folder / "masks" / f"{name}.png", mask)
-        flags = [cv2.IMWRITE_JPEG_QUALITY, 95]
-        bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
-        write_picture(folder / "images" / f"{name}.jpg", bgr, flags)
+        bgr = np.ascontiguousarray(picture[..., ::-1])
+        write_picture(folder / "images" / f"{name}.jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, 95))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

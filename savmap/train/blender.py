@@ -6,22 +6,18 @@ DIR/images/NAME.jpg, DIR/masks/NAME.png, DIR/dataset.json. Finished pictures are
 
 import argparse
 import importlib.util
-import json
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.errors import SavmapError
-from savmap.io.files import write_text
-from savmap.io.images import write_picture
+from savmap.errors import SavmapError, ending_in_one_line
 from savmap.sim.build import Built, build
 from savmap.sim.camera import CameraSample, Kind, sample_camera
+from savmap.sim.dataset import write_samples
 from savmap.sim.primitives import Box
 from savmap.sim.random_scene import random_scene
 from savmap.train.blender_camera import develop
@@ -115,16 +111,9 @@ def samples(seed: int, indices: Sequence[int], look: int, quality: Quality) -> I
 
 def write(folder: Path, seed: int, count: int, look: int, quality: Quality) -> None:
     """Writes a labelled data set; a picture that is there already is kept, with its mask."""
-    renderer = f"savmap.train.blender, path traced, look {look}"
-    about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": renderer}
-    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
     missing = [i for i in range(count) if not (folder / "images" / f"{_name(look, seed, i)[0]}.jpg").exists()]
-    for name, picture, mask in samples(seed, missing, look, quality):
-        write_picture(folder / "masks" / f"{name}.png", mask)
-        flags = (cv2.IMWRITE_JPEG_QUALITY, 95)
-        write_picture(
-            folder / "images" / f"{name}.jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR).astype(np.uint8), flags
-        )
+    renderer = f"savmap.train.blender, path traced, look {look}"
+    write_samples(folder, CLASSES, renderer, samples(seed, missing, look, quality))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -137,12 +126,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--threads", type=int, default=Quality.threads)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
-    try:
+    with ending_in_one_line():
         quality = Quality(samples=options.samples, threads=options.threads)
         write(options.output, options.seed, options.count, options.look, quality)
-    except SavmapError as error:
-        print(error, file=sys.stderr)
-        raise SystemExit(error.exit_code) from error
 
 
 if __name__ == "__main__":

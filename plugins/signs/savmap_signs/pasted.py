@@ -5,7 +5,6 @@ and as sharp and noisy as the picture.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.errors import OutputError, ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.io.files import write_text
-from savmap.io.images import write_picture
+from savmap.sim.dataset import write_samples
 from savmap.types import Floats
 from savmap_signs.artwork import Picture, artwork
 from savmap_signs.random_plates import code_of, looks, text_of
@@ -92,10 +91,17 @@ def _outline(quad: Floats, shape: tuple[int, int]) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(fine, shape[::-1], interpolation=cv2.INTER_AREA) / 255, np.float32)
 
 
-def samples(data: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:
-    """`count` pictures from data sets, in random order, with plates; named by what they were, so that a scene stays one."""
+def pictures_of(folder: Path) -> list[Path]:
+    """The pictures of a data set. Raises OutputError where there are none."""
+    found = sorted((folder / "images").glob("*"))
+    if not found:
+        raise OutputError(f"{folder}: no pictures in its folder images; give a data set (see docs/training.md)")
+    return found
+
+
+def samples(images: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:
+    """`count` of the pictures, in random order, with plates; named by what they were, so that a scene stays one."""
     rng = np.random.default_rng([seed, 80])
-    images = [path for folder in data for path in sorted((folder / "images").glob("*"))]
     for index in rng.permutation(len(images))[:count]:
         path = images[index]
         bgr, old = cv2.imread(str(path)), cv2.imread(str(path.parent.parent / "masks" / f"{path.stem}.png"), 0)
@@ -113,11 +119,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
-    about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "pasted plates"}
-    write_text(options.output / "dataset.json", json.dumps(about, indent=1) + "\n")
-    for name, picture, mask in samples(options.data, options.count, options.seed):
-        write_picture(options.output / "images" / f"{name}.jpg", np.ascontiguousarray(picture[..., ::-1]))
-        write_picture(options.output / "masks" / f"{name}.png", mask)
+    with ending_in_one_line():
+        images = [path for folder in options.data for path in pictures_of(folder)]
+        write_samples(options.output, CLASSES, "pasted plates", samples(images, options.count, options.seed))
 
 
 if __name__ == "__main__":

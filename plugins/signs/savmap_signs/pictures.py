@@ -4,7 +4,6 @@ A data set as `savmap.sim.dataset` writes them; signs too small to be told are n
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +11,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from savmap.errors import ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.io.files import write_text
-from savmap.io.images import write_picture
 from savmap.sim.build import build
 from savmap.sim.camera import CameraSample, sample_camera, world_from_level
-from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture
+from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture, write_samples
 from savmap.sim.random_scene import random_scene
 from savmap.sim.shade import Image, Mask, Renderer, renderer
 from savmap_signs.random_plates import dressed
@@ -69,16 +67,6 @@ def _judged(mask: Mask) -> Mask:
     return np.where(small[numbers], IGNORED, mask).astype(np.uint8)
 
 
-def write(folder: Path, seed: int, count: int) -> None:
-    """Writes a labelled data set."""
-    about = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "savmap.sim, ray cast"}
-    write_text(folder / "dataset.json", json.dumps(about, indent=1) + "\n")
-    for name, picture, mask in samples(seed, count):
-        write_picture(folder / "masks" / f"{name}.png", mask)
-        bgr = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), np.uint8)
-        write_picture(folder / "images" / f"{name}.jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of random scenes with signs")
@@ -86,7 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
-    write(options.output, options.seed, options.count)
+    with ending_in_one_line():
+        write_samples(options.output, CLASSES, "savmap.sim, ray cast", samples(options.seed, options.count))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from savmap.train.dataset import group_of, read_dataset
 from savmap_signs import pasted
@@ -30,6 +31,13 @@ def test_pasted_plates_are_a_set_whose_scenes_stay_together(tmp_path: Path) -> N
         changed = np.abs(picture.astype(int) - 75).max(axis=2) > 40
         assert not changed[cv2.dilate(mask, np.ones((9, 9))) == 0].any()
     assert any(changed_by_plate(picture, mask) for picture, mask in shown)
+
+
+def test_nothing_to_paste_into_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        pasted.main([str(tmp_path / "none"), "--count", "4", "-o", str(tmp_path / "signs")])
+    assert "none: no pictures in its folder images" in capsys.readouterr().err
+    assert not (tmp_path / "signs").exists()
 
 
 def changed_by_plate(picture: np.ndarray, mask: np.ndarray) -> bool:
