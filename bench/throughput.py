@@ -12,6 +12,7 @@ processor time does not count it.
 import argparse
 import json
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -37,6 +38,8 @@ Run = dict[str, Any]
 
 def ffmpeg(*arguments: object) -> None:
     """Run ffmpeg, quietly; it is for the bench alone."""
+    if shutil.which("ffmpeg") is None:
+        raise SystemExit("ffmpeg is not installed here; it makes the footage and is the bound")
     subprocess.run(["ffmpeg", "-v", "error", *map(str, arguments)], check=True, stdin=subprocess.DEVNULL)
 
 
