@@ -10,6 +10,7 @@ from savmap.graph.optimise import PUBLISHED, SolveOptions, located, solve
 from savmap.graph.problem import Problem, merge
 from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
 from savmap.graph.shapes import flat, graph_of, rectangle
+from savmap.graph.sight_lines import sight_lines
 from savmap.graph.solution import Landmark, Rejected, Solution
 from savmap.graph.start import published_start
 from savmap.graph.together import solve_rows
@@ -51,6 +52,7 @@ __all__ = [
     "published_start",
     "rectangle",
     "reference",
+    "sight_lines",
     "solve",
     "solve_rows",
     "tie",

@@ -5,7 +5,18 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from savmap.geometry.triangulate import nearest_points
-from savmap.graph import Constraints, KeySpace, Relation, flat, graph_of, known_distance, observe, rectangle, tie
+from savmap.graph import (
+    Constraints,
+    KeySpace,
+    Relation,
+    flat,
+    graph_of,
+    known_distance,
+    observe,
+    rectangle,
+    sight_lines,
+    tie,
+)
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_signs.features import PARTS
 from savmap_signs.settings import Settings
@@ -48,14 +59,7 @@ def by_sign(tracks: Sequence[Track]) -> dict[int, list[Track]]:
 
 def first_position(track: Track, facts: RowFacts, start: Trajectory) -> Floats:
     """The point (3,) nearest to the rays of a track from the camera's first path."""
-    poses = dict(zip(start.frames.tolist(), start.world_from_rig, strict=True))
-    seen = [
-        (poses[frame], facts.views[view].rig_rays(pixel))
-        for frame, view, pixel in zip(track.frames.tolist(), track.views, track.pixels, strict=True)
-        if frame in poses
-    ]
-    origins = np.array([pose[:3, 3] for pose, _ in seen])
-    rays = np.array([pose[:3, :3] @ ray for pose, ray in seen])
+    origins, rays = sight_lines(track, facts, start)
     point: Floats = nearest_points(origins, rays[None])[0]
     return point
 

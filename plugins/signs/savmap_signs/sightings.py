@@ -38,16 +38,11 @@ class Sightings:
             self.focal[index],
         )
 
-    def off(self, quads: Floats) -> Floats:
+    def off(self, quads: Floats, own: Ints | None = None) -> Floats:
         """How far, px, the worst corner of signs (h, 4, 3) would be off each sighting, beyond what a camera that is `START_M` off its
-        place explains: (h, n); infinite behind the camera."""
-        return self._off(quads[:, None], np.arange(len(self)))
-
-    def off_own(self, quads: Floats, own: Ints) -> Floats:
-        """The same (m,) for signs (m, 4, 3) and one sighting each."""
-        return self._off(quads, own)
-
-    def _off(self, quads: Floats, own: Ints) -> Floats:
+        place explains: (h, n); infinite behind the camera. With `own` (h,), off that one sighting each: (h,)."""
+        if own is None:
+            quads, own = quads[:, None], np.arange(len(self))
         towards = quads - self.origins[own, None]
         length = np.maximum(np.linalg.norm(towards, axis=-1), 1e-6)
         cosine = (towards * self.rays[own]).sum(axis=-1) / length

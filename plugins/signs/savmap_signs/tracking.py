@@ -94,7 +94,7 @@ def _met(seen: Sightings, one: Ints, other: Ints) -> Floats:
     kept = is_sign(quads)
     for own in (one, other):
         away = np.linalg.norm(quads.mean(axis=1) - seen.origins[own], axis=1)
-        kept &= (away > NEAREST_M) & (away < FURTHEST_M) & (seen.off_own(quads, own) < PAIR_PX)
+        kept &= (away > NEAREST_M) & (away < FURTHEST_M) & (seen.off(quads, own) < PAIR_PX)
     return quads[kept]
 
 

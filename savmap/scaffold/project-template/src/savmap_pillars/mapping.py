@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.geometry.triangulate import nearest_point
-from savmap.graph import Constraints, KeySpace, Relation, Solution, known_length, observe, tie
-from savmap.types import Floats, RowFacts, Structure, Track, Trajectory
+from savmap.graph import Constraints, KeySpace, Relation, Solution, known_length, observe, sight_lines, tie
+from savmap.types import RowFacts, Structure, Track, Trajectory
 
 LOST_M = 0.5
 
@@ -32,16 +32,8 @@ def constrain(
         keys=keys,
         observations=observe(tracks, keys, facts.views),
         relations=tuple(relations),
-        initial={track.name: first_place(track, facts, start) for track in tracks},
+        initial={track.name: nearest_point(*sight_lines(track, facts, start)) for track in tracks},
     )
-
-
-def first_place(track: Track, facts: RowFacts, start: Trajectory) -> Floats:
-    """The point (3,) m nearest to the rays of a track from the camera's first path."""
-    pose_of = dict(zip(start.frames.tolist(), start.world_from_rig, strict=True))
-    poses = np.array([pose_of[frame] for frame in track.frames.tolist()])
-    rays = [facts.views[view].rig_rays(pixel) for view, pixel in zip(track.views, track.pixels, strict=True)]
-    return nearest_point(poses[:, :3, 3], np.einsum("nij,nj->ni", poses[:, :3, :3], np.array(rays)))
 
 
 def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Structure]:
