@@ -18,8 +18,8 @@ from uncertainty import figures
 
 from savmap.errors import SavmapError
 from savmap.evaluation import mean_absolute_error, pool
+from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, SolveOptions
-from savmap.io.files import write_text
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, published

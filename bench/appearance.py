@@ -21,21 +21,21 @@ from typing import Any
 import numpy as np
 from peers import misplaced
 
-from savmap.engine import Followed, Row, follow
 from savmap.evaluation import score_json
+from savmap.files.atomic import write_text
 from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
-from savmap.io.files import write_text
-from savmap.io.survey import read_survey
-from savmap.io.video import panoramas
-from savmap.job import job_for, rooms_for
-from savmap.monitor import Quiet
-from savmap.observe import Observations, clip_of, observe
-from savmap.paths import first_path
-from savmap.rooms import Room
-from savmap.stages.flow import FlowWatch
-from savmap.stages.render import Renderer
+from savmap.jobs.tasks import row_of
+from savmap.maps.survey import read_survey
+from savmap.pipeline.initial_poses import first_path
+from savmap.pipeline.measure import Observations, clip_of, observe
+from savmap.pipeline.row import Followed, Row, follow
+from savmap.plugin.manager import Room
+from savmap.site.job import job_for, rooms_for
 from savmap.types import Flow, Trajectory
-from savmap.work import row_of
+from savmap.types.progress import Quiet
+from savmap.video.reader import panoramas
+from savmap.vision.flow import FlowWatch
+from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
 COLUMNS = ("mae_cm", "V element", "V gap", "V edge", "camera_mm", "step_x_mm", "wrong", "left_out")

@@ -18,8 +18,8 @@ import numpy as np
 from observed_rows import Mapped, given, made, mapped, tracked
 
 from savmap.evaluation import mean_absolute_error, pool
+from savmap.files.atomic import write_text
 from savmap.graph import Calibration, Shutter, Stitching
-from savmap.io.files import write_text
 from savmap.sim.observations import MaskErrors
 from savmap.sim.optics import Optics
 from savmap.types import Floats

@@ -19,21 +19,21 @@ from typing import Any
 import numpy as np
 from uncertainty import figures
 
-from savmap.console import Console
-from savmap.engine import Row
+from savmap.cli.console import Console
 from savmap.errors import SavmapError
 from savmap.evaluation import Score, mean_absolute_error
+from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
-from savmap.io.files import write_text
-from savmap.io.survey import read_survey
-from savmap.job import job_for
-from savmap.observe import Observations, observe
-from savmap.paths import first_path
-from savmap.rooms import open_room
+from savmap.jobs.tasks import row_of
+from savmap.maps.survey import read_survey
+from savmap.pipeline.initial_poses import first_path
+from savmap.pipeline.measure import Observations, observe
+from savmap.pipeline.row import Row
+from savmap.plugin.manager import open_room
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
+from savmap.site.job import job_for
 from savmap.types import Track
-from savmap.work import row_of
 from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published
 from savmap_shelves.describe import describe

@@ -27,7 +27,7 @@ from broken_streams import STREAMS
 from broken_things import THINGS
 from fuzz_walk import Found, child
 
-from savmap.io.files import write_text
+from savmap.files.atomic import write_text
 
 KINDS: Mapping[str, Maker] = {"intact": intact, **BYTEWISE, **HEADERS, **STREAMS, **THINGS}
 LIMIT_S, LIMIT_MB = 60.0, 1500.0

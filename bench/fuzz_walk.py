@@ -16,9 +16,9 @@ import numpy as np
 from broken import index_in, picture
 
 from savmap.errors import VideoError
-from savmap.io.clip import Clip, DecodeReport, VideoInfo
-from savmap.io.video import expected_frames, panoramas, probe, scout_frames
 from savmap.types import Panorama
+from savmap.video.clip import Clip, DecodeReport, VideoInfo
+from savmap.video.reader import expected_frames, panoramas, probe, scout_frames
 
 ADDRESS_SPACE = 12 * 2**30
 MUCH = 6.0

@@ -21,17 +21,17 @@ from onnx import TensorProto, helper, numpy_helper
 
 from savmap.errors import RowsFailedError, SavmapError
 from savmap.evaluation import mean_absolute_error, pool
-from savmap.io.mapfile import read_map
-from savmap.io.overrides import overrides_of
-from savmap.io.survey import read_survey
-from savmap.job import job_for
-from savmap.mapping import Way
-from savmap.rooms import load_class
-from savmap.run import run
+from savmap.jobs.run import run
+from savmap.jobs.scheduler import Way
+from savmap.maps.map_file import read_map
+from savmap.maps.survey import read_survey
+from savmap.plugin.manager import load_class
+from savmap.site.job import job_for
+from savmap.site.overrides import overrides_of
 from savmap.sitereport import evaluation_of, rooms_of
-from savmap.stages.segment import Segmenter
 from savmap.train.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure
+from savmap.vision.networks.segmenter import Segmenter
 
 PLUGIN = "shelves"
 SURE = 0.99

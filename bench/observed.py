@@ -22,8 +22,8 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped, tracke
 
 from savmap.errors import SavmapError
 from savmap.evaluation import Evaluation, Score, as_table, pool, score_json
+from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED
-from savmap.io.files import write_text
 from savmap.sim.observations import PAPER
 from savmap_shelves.constraints import GridSettings, published
 

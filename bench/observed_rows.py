@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from savmap.engine import Row
 from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
-from savmap.observe import Observations
-from savmap.paths import attitudes_of, first_path
+from savmap.pipeline.initial_poses import attitudes_of, first_path
+from savmap.pipeline.measure import Observations
+from savmap.pipeline.row import Row
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
-from savmap.stages.markers import Marks
 from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
+from savmap.vision.markers import Marks
 from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.describe import describe

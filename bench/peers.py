@@ -22,18 +22,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap import run, work
-from savmap.io.files import write_text
-from savmap.io.video import Clip, panoramas
-from savmap.job import job_for, prepare
-from savmap.mapping import Way
-from savmap.monitor import Quiet
-from savmap.runlog import RunLog
+from savmap.files.atomic import write_text
+from savmap.jobs import run, tasks
+from savmap.jobs.scheduler import Way
+from savmap.maps.run_record import RunLog
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
-from savmap.site import Pass
-from savmap.stages.render import Renderer
+from savmap.site.job import job_for, prepare
+from savmap.site.model import Pass
 from savmap.types import RowMap, SiteMap
+from savmap.types.progress import Quiet
+from savmap.video.reader import Clip, panoramas
+from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
 SCENES = ("short-row", "identical-row")
@@ -58,7 +58,7 @@ def ours(site: Path, output: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
     prepare(output)
     name = next(iter(job.site.rows))
     since = now()
-    row = work.map_one(job, name, Quiet())
+    row = tasks.map_one(job, name, Quiet())
     seconds, processor = elapsed(since)
     list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={}), Way()))
     figures: dict[str, Any] = {"seconds": seconds, "processor_s": processor, "frames": len(row.trajectory.frames)}
@@ -102,7 +102,7 @@ def peer(folder: Path, focal_px: float) -> tuple[Places, Clock]:
 
     since = now()
     work = folder.with_name("pycolmap")
-    work.mkdir()
+    tasks.mkdir()
     database = work / "database.db"
     parameters = f"{focal_px},{focal_px},320,240"
     reader = pycolmap.ImageReaderOptions(camera_model="PINHOLE", camera_params=parameters)

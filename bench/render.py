@@ -16,8 +16,8 @@ import numpy as np
 import py360convert
 import py360convert.utils
 
-from savmap.stages.render import Renderer
 from savmap.types import Panorama, ViewSpec
+from savmap.vision.views import Renderer
 
 SIZES = (3840, 1024)
 SPEC = ViewSpec("bench", 30, 10, hfov_deg=110)

@@ -16,9 +16,9 @@ import numpy as np
 from footage import ROOT as REPOSITORY
 from footage import Looked, look, ours
 
-from savmap.console import Console
+from savmap.cli.console import Console
 from savmap.graph import gauge, merge, solve
-from savmap.paths import first_path
+from savmap.pipeline.initial_poses import first_path
 from savmap.types import Floats
 from savmap_shelves.constraints import constrain
 from savmap_shelves.describe import describe

@@ -14,13 +14,13 @@ from typing import Any
 
 import yaml
 
-from savmap import run
 from savmap.errors import SavmapError
-from savmap.io.files import write_text
-from savmap.job import job_for
-from savmap.mapping import Way
+from savmap.files.atomic import write_text
+from savmap.jobs import run
+from savmap.jobs.scheduler import Way
 from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
+from savmap.site.job import job_for
 
 ROOT = Path(__file__).parent.parent
 

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 import yaml
 
-from savmap import run
-from savmap.io.files import write_text
-from savmap.io.mapfile import read_map
-from savmap.job import job_for
-from savmap.mapping import Way
+from savmap.files.atomic import write_text
+from savmap.jobs import run
+from savmap.jobs.scheduler import Way
+from savmap.maps.map_file import read_map
 from savmap.sim.build import build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.random_row import random_row
 from savmap.sim.raycast import Caster
 from savmap.sim.scene import Scene, parse_scene
 from savmap.sim.simulate import simulate
+from savmap.site.job import job_for
 from savmap.types import Floats, Structure
 from savmap_signs.evaluate import match, said
 from savmap_signs.random_plates import starts

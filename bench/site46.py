@@ -26,10 +26,10 @@ from site_rows import Task, made, mapped_row, prior
 from savmap.assembly import Assembly, assembled, site_lines
 from savmap.errors import SavmapError
 from savmap.evaluation import Evaluation, Score, as_table, mean_absolute_error, pool, score_json
-from savmap.io.files import write_text
-from savmap.io.mapfile import write_map
+from savmap.files.atomic import write_text
+from savmap.maps.map_file import write_map
+from savmap.plugin.manager import open_room
 from savmap.report.plots import write_box_plot
-from savmap.rooms import open_room
 from savmap.types import Floats, Placement, RowMap, SiteMap
 
 ROOT = Path(__file__).parent.parent

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, Made, Mapped, given, mapped, rack
 
-from savmap.observe import Observations
+from savmap.pipeline.measure import Observations
 from savmap.sim.build import build
 from savmap.sim.camera import drive
 from savmap.sim.observations import PAPER, observe
 from savmap.sim.scene import parse_scene
-from savmap.stages.markers import Marks
 from savmap.types import Floats, FrameTable, Placement, RowFacts, RowMap, Structure, ViewSpec
+from savmap.vision.markers import Marks
 from savmap_shelves.constraints import GridSettings
 from savmap_shelves.observed import observed_features
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from split_scenes import weaving_scene
 
-from savmap.io.files import write_text
+from savmap.files.atomic import write_text
 from savmap.sim.simulate import simulate
 from savmap.split import GlanceReport, PassFound, find
 

@@ -20,14 +20,14 @@ from typing import Any
 
 import av
 
-import savmap.engine as engine
-import savmap.observe as observe
-from savmap import run
-from savmap.eyes import OnceSegmenter
-from savmap.io.files import write_text
-from savmap.job import job_for
-from savmap.rooms import Room
-from savmap.stages.render import Renderer
+from savmap.files.atomic import write_text
+from savmap.jobs import run
+from savmap.pipeline import measure as observe
+from savmap.pipeline import row as engine
+from savmap.plugin.manager import Room
+from savmap.plugin.segmenters import OnceSegmenter
+from savmap.site.job import job_for
+from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
 SECONDS: dict[str, float] = defaultdict(float)

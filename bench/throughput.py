@@ -24,7 +24,7 @@ from typing import Any
 
 import yaml
 
-from savmap.io.files import write_text
+from savmap.files.atomic import write_text
 
 ROOT = Path(__file__).parent.parent
 SITE = ROOT / "examples" / "aisle-dev" / "site.yaml"
@@ -122,18 +122,19 @@ def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None
 
 def map_here(site: Path, target: Path) -> None:
     """Map a site in this process and write what each stage took."""
-    from savmap import observe, run, work
-    from savmap.eyes import OnceSegmenter
-    from savmap.io.mapfile import read_map
-    from savmap.job import job_for
-    from savmap.mapping import Way
-    from savmap.stages.render import Renderer
+    from savmap.jobs import run
+    from savmap.jobs.scheduler import Way
+    from savmap.maps.map_file import read_map
+    from savmap.pipeline import measure
+    from savmap.plugin.segmenters import OnceSegmenter
+    from savmap.site.job import job_for
+    from savmap.vision.views import Renderer
 
     timed(observe, "aim_pass", "aim", time.process_time)
-    timed(observe.Walk, "over", "walk", time.process_time)
+    timed(measure.Walk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)
     timed(OnceSegmenter, "see", "segment", time.thread_time)
-    timed(observe.Walk, "_frame", "plugins", time.thread_time)
+    timed(measure.Walk, "_frame", "plugins", time.thread_time)
     timed(work, "solve", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:
         list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), Way(jobs=0)))
@@ -148,8 +149,8 @@ def map_here(site: Path, target: Path) -> None:
 
 def map_beside(site: Path, target: Path, jobs: int) -> Run:
     """Map a site in processes, as a user does; stages are not told apart."""
-    from savmap.io.mapfile import read_map
-    from savmap.runlog import read_log
+    from savmap.maps.map_file import read_map
+    from savmap.maps.run_record import read_log
 
     with tempfile.TemporaryDirectory() as folder:
         taken = measured([Path(sys.executable).with_name("savmap"), "map", site, "-o", folder, "--jobs", jobs])
@@ -224,7 +225,7 @@ def main() -> None:
     if arguments.map:
         map_here(arguments.map, arguments.output)
         return
-    from savmap.io.video import probe
+    from savmap.video.reader import probe
 
     with tempfile.TemporaryDirectory() as folder:
         keep = arguments.keep or Path(folder)

@@ -17,8 +17,8 @@ import numpy as np
 from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped
 
 from savmap.errors import SavmapError
+from savmap.files.atomic import write_text
 from savmap.graph import Solution
-from savmap.io.files import write_text
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings, grid_of

@@ -30,8 +30,8 @@ from savmap.sim.random_row import random_row
 from savmap.sim.random_scene import random_scene
 from savmap.sim.scene import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.stages.segment import Segmenter
 from savmap.train.dataset import read_dataset, split
+from savmap.vision.networks.segmenter import Segmenter
 
 CLASSES = ("upright", "beam")
 CARTONS = [[0.48, 0.33, 0.2], [0.42, 0.28, 0.16], [0.6, 0.6, 0.58], [0.2, 0.2, 0.22]]

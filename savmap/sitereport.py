@@ -4,15 +4,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from savmap.contained import contained
 from savmap.errors import OutputError
-from savmap.rooms import Room, open_room
+from savmap.plugin.isolation import contained
+from savmap.plugin.manager import Room, open_room
 from savmap.types import RowMap, SiteMap
 
 if TYPE_CHECKING:
     from savmap.evaluation import Evaluation, Survey
+    from savmap.maps.run_record import RunLog
     from savmap.report.drawing import Drawing
-    from savmap.runlog import RunLog
 
 
 def report_for(
@@ -50,9 +50,9 @@ def report_for(
 
 def report_files(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> str:
     """Write the report of a map.json; the line for the user. Raises SavmapError."""
-    from savmap.io.mapfile import read_map
-    from savmap.io.survey import read_survey
-    from savmap.runlog import read_log
+    from savmap.maps.map_file import read_map
+    from savmap.maps.run_record import read_log
+    from savmap.maps.survey import read_survey
 
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from savmap.errors import ModelError, SiteError
-from savmap.job import prepare
-from savmap.rooms import load_class
+from savmap.plugin.manager import load_class
+from savmap.site.job import prepare
 
 SHIPPED = Path("shipped")
 MINUTES, FINE_TUNING_MINUTES = 60.0, 20.0
@@ -30,7 +30,7 @@ class Wish:
 
 def train(plugin: str, wish: Wish) -> Iterator[str]:
     """A network for a plugin's classes; yields lines for the user. Raises SavmapError's kinds."""
-    from savmap.console import Console
+    from savmap.cli.console import Console
     from savmap.train import check
     from savmap.train import train as train_network
     from savmap.train.task import Task

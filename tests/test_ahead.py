@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from savmap.ahead import ahead
+from savmap.video.prefetch import ahead
 
 
 def makers() -> list[threading.Thread]:

@@ -4,21 +4,21 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap import observe
-from savmap.io.video import Clip
-from savmap.site import Site
-from savmap.stages.flow import WINDOW, FlowWatch
-from savmap.stages.markers import MarkerWatch
-from savmap.stages.render import Renderer
+from savmap.pipeline import measure
+from savmap.site.model import Site
 from savmap.types import Aim, Panorama, ViewSpec
+from savmap.video.reader import Clip
+from savmap.vision.flow import WINDOW, FlowWatch
+from savmap.vision.markers import MarkerWatch
+from savmap.vision.views import Renderer
 
 FACE, CEILING = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
 
 
 def test_only_the_views_of_the_face_are_looked_at() -> None:
-    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([]), FlowWatch())
+    walk = measure.Walk([], measure.Eyes([]), Renderer(), MarkerWatch([]), FlowWatch())
     aims = {"racks": Aim((FACE,), np.eye(3)), "lamps": Aim((CEILING,))}
-    aimed = observe.PassAims("pass 1", Clip(Path("none")), aims)
+    aimed = measure.PassAims("pass 1", Clip(Path("none")), aims)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):

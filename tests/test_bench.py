@@ -60,7 +60,7 @@ def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.Captur
 def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share(tmp_path: Path) -> None:
     import throughput
 
-    from savmap.io.sitefile import load_site
+    from savmap.site.load import load_site
 
     throughput.write_site(throughput.SITE, tmp_path / "8k-2.mp4", 2, 16.5, tmp_path / "site.yaml")
     rows = load_site(tmp_path / "site.yaml").rows

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap import check as checking
-from savmap import needs as needing
-from savmap.check import CheckError, check
-from savmap.io.clip import Clip
-from savmap.monitor import Monitor
-from savmap.needs import FRAMES, Needs, duration
-from savmap.observe import Observations, PassAims
-from savmap.preview import picture_name
-from savmap.runlog import RowRun, RunLog, write_log
-from savmap.stages.aim import Scout
-from savmap.stages.markers import Marks
+from savmap.jobs import check as checking
+from savmap.jobs import resource_estimate as needing
+from savmap.jobs.check import CheckError, check
+from savmap.jobs.resource_estimate import FRAMES, Needs, duration
+from savmap.maps.run_record import RowRun, RunLog, write_log
+from savmap.pipeline.measure import Observations, PassAims
+from savmap.pipeline.preview import picture_name
 from savmap.types import Aim, FrameTable, Panorama, RowFacts, ViewSpec
+from savmap.types.progress import Monitor
+from savmap.video.clip import Clip
+from savmap.vision.markers import Marks
+from savmap.vision.view_planning import Scout
 
 from .io.made_up_video import evenly, write_video
 
@@ -176,7 +176,7 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
         keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
         return PassAims(name, Clip(one.video), {"all": Aim((ViewSpec("face", 0.0),))}), Scout(keys, (), None, np.eye(3))  # type: ignore[arg-type]
 
-    monkeypatch.setattr("savmap.preview.aim_pass", aimed)
+    monkeypatch.setattr("savmap.pipeline.preview.aim_pass", aimed)
     lines, code = told(
         folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
     )
@@ -214,7 +214,7 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
         return found[-1]
 
     (tmp_path / "a.mp4").symlink_to(video)
-    monkeypatch.setattr("savmap.engine.look", look)
+    monkeypatch.setattr("savmap.pipeline.row.look", look)
     monkeypatch.setattr(checking, "needs", kept)
     again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5}, {video: a.mp4}]}\n"
     told(tmp_path, again)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from savmap.cli import main
+from savmap.cli.app import main
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
 
@@ -78,7 +78,7 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("savmap.run.demo" if when == "mapping" else "savmap.cli._plugin_commands", interrupted)
+    monkeypatch.setattr("savmap.jobs.run.demo" if when == "mapping" else "savmap.cli.app._plugin_commands", interrupted)
     monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
     with pytest.raises(SystemExit) as end:
         main()

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from savmap.cluster import Cluster
 from savmap.errors import SavmapError
-from savmap.io.files import write_text
-from savmap.job import job_for
-from savmap.mapping import Way, mapped_rows
-from savmap.monitor import Quiet
+from savmap.files.atomic import write_text
+from savmap.jobs.dask_executor import Cluster
+from savmap.jobs.scheduler import Way, mapped_rows
+from savmap.site.job import job_for
+from savmap.types.progress import Quiet
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
 distributed = pytest.importorskip("distributed")
@@ -84,7 +84,7 @@ class Killer(Quiet):
 
 
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("savmap.jobs.dask_executor.CONNECT_S", 0.5)
     with pytest.raises(SavmapError, match="no Dask scheduler answers there"):
         Cluster("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
 
@@ -92,7 +92,7 @@ def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_worker_with_other_code_is_named(
     cluster: tuple[str, list["subprocess.Popen[bytes]"]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("savmap.cluster.code", lambda _: "another")
+    monkeypatch.setattr("savmap.jobs.dask_executor.code", lambda _: "another")
     with pytest.raises(
         SavmapError, match=r"worker tcp://.* would give another map: its savmap, plugins or libraries differ"
     ):

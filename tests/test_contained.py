@@ -13,13 +13,13 @@ import numpy as np
 import pluggy
 import pytest
 
-from savmap.contained import failures_gathered
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
-from savmap.job import job_for
-from savmap.mapping import Way
-from savmap.rooms import open_room
-from savmap.run import run
-from savmap.scaffold.stub import stub_network
+from savmap.jobs.run import run
+from savmap.jobs.scheduler import Way
+from savmap.plugin.isolation import failures_gathered
+from savmap.plugin.manager import open_room
+from savmap.plugin.scaffold.stub import stub_network
+from savmap.site.job import job_for
 from savmap.sitereport import rooms_of
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 

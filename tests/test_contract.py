@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from savmap.hookspecs import hookimpl
-from savmap.rooms import load_class
-from savmap.testing import check_plugin
+from savmap.plugin.contract import check_plugin
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import load_class
 from savmap.types import View
 
 

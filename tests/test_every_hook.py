@@ -14,13 +14,13 @@ import pytest
 import typer
 from pydantic import BaseModel, ConfigDict
 
-from savmap import hookspecs, rooms
 from savmap.errors import PluginError, PluginFailedError
 from savmap.evaluation import Score
 from savmap.graph import Constraints, observe
-from savmap.hookspecs import hookimpl
+from savmap.plugin import hookspecs, manager
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import Room, room_of
 from savmap.report.drawing import Drawing
-from savmap.rooms import Room, room_of
 from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
     Aim,
@@ -207,10 +207,10 @@ def test_a_plugin_that_fails_to_add_its_commands_is_named(monkeypatch: pytest.Mo
         def register_commands(app: object) -> None:
             raise RuntimeError("oh")
 
-    monkeypatch.setattr(rooms, "installed", lambda: {"broken": None})
-    monkeypatch.setattr(rooms, "load_class", lambda name: Broken)
+    monkeypatch.setattr(manager, "installed", lambda: {"broken": None})
+    monkeypatch.setattr(manager, "load_class", lambda name: Broken)
     with pytest.raises(PluginError, match="plugin `broken` failed in `register_commands`: RuntimeError: oh"):
-        rooms.register_commands(typer.Typer())
+        manager.register_commands(typer.Typer())
 
 
 def blocks_of(name: str) -> list[str]:

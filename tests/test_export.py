@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap import rooms, tools
+from savmap.cli import tools
 from savmap.errors import OutputError, PluginError, SiteError
-from savmap.hookspecs import Exporter, hookimpl
-from savmap.io.mapfile import write_map
+from savmap.maps.map_file import write_map
+from savmap.plugin import manager
+from savmap.plugin.hookspecs import Exporter, hookimpl
 from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 
@@ -133,7 +134,7 @@ def test_a_plugins_format_is_written_whole_or_not_at_all(
     def formats(self: object) -> Mapping[str, Exporter]:
         return {"half": half, "csv": fine}
 
-    monkeypatch.setattr(rooms.load_class("lights"), "exporters", hookimpl(formats), raising=False)
+    monkeypatch.setattr(manager.load_class("lights"), "exporters", hookimpl(formats), raising=False)
     before = set(tmp_path.iterdir())
     with pytest.raises(PluginError, match="exporter `half` failed: ValueError: no more"):
         list(tools.export(one, "half", tmp_path / "map.half"))

@@ -8,14 +8,14 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import ModelError, SiteError
-from savmap.eyes import Eyes
-from savmap.hookspecs import hookimpl
-from savmap.io.overrides import overrides_of
-from savmap.job import job_for, rooms_for
-from savmap.rooms import Room, room_of
-from savmap.stages.networks import providers
+from savmap.files.validation import ClassNames
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import Room, room_of
+from savmap.plugin.segmenters import Eyes
+from savmap.site.job import job_for, rooms_for
+from savmap.site.overrides import overrides_of
 from savmap.types import Feature, View, ViewSpec
-from savmap.validation import ClassNames
+from savmap.vision.networks import providers
 
 from .stages.made_up_networks import SIDE, picture, yolo
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError
-from savmap.finding import found
+from savmap.maps.search import found
 from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 

@@ -3,8 +3,8 @@
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from savmap import fingerprint
-from savmap.rooms import room_of
+from savmap.jobs import cache_keys
+from savmap.plugin.manager import room_of
 
 
 class Config(BaseModel):
@@ -21,7 +21,7 @@ class Reader:
 
 def test_a_library_that_a_plugin_names_counts_once_it_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     room = room_of("reader", Reader, Config())
-    without = fingerprint.code([room])
-    installed = fingerprint.version
-    monkeypatch.setattr(fingerprint, "version", lambda name: "1.0" if name == "a-reading-library" else installed(name))
-    assert fingerprint.code([room]) != without
+    without = cache_keys.code([room])
+    installed = cache_keys.version
+    monkeypatch.setattr(cache_keys, "version", lambda name: "1.0" if name == "a-reading-library" else installed(name))
+    assert cache_keys.code([room]) != without

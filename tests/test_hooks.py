@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from savmap import hookspecs, rooms
 from savmap.errors import PluginError, PluginFailedError, SiteError
-from savmap.hookspecs import hookimpl
-from savmap.rooms import open_room, room_of
+from savmap.plugin import hookspecs, manager
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import open_room, room_of
 from savmap.types import Panorama, SharedThing, Structure, View
 
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
@@ -179,7 +179,7 @@ def test_settings_are_strict() -> None:
 def test_only_named_plugins_are_imported() -> None:
     code = "import sys; from savmap.rooms import open_room; open_room('shelves', {}); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
-    assert {name for name in rooms.installed() if f"savmap_{name}" in loaded} == {"shelves"}
+    assert {name for name in manager.installed() if f"savmap_{name}" in loaded} == {"shelves"}
 
 
 def test_structures_may_be_related_to_what_others_mapped() -> None:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from savmap import run
-from savmap.check import check
 from savmap.errors import PluginError, SiteError, StructureError
-from savmap.job import job_for
+from savmap.jobs import run
+from savmap.jobs.check import check
+from savmap.site.job import job_for
 
 VIDEO = Path(__file__).parent.parent / "examples" / "aisle-dev" / "aisle-dev.mp4"
 SITE = "rows: {{A: {{passes: [{{video: {}}}]}}}}\n"
@@ -22,7 +22,7 @@ def site(tmp_path: Path) -> Path:
 
 def lack(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
     """As if these packages were not installed."""
-    monkeypatch.setattr("savmap.rooms._is_there", lambda package: package not in packages)
+    monkeypatch.setattr("savmap.plugin.manager._is_there", lambda package: package not in packages)
 
 
 def test_installed_plugins_are_taken_if_they_have_all_they_need(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,7 +47,7 @@ def test_plugins_that_are_named_are_taken_whatever_they_lack(site: Path, monkeyp
 
 
 def test_where_none_has_what_it_needs_one_must_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.job.lacking", lambda plugin: ("reader",))
+    monkeypatch.setattr("savmap.site.job.lacking", lambda plugin: ("reader",))
     with pytest.raises(PluginError, match=r"no plugin .*; not shelves \(reader not installed\).*--plugins"):
         job_for(VIDEO, None, Path("out"))
 
@@ -59,8 +59,8 @@ def test_an_option_that_names_none_is_refused(site: Path) -> None:
 
 
 def test_the_user_is_told(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.preview.previews", lambda *_: iter(()))
-    monkeypatch.setattr("savmap.check.of_job", lambda *_: iter(()))
+    monkeypatch.setattr("savmap.pipeline.preview.previews", lambda *_: iter(()))
+    monkeypatch.setattr("savmap.jobs.check.of_job", lambda *_: iter(()))
     (line,) = run.preview(job_for(site, None, tmp_path))
     assert line.startswith("no plugins are named: looking for ")
     assert next(check(site, None, tmp_path)) == line
@@ -72,7 +72,7 @@ def test_a_run_tells_it_on_the_terminal_and_in_the_log(
     def nothing(*_: object) -> None:
         raise StructureError("enough")
 
-    monkeypatch.setattr("savmap.run.mapped_rows", nothing)
+    monkeypatch.setattr("savmap.jobs.run.mapped_rows", nothing)
     job = job_for(VIDEO, None, tmp_path, camera_height_m=3.05)
     with pytest.raises(StructureError, match="enough"):
         list(run.run(job))

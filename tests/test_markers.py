@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap import engine, observe
 from savmap.graph import KnownMarker, References, gauge
-from savmap.io.clip import Clip
-from savmap.settings import tells_scale
-from savmap.site import Site
-from savmap.stages.flow import NoFlow
-from savmap.stages.markers import MarkerWatch, Marks
-from savmap.stages.render import Renderer
+from savmap.pipeline import measure, row
+from savmap.site.model import Site
+from savmap.site.preflight import tells_scale
 from savmap.types import FrameTable, RowFacts, Trajectory
+from savmap.video.clip import Clip
+from savmap.vision.flow import NoFlow
+from savmap.vision.markers import MarkerWatch, Marks
+from savmap.vision.views import Renderer
 
 from .stages.test_markers import HEIGHT, TAG, corners_at, marked
 
@@ -20,8 +20,8 @@ MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 
 
 def test_every_frame_that_is_walked_through_is_looked_at() -> None:
-    walk = observe.Walk([], observe.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
-    aimed = observe.PassAims("pass 1", Clip(Path("none")), {})
+    walk = measure.Walk([], measure.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
+    aimed = measure.PassAims("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
         walk._frame(panorama, walk._look(panorama, aimed), aimed)
@@ -32,9 +32,9 @@ def test_one_that_was_not_seen_is_noted() -> None:
     facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
     start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
     references = References(markers=(MARKER,))
-    seen = observe.Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
-    row = engine.Row("A", (), references)
-    found, notes = engine.marked(row, seen, start, gauge(facts, start, references))
+    seen = measure.Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
+    row = row.Row("A", (), references)
+    found, notes = row.marked(row, seen, start, gauge(facts, start, references))
     assert not found
     assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from savmap import observe
 from savmap.errors import PluginError
-from savmap.eyes import Eyes
-from savmap.hookspecs import hookimpl
-from savmap.io.video import Clip, panoramas
-from savmap.monitor import Quiet
-from savmap.rooms import Room, room_of
-from savmap.stages.flow import NoFlow
-from savmap.stages.markers import MarkerWatch
-from savmap.stages.render import Renderer
+from savmap.pipeline import measure
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import Room, room_of
+from savmap.plugin.segmenters import Eyes
 from savmap.types import Aim, Detection, Feature, View, ViewSpec
+from savmap.types.progress import Quiet
+from savmap.video.reader import Clip, panoramas
+from savmap.vision.flow import NoFlow
+from savmap.vision.markers import MarkerWatch
+from savmap.vision.views import Renderer
 
 from .io.made_up_video import evenly, write_video
 
@@ -50,20 +50,20 @@ def room(name: str, extract: Extract) -> Room:
 
 
 @pytest.fixture
-def aimed(tmp_path: Path) -> observe.PassAims:
+def aimed(tmp_path: Path) -> measure.PassAims:
     video = write_video(tmp_path / "a.mp4", evenly(24, 30))
-    return observe.PassAims("pass 1", Clip(video), {"one": Aim((AHEAD, UP)), "two": Aim((UP,))})
+    return measure.PassAims("pass 1", Clip(video), {"one": Aim((AHEAD, UP)), "two": Aim((UP,))})
 
 
 def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
 
-def walk_of(rooms: list[Room]) -> observe.Walk:
-    return observe.Walk(rooms, Eyes(rooms), Renderer(), MarkerWatch(()), NoFlow())
+def walk_of(rooms: list[Room]) -> measure.Walk:
+    return measure.Walk(rooms, Eyes(rooms), Renderer(), MarkerWatch(()), NoFlow())
 
 
-def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: observe.PassAims) -> None:
+def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassAims) -> None:
     before = threads()
     asked: list[tuple[str, int, str, int]] = []
     seen: list[tuple[np.ndarray, np.ndarray]] = []
@@ -92,7 +92,7 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
     assert threads() == before
 
 
-def test_a_view_is_cut_from_each_so_many_frames(aimed: observe.PassAims) -> None:
+def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassAims) -> None:
     seen: list[tuple[str, int]] = []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -107,7 +107,7 @@ def test_a_view_is_cut_from_each_so_many_frames(aimed: observe.PassAims) -> None
     assert len(walk.stamps) == 12
 
 
-def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: observe.PassAims) -> None:
+def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassAims) -> None:
     before, frames = threads(), []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -123,7 +123,7 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: observe.PassAims)
     assert threads() == before
 
 
-def test_pictures_are_forgotten_when_they_are_done_with(aimed: observe.PassAims) -> None:
+def test_pictures_are_forgotten_when_they_are_done_with(aimed: measure.PassAims) -> None:
     walk = walk_of([room("one", lambda view, detections: [])])
     walk.over("A", aimed, Quiet())
     assert not walk.eyes.networks["one"]._said

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
-from savmap.io.overrides import overrides_of
-from savmap.io.sitefile import load_site
-from savmap.site import Site
+from savmap.site.load import load_site
+from savmap.site.model import Site
+from savmap.site.overrides import overrides_of
 
 SITE = """\
 plugins:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError
-from savmap.placing import placements
-from savmap.site import Site
+from savmap.site.layout import placements
+from savmap.site.model import Site
 
 LAYOUT = {"aisle_m": 3.0, "rack_m": 2.2, "length_m": 14.0}
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from savmap.observe import recordings
-from savmap.site import Pass
+from savmap.pipeline.measure import recordings
+from savmap.site.model import Pass
 
 
 def test_passes_of_one_video_are_one_recording_at_any_rate_and_folders_at_one_rate(tmp_path: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from savmap import run
 from savmap.errors import PluginError
-from savmap.job import job_for
+from savmap.jobs import run
+from savmap.site.job import job_for
 from savmap.types import SiteMap
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"

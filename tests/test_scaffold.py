@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from savmap.cli import app
 from savmap.errors import OutputError, SiteError
-from savmap.scaffold import new_plugin
-from savmap.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
-from savmap.stages.segment import Segmenter
+from savmap.plugin.scaffold import new_plugin
+from savmap.plugin.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
+from savmap.vision.networks.segmenter import Segmenter
 
 ROOT = Path(__file__).parent.parent
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 import yaml
 
-from savmap import tools
-from savmap.io.sitefile import read_draft, site_of
-from savmap.io.siteschema import schema_text
-from savmap.placing import placements
-from savmap.settings import settings_problems
+from savmap.cli import tools
+from savmap.site.layout import placements
+from savmap.site.load import read_draft, site_of
+from savmap.site.preflight import settings_problems
+from savmap.site.schema import schema_text
 
 ROOT = Path(__file__).parent.parent
 SCHEMA = ROOT / "docs" / "site.schema.json"

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from savmap.io.overrides import overrides_of
-from savmap.io.sitefile import read_draft, site_of
-from savmap.settings import settings_problems, tells_scale
-from savmap.site import Site
+from savmap.site.load import read_draft, site_of
+from savmap.site.model import Site
+from savmap.site.overrides import overrides_of
+from savmap.site.preflight import settings_problems, tells_scale
 
 SITE = """\
 plugins:

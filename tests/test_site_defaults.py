@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from savmap.site import Pass, Site
+from savmap.site.model import Pass, Site
 
 
 def site(one: dict[str, Any], row: dict[str, Any] | None = None, **of_site: Any) -> Site:

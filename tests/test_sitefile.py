@@ -6,9 +6,9 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.graph import Calibration, KnownMarker, Shutter, Stitching
-from savmap.io.sitefile import load_site
-from savmap.references import calibration_of, references_of
-from savmap.site import Site
+from savmap.site.load import load_site
+from savmap.site.model import Site
+from savmap.site.references import calibration_of, references_of
 
 GOOD = """\
 plugins:

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from savmap.cli import app
 from savmap.errors import OutputError
-from savmap.io.mapfile import write_map
-from savmap.runlog import RowRun, RunLog, write_log
+from savmap.maps.map_file import write_map
+from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.sitereport import drawings_of, report_files, rooms_of
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 

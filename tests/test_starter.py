@@ -9,12 +9,12 @@ import pytest
 import yaml
 
 from savmap.errors import OutputError, VideoError
-from savmap.io.sitefile import load_site
-from savmap.io.siteplaces import Places
-from savmap.io.video import probe
-from savmap.settings import settings_problems
-from savmap.site import Site
-from savmap.starter import start, starter_text
+from savmap.site.load import load_site
+from savmap.site.locations import Places
+from savmap.site.model import Site
+from savmap.site.preflight import settings_problems
+from savmap.site.template import start, starter_text
+from savmap.video.reader import probe
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev" / "aisle-dev.mp4"
 
@@ -72,7 +72,7 @@ def test_a_long_video_ends_within_itself(tmp_path: Path) -> None:
 
 def test_a_plugin_that_lacks_a_package_is_not_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(load_site(written(tmp_path)).plugins) == {"shelves", "lights", "signs"}
-    monkeypatch.setattr("savmap.rooms._is_there", lambda package: package != "rapidocr")
+    monkeypatch.setattr("savmap.plugin.manager._is_there", lambda package: package != "rapidocr")
     assert "#  signs:  # rapidocr not installed\n" in written(tmp_path).read_text(encoding="utf-8")
     assert set(load_site(tmp_path / "site.yaml").plugins) == {"shelves", "lights"}
 

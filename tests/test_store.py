@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import OutputError
-from savmap.store import Store, locked
+from savmap.jobs.cache import Store, locked
 
 NAME = "B/2 ../ü"
 

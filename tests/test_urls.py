@@ -7,9 +7,9 @@ from typer.testing import CliRunner
 
 from savmap.cli import app
 from savmap.errors import SiteError
-from savmap.io.files import write_text
-from savmap.io.video import probe
-from savmap.io.where import is_url, where
+from savmap.files.atomic import write_text
+from savmap.files.urls import is_url, where
+from savmap.video.reader import probe
 
 upath = pytest.importorskip("upath")
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"

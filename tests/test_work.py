@@ -4,9 +4,9 @@ import logging
 
 import numpy as np
 
-from savmap.monitor import Notes
+from savmap.jobs.tasks import warnings_told, with_notes
 from savmap.types import FrameTable, RowMap, Trajectory
-from savmap.work import warnings_told, with_notes
+from savmap.types.progress import Notes
 
 
 def row() -> RowMap:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from savmap.monitor import Quiet
-from savmap.workers import Beside, DiedError, Here
+from savmap.jobs.executors import Beside, DiedError, Here
+from savmap.types.progress import Quiet
 
 DIES_ONCE = """
 __import__("os").path.exists(mark) and "second time" or (open(mark, "w").close(), __import__("os")._exit(1))

@@ -15,9 +15,9 @@ import yaml
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
-from savmap.io.files import write_text
-from savmap.io.images import write_picture
+from savmap.files.atomic import write_text
 from savmap.label.polygons import Polygon, area
+from savmap.video.image_folder import write_picture
 
 COCO, YOLO, IMAGES, LABELS = "coco.json", "data.yaml", "images", "labels"
 QUALITY = 95

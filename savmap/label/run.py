@@ -10,23 +10,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.console import Console
+from savmap.cli.console import Console
 from savmap.errors import SiteError, StructureError
-from savmap.eyes import Eyes
-from savmap.io.clip import time_range
-from savmap.io.overrides import Override
-from savmap.io.video import expected_frames, panoramas, probe
-from savmap.job import Job, job_for, prepare, rooms_for
 from savmap.label.choose import chosen, ranks
 from savmap.label.formats import LabelledPicture, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
-from savmap.monitor import Monitor
-from savmap.observe import PassAims, aim_pass, clip_of, pass_names
-from savmap.rooms import Room
-from savmap.stages.render import Renderer
-from savmap.stages.segment import Segmenter
+from savmap.pipeline.measure import PassAims, aim_pass, clip_of, pass_names
+from savmap.plugin.manager import Room
+from savmap.plugin.segmenters import Eyes
+from savmap.site.job import Job, job_for, prepare, rooms_for
+from savmap.site.overrides import Override
 from savmap.types import View, ViewSpec
+from savmap.types.progress import Monitor
+from savmap.video.clip import time_range
+from savmap.video.reader import expected_frames, panoramas, probe
+from savmap.vision.networks.segmenter import Segmenter
+from savmap.vision.views import Renderer
 
 LOOKED_AT_EACH = 6
 LEAST_LOOKED_AT = 60

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from savmap.errors import OutputError
-from savmap.io.files import write_bytes
+from savmap.files.atomic import write_bytes
 from savmap.report.drawing import Drawing, Role, Tone
 from savmap.types import Floats
 

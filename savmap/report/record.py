@@ -9,7 +9,7 @@ from savmap.report.drawing import Drawing
 from savmap.types import SiteMap
 
 if TYPE_CHECKING:
-    from savmap.runlog import RunLog
+    from savmap.maps.run_record import RunLog
 
 
 @dataclass(frozen=True)

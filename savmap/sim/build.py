@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.rooms import installed, open_room
+from savmap.plugin.manager import installed, open_room
 from savmap.sim.goods import fill
 from savmap.sim.hall import hall_boxes
 from savmap.sim.primitives import Box

@@ -17,9 +17,8 @@ import cv2
 import numpy as np
 
 from savmap.errors import OutputError, ending_in_one_line
+from savmap.files.atomic import read_json, write_text
 from savmap.geometry.pinhole import focal_px
-from savmap.io.files import read_json, write_text
-from savmap.io.images import write_picture
 from savmap.sim.build import build
 from savmap.sim.camera import CameraSample, Kind, sample_camera, view_rays
 from savmap.sim.primitives import Floats
@@ -27,6 +26,7 @@ from savmap.sim.random_scene import random_scene
 from savmap.sim.raycast import Caster, Hits
 from savmap.sim.scene import Look, Scene, SceneError, Site, row_frame
 from savmap.sim.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
+from savmap.video.image_folder import write_picture
 
 CLASSES = ("upright", "beam", "light", "sign")
 WIDTH, HEIGHT = 640, 480

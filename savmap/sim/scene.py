@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from savmap.errors import SiteError
-from savmap.io.files import reason
+from savmap.files.atomic import reason
 from savmap.sim.primitives import Box, Floats
 
 Rgb = tuple[float, float, float]

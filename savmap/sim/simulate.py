@@ -16,9 +16,7 @@ from typing import Any
 import yaml
 
 from savmap.errors import OutputError
-from savmap.io.files import reason
-from savmap.io.images import write_picture
-from savmap.monitor import Monitor, Quiet
+from savmap.files.atomic import reason
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
 from savmap.sim.dataset import CLASSES
@@ -30,6 +28,8 @@ from savmap.sim.shade import Renderer, renderer
 from savmap.sim.site import site_of
 from savmap.sim.truth import poses, references
 from savmap.types import ViewSpec
+from savmap.types.progress import Monitor, Quiet
+from savmap.video.image_folder import write_picture
 
 
 def simulate(

@@ -5,9 +5,6 @@ from itertools import pairwise
 from pathlib import Path
 
 from savmap.errors import StructureError, VideoError
-from savmap.io.clip import VideoInfo
-from savmap.io.video import probe
-from savmap.monitor import Monitor, Quiet
 from savmap.split.glances import GlanceReport, coarse_stamps, glances, pictures_at
 from savmap.split.motion import Motion, motion_of
 from savmap.split.passes import Found, find_passes
@@ -15,6 +12,9 @@ from savmap.split.records import PassFound
 from savmap.split.settings import Settings
 from savmap.split.sheet import THUMB_WIDTH, check_picture, clock, contact_sheet, stamps_of, write_picture
 from savmap.split.sitetext import add_to_site, check_new, new_site
+from savmap.types.progress import Monitor, Quiet
+from savmap.video.clip import VideoInfo
+from savmap.video.reader import probe
 
 DEFAULTS = Settings()
 

@@ -17,9 +17,9 @@ from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
 from savmap.geometry.sphere import Floats
-from savmap.io.clip import Image, VideoInfo
-from savmap.io.decode import opened
 from savmap.split.settings import Settings
+from savmap.video.clip import Image, VideoInfo
+from savmap.video.decode import opened
 
 _INSTANT_S = 1e-4
 

@@ -10,10 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from savmap.errors import OutputError
+from savmap.files.atomic import write_bytes
 from savmap.geometry.sphere import Floats
-from savmap.io.clip import Image
-from savmap.io.files import write_bytes
 from savmap.split.records import PassFound
+from savmap.video.clip import Image
 
 THUMB_WIDTH = 400
 _TEXT_WIDTH = 320

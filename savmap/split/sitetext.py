@@ -9,8 +9,8 @@ from pathlib import Path
 import yaml
 
 from savmap.errors import OutputError, SiteError
-from savmap.io.files import read_text, write_text
-from savmap.io.sitefile import load_site
+from savmap.files.atomic import read_text, write_text
+from savmap.site.load import load_site
 from savmap.split.records import PassFound
 from savmap.split.sheet import clock
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 
 from savmap.errors import OutputError
-from savmap.io.files import write_bytes
+from savmap.files.atomic import write_bytes
 from savmap.train.network import SegmentationNetwork, build
 
 LAST_LAYER = "finish.logits."

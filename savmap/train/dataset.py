@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
-from savmap.io.files import read_json, sha256
+from savmap.files.atomic import read_json, sha256
 from savmap.train.fitted import fitted
 
 IGNORE = 255

@@ -10,7 +10,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from savmap.io.files import write_bytes
+from savmap.files.atomic import write_bytes
 from savmap.train.fitted import HEIGHT, WIDTH
 from savmap.train.network import SegmentationNetwork
 

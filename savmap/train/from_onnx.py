@@ -15,7 +15,7 @@ from onnx import numpy_helper
 from torch import Tensor, nn
 
 from savmap.errors import ModelError
-from savmap.io.files import reason
+from savmap.files.atomic import reason
 from savmap.train.checkpoint import LAST_LAYER, Recipe
 from savmap.train.network import SegmentationNetwork, build
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.stages.segment import Segmenter
 from savmap.train.dataset import IGNORE, Sample
 from savmap.train.measure import Predictor, intersection_and_union
+from savmap.vision.networks.segmenter import Segmenter
 
 BINS = 15
 

@@ -19,10 +19,10 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from savmap.errors import ModelError, ending_in_one_line
-from savmap.io.files import write_bytes
-from savmap.stages.segment import Segmenter, network_input
+from savmap.files.atomic import write_bytes
 from savmap.train.dataset import Sample, split
 from savmap.train.sets import read_sets
+from savmap.vision.networks.segmenter import Segmenter, network_input
 
 OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize", "DepthToSpace"]
 

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from savmap.io.files import sha256, write_bytes
+from savmap.files.atomic import sha256, write_bytes
 from savmap.train.checkpoint import BROKEN
 from savmap.train.dataset import Sample
 from savmap.train.trainer import Settings, Trainer

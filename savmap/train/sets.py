@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 
 from savmap.errors import OutputError
-from savmap.io.files import read_json, read_text
+from savmap.files.atomic import read_json, read_text
 from savmap.train.coco import read_coco
 from savmap.train.dataset import NO_MAPPING, Dataset, Sample, read_dataset
 from savmap.train.labelme import is_labelme, read_labelme

@@ -15,9 +15,9 @@ from PIL import Image as Pillow
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import OutputError
-from savmap.io.images import picture_size
 from savmap.label.polygons import Mask, Polygon, filled
 from savmap.train.dataset import Sample, group_in
+from savmap.video.image_folder import picture_size
 
 Bytes = NDArray[np.uint8]
 Model = TypeVar("Model", bound=BaseModel)

@@ -6,10 +6,10 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from savmap.errors import OutputError
-from savmap.io.files import read_text
-from savmap.io.images import SUFFIXES
+from savmap.files.atomic import read_text
 from savmap.train.dataset import NO_MAPPING, Dataset, Sample, require_classes
 from savmap.train.shapes import Region, checked, polygon_of, require_pictures, sample_in, shown_size, values_of
+from savmap.video.image_folder import SUFFIXES
 
 RENDERER = "labelled (YOLO segments)"
 _SLACK = 0.01

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from savmap.engine import moved
 from savmap.graph import frame_key, merge, solve
 from savmap.graph.appearance import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
+from savmap.pipeline.row import moved
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
 SPEC = ViewSpec("face", 20.0, -5.0, 2.0, 150.0)

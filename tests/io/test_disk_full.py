@@ -13,19 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.console import Console
+from savmap.cli.console import Console
 from savmap.errors import OutputError
 from savmap.evaluation import Evaluation, Score
-from savmap.io.files import write_text, write_with
-from savmap.io.images import write_picture
-from savmap.io.mapfile import write_map
-from savmap.job import LEAST_ROOM, prepare
+from savmap.files.atomic import write_text, write_with
+from savmap.jobs.cache import Store, locked
+from savmap.maps.map_file import write_map
+from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.plots import write_box_plot
-from savmap.runlog import RowRun, RunLog, write_log
 from savmap.sim.footage import encode
 from savmap.sim.scene import Cart
-from savmap.store import Store, locked
+from savmap.site.job import LEAST_ROOM, prepare
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.video.image_folder import write_picture
 
 FULL = Path("/dev/full")
 MAIN = "from savmap.cli import main; main()"

@@ -17,9 +17,9 @@ import broken_things  # noqa: E402
 import fuzz_walk  # noqa: E402
 
 from savmap.errors import VideoError  # noqa: E402
-from savmap.io.clip import Clip, DecodeReport  # noqa: E402
-from savmap.io.order import BELIEVED_AFTER, in_order  # noqa: E402
-from savmap.io.video import panoramas, probe, scout_frames  # noqa: E402
+from savmap.video.clip import Clip, DecodeReport
+from savmap.video.decode import BELIEVED_AFTER, in_order
+from savmap.video.reader import panoramas, probe, scout_frames
 
 SLOW = {"40 GB of nothing", "enormous pictures"}
 KINDS = {**broken.BYTEWISE, **broken_headers.HEADERS, **broken_streams.STREAMS, **broken_things.THINGS}

@@ -7,8 +7,8 @@ from av.codec.hwaccel import HWAccel
 from made_up_video import evenly, write_video
 
 from savmap.errors import VideoError
-from savmap.io import decode, hardware
-from savmap.io.video import Clip, panoramas
+from savmap.video import decode
+from savmap.video.reader import Clip, panoramas
 
 BUILT_WITH = ["cuda", "vaapi", "drm", "qsv"]
 
@@ -24,14 +24,14 @@ BUILT_WITH = ["cuda", "vaapi", "drm", "qsv"]
     ],
 )
 def test_what_is_tried(wish: str, names: list[str]) -> None:
-    assert hardware.candidates(wish, BUILT_WITH) == names
+    assert decode.candidates(wish, BUILT_WITH) == names
 
 
 @pytest.fixture
 def tried(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    monkeypatch.setattr(hardware, "_FOUND", {})
-    monkeypatch.setattr(hardware, "hwdevices_available", lambda: BUILT_WITH)
-    monkeypatch.delenv(hardware.VARIABLE, raising=False)
+    monkeypatch.setattr(decode, "_FOUND", {})
+    monkeypatch.setattr(decode, "hwdevices_available", lambda: BUILT_WITH)
+    monkeypatch.delenv(decode.VARIABLE, raising=False)
     return []
 
 
@@ -42,7 +42,7 @@ def test_the_first_that_decodes_is_taken_and_asked_once(tried: list[object]) -> 
             raise PermissionError("no such device")
         return len(tried) == 3
 
-    found = [hardware.accelerator("hevc", decodes) for _ in range(2)]
+    found = [decode.accelerator("hevc", decodes) for _ in range(2)]
     assert len(tried) == 3
     assert all(isinstance(one, HWAccel) for one in found)
     assert found[0] is not found[1]
@@ -56,14 +56,14 @@ def test_without_one_the_processor_decodes(tried: list[object], error: Exception
             raise error
         return False
 
-    assert hardware.accelerator("hevc", decodes) is None
-    assert hardware.accelerator("hevc", decodes) is None
+    assert decode.accelerator("hevc", decodes) is None
+    assert decode.accelerator("hevc", decodes) is None
     assert len(tried) == 3
 
 
 def test_off_touches_no_device(tried: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(hardware.VARIABLE, "off")
-    assert hardware.accelerator("hevc", lambda device: True) is None
+    monkeypatch.setenv(decode.VARIABLE, "off")
+    assert decode.accelerator("hevc", lambda device: True) is None
 
 
 def test_large_video_comes_out_the_same_on_a_machine_without_a_device(
@@ -73,7 +73,7 @@ def test_large_video_comes_out_the_same_on_a_machine_without_a_device(
     path = write_video(tmp_path / "a.mp4", evenly(6, 15))
     plain = [panorama.image for panorama in panoramas(Clip(path))]
     monkeypatch.setattr(decode, "LARGE_PIXELS", 100)
-    monkeypatch.setattr(hardware, "_FOUND", {})
+    monkeypatch.setattr(decode, "_FOUND", {})
     again = [panorama.image for panorama in panoramas(Clip(path))]
-    assert hardware._FOUND
+    assert decode._FOUND
     assert all((one == other).all() for one, other in zip(plain, again, strict=True))

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
-from savmap.io.mapfile import map_text, read_map, write_map
-from savmap.io.mapschema import schema_text
+from savmap.maps.map_file import map_text, read_map, write_map
+from savmap.maps.schema import schema_text
 from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory, ViewSpec
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "map.schema.json"

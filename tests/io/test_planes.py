@@ -8,9 +8,9 @@ import pytest
 from av.video.reformatter import VideoReformatter
 from made_up_video import evenly, picture, write_video
 
-from savmap.io.planes import picture_of, rgb_from_yuv
-from savmap.io.video import Clip, panoramas, scout_frames
 from savmap.types import FilmedPanorama, Planes
+from savmap.video.decode import picture_of, rgb_from_yuv
+from savmap.video.reader import Clip, panoramas, scout_frames
 
 BT601, BT709, SMPTE240 = 5, 1, 7
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from savmap.io.records import packed, unpacked
-from savmap.observe import Observations
-from savmap.stages.markers import Marks
+from savmap.files.serialization import packed, unpacked
+from savmap.pipeline.measure import Observations
 from savmap.types import Axis, Feature, FrameTable, RowFacts, ViewSpec
+from savmap.vision.markers import Marks
 
 
 def seen() -> Observations:
@@ -89,7 +89,7 @@ def test_damaged_bytes_are_refused(damage: str) -> None:
 
 
 def test_bytes_make_nothing_but_records() -> None:
-    tree = json.dumps({"record": ["savmap.io.records", "packed", ["y"]]}).encode()
+    tree = json.dumps({"record": ["savmap.files.serialization", "packed", ["y"]]}).encode()
     with pytest.raises(ValueError, match="not a record"):
         unpacked(zlib.compress(len(tree).to_bytes(8, "little") + tree), Observations)
 

@@ -11,8 +11,8 @@ import pytest
 from made_up_video import evenly, picture, write_video
 
 from savmap.errors import VideoError
-from savmap.io import decode
-from savmap.io.video import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
+from savmap.video import decode
+from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
 
 
 @pytest.fixture

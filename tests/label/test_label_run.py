@@ -14,8 +14,6 @@ import pytest
 import yaml
 
 from savmap.errors import OutputError
-from savmap.io.clip import Clip
-from savmap.job import Job
 from savmap.label.choose import chosen
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import filled
@@ -30,10 +28,12 @@ from savmap.label.run import (
     watchers_of,
     worth_and_looks,
 )
-from savmap.monitor import Quiet
-from savmap.observe import PassAims
-from savmap.site import Pass, Row, Site
+from savmap.pipeline.measure import PassAims
+from savmap.site.job import Job
+from savmap.site.model import Pass, Row, Site
 from savmap.types import Aim, ViewSpec
+from savmap.types.progress import Quiet
+from savmap.video.clip import Clip
 
 SPEC = ViewSpec("pass 1 / face", 0.0, width=64, height=48)
 FRAMES = 12

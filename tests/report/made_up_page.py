@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.evaluation import Distances, Evaluation, Score
+from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.drawing import Drawing
 from savmap.report.record import Report
-from savmap.runlog import RowRun, RunLog
 from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory
 
 EVIL, ODD = "<script>alert(1)</script>", "Süd \u2013 日本 \u202e \x07" + "long " * 40

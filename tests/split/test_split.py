@@ -9,11 +9,11 @@ import pytest
 import yaml
 from drawn import Face, Woven, aisles, alongside, block, cart, pictures, recording
 
-from savmap.cli import main
+from savmap.cli.app import main
 from savmap.errors import OutputError, SiteError, StructureError, VideoError
-from savmap.io.sitefile import load_site
 from savmap.sim.camera import drive
 from savmap.sim.scene import Cart
+from savmap.site.load import load_site
 from savmap.split import PassFound, Settings, find, split
 from savmap.split.glances import Glance, sample_stamps
 from savmap.split.motion import motion_of

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.stages.aim import Manual, Scout, ceiling_view, choose_face, face_candidates
-from savmap.stages.fit import LARGEST_HFOV_DEG, fit_count, fit_height
-from savmap.stages.overview import overview
-from savmap.stages.travel import travel_directions
+from savmap.pipeline.preview import overview
 from savmap.types import Panorama, View, ViewSpec
+from savmap.vision.field_of_view import LARGEST_HFOV_DEG, fit_count, fit_height
+from savmap.vision.travel import travel_directions
+from savmap.vision.view_planning import Manual, Scout, ceiling_view, choose_face, face_candidates
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry import pinhole
-from savmap.stages.attitude import attitudes
 from savmap.types import Feature, ViewSpec
+from savmap.vision.attitude import attitudes
 
 FRAMES = 30
 LEVEL = np.diag([1.0, -1.0, -1.0])

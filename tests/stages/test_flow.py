@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.stages.flow import STRIDE, WINDOW, FlowWatch, NoFlow
 from savmap.types import View, ViewSpec
+from savmap.vision.flow import STRIDE, WINDOW, FlowWatch, NoFlow
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=90.0, width=320, height=240)
 STEP = np.array([4.0, -2.0])

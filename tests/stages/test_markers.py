@@ -6,7 +6,7 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.geometry import pinhole
-from savmap.stages.markers import EVERY, MarkerWatch, Marks
+from savmap.vision.markers import EVERY, MarkerWatch, Marks
 
 from .marked import marked, pattern
 

@@ -8,7 +8,7 @@ import pytest
 from onnx import helper
 
 from savmap.errors import ModelError
-from savmap.stages.segment import Segmenter
+from savmap.vision.networks.segmenter import Segmenter
 
 from .made_up_networks import SIDE, constant, detr, edges, picture, redness, save, yolo
 from .test_segment import GOOD, write_model

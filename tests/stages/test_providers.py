@@ -8,9 +8,9 @@ import onnxruntime
 import pytest
 
 from savmap.errors import ModelError
-from savmap.stages.networks.providers import PROVIDERS, choose, file_for
-from savmap.stages.networks.session import opened
-from savmap.stages.segment import Segmenter
+from savmap.vision.networks.providers import PROVIDERS, choose, file_for
+from savmap.vision.networks.segmenter import Segmenter
+from savmap.vision.networks.session import opened
 
 from .test_segment import GOOD, write_model
 

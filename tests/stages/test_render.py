@@ -8,10 +8,9 @@ import py360convert
 import pytest
 
 from savmap.geometry import pinhole, sphere
-from savmap.io.planes import rgb_from_yuv
-from savmap.stages.render import KEPT_TABLES, Renderer
-from savmap.stages.sampling import Coarser, Region
 from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
+from savmap.video.decode import rgb_from_yuv
+from savmap.vision.views import KEPT_TABLES, Coarser, Region, Renderer
 
 VIEWS = [
     ViewSpec("ahead", 0, hfov_deg=90),

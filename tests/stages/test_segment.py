@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
-from savmap.stages.segment import Segmenter, detections, regions
+from savmap.vision.networks.segmenter import Segmenter, detections, regions
 
 WIDTH, HEIGHT = 64, 48
 GOOD = {"savmap.format": "semantic", "savmap.classes": json.dumps(["post"]), "savmap.output": "logits"}

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines
-from savmap.stages import subpixel
-from savmap.stages.subpixel import Edges, Subpixel
 from savmap.types import Floats, Panorama
+from savmap.vision.edges import subpixel
+from savmap.vision.edges.subpixel import Edges, Subpixel
 
 from .drawn_strips import (
     HEIGHT,

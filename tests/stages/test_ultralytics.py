@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.stages.segment import Segmenter
+from savmap.vision.networks.segmenter import Segmenter
 
 ultralytics = pytest.importorskip("ultralytics", reason="ultralytics is no dependency; see bench/yolo_export.py")
 torch = pytest.importorskip("torch")

@@ -123,9 +123,9 @@ class TestWithTorch:
 
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
-        from savmap.stages.segment import Segmenter
         from savmap.train.from_onnx import load_onnx
         from savmap.train.trainer import predictor
+        from savmap.vision.networks.segmenter import Segmenter
 
         network, history = load_onnx(MODELS[name], classes)
         picture = np.random.default_rng(5).integers(0, 255, (480, 640, 3)).astype(np.uint8)
@@ -195,8 +195,8 @@ class TestWithTorch:
     def test_before_and_after_and_what_integers_lose(self, task: Task, tmp_path: Path) -> None:
         import onnx
 
-        from savmap.stages.segment import Segmenter
         from savmap.train.finetune import report_lines
+        from savmap.vision.networks.segmenter import Segmenter
 
         other = write_dataset(tmp_path / "other", 5)
         for path in sorted((other / "images").iterdir())[:4]:

@@ -9,11 +9,11 @@ import onnx
 import pytest
 
 from savmap.errors import OutputError
-from savmap.io.video import Clip, panoramas
-from savmap.stages.render import Renderer
-from savmap.stages.segment import Segmenter
 from savmap.train.quantise import quantise
 from savmap.types import ViewSpec
+from savmap.video.reader import Clip, panoramas
+from savmap.vision.networks.segmenter import Segmenter
+from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent.parent
 CLIP = ROOT / "examples" / "aisle-dev" / "aisle-dev.mp4"

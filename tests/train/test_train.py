@@ -32,7 +32,7 @@ class TestWithTorch:
 
     @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
     def test_two_steps_give_a_model_that_the_segmenter_runs(self, four_pictures: Path, tmp_path: Path) -> None:
-        from savmap.stages.segment import Segmenter
+        from savmap.vision.networks.segmenter import Segmenter
 
         output = tmp_path / "m.onnx"
         lines: list[str] = []
@@ -77,10 +77,10 @@ class TestWithTorch:
     def test_the_mean_of_two_checkpoints(self, tmp_path: Path) -> None:
         import torch
 
-        from savmap.stages.segment import Segmenter
         from savmap.train.average import average
         from savmap.train.checkpoint import load_checkpoint, save_checkpoint
         from savmap.train.network import build
+        from savmap.vision.networks.segmenter import Segmenter
 
         one, other = build(1, None), build(1, None)
         for name, network in (("a", one), ("b", other)):

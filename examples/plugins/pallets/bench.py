@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap import run
-from savmap.io.mapfile import read_map
-from savmap.io.survey import read_survey
-from savmap.job import job_for
-from savmap.mapping import Way
+from savmap.jobs import run
+from savmap.jobs.scheduler import Way
+from savmap.maps.map_file import read_map
+from savmap.maps.survey import read_survey
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
+from savmap.site.job import job_for
 from savmap_pallets.evaluate import Match, matches
 from savmap_pallets.survey import read_row
 

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from savmap.geometry.pinhole import angles_from_rotation
-from savmap.stages.aim import Manual, Scout
-from savmap.stages.fit import fit_count
 from savmap.types import Aim, Detection, Floats, View, ViewSpec
+from savmap.vision.field_of_view import fit_count
+from savmap.vision.view_planning import Manual, Scout
 from savmap_lights.features import touches_border
 
 HFOV_DEG = 110.0

@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import SolveError
-from savmap.hookspecs import hookimpl
+from savmap.files.validation import ClassNames
+from savmap.plugin.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
-from savmap.validation import ClassNames
 
 
 class Settings(BaseModel):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import project
-from savmap.stages import link
 from savmap.types import Feature, Floats, Ints, RowFacts, Track, Trajectory
+from savmap.vision import peaks
 
 MIN_SUPPORT = 3
 MAX_SLOPE = 3.0
@@ -67,7 +67,7 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     height_m = _height(seen.where(seen.is_centre))
     seen, line_z = _nearest_line(seen, height_m)
     x = seen.at(height_m)[:, 0]
-    lamps = link.peaks(x[seen.is_centre], SAME_LAMP_M, MIN_SUPPORT)
+    lamps = peaks.peaks(x[seen.is_centre], SAME_LAMP_M, MIN_SUPPORT)
     hits = np.array([len(np.unique(seen.frames[seen.is_centre & (np.abs(x - lamp) <= SAME_LAMP_M)])) for lamp in lamps])
     shown = _shown(np.array([[lamp, height_m, line_z] for lamp in lamps]).reshape(-1, 3), facts, start)
     lamps = lamps[hits >= LEAST_SHARE * shown]
@@ -125,7 +125,7 @@ def _nearest_line(seen: Sightings, height_m: float) -> tuple[Sightings, float]:
     """The sightings of the line of lamps, parallel to x, that runs nearest above the camera, and its z."""
     z = seen.at(height_m)[:, 1]
     sure = seen.is_centre & (seen.certainty >= SURE)
-    lines = link.peaks(z[sure], SAME_LINE_M, max(MIN_SUPPORT, int(sure.sum() / 10)))
+    lines = peaks.peaks(z[sure], SAME_LINE_M, max(MIN_SUPPORT, int(sure.sum() / 10)))
     if len(lines) == 0:
         raise _no_lamp()
     nearest = float(lines[np.argmin(np.abs(lines - np.median(seen.origins[:, 2])))])

@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from savmap.stages.aim import Face, Manual, Scout, choose_face, tilted
-from savmap.stages.fit import Fitted, fit_count, fit_height
-from savmap.stages.travel import parallax_rad
 from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
+from savmap.vision.field_of_view import Fitted, fit_count, fit_height
+from savmap.vision.travel import parallax_rad
+from savmap.vision.view_planning import Face, Manual, Scout, choose_face, tilted
 
 See = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]

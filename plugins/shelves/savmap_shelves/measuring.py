@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.geometry.lines import Lines
-from savmap.stages.subpixel import Edges, measured
 from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision.edges.subpixel import Edges, measured
 from savmap_shelves.strips import Strips
 
 ROUNDS = 3

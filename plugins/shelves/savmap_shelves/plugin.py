@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from savmap.hookspecs import hookimpl
+from savmap.files.validation import ClassNames
+from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     Aim,
     Detection,
@@ -22,7 +23,6 @@ from savmap.types import (
     Trajectory,
     View,
 )
-from savmap.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=50)]

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from savmap.files.validation import checked
 from savmap.types import Floats
-from savmap.validation import checked
 
 
 def _forwards(interval: tuple[float, float]) -> tuple[float, float]:

@@ -6,8 +6,8 @@ The cart's motion brings every sign of a face before a view; what a view must ha
 from collections.abc import Mapping
 
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
-from savmap.stages.aim import LEVEL, Manual, Scout
 from savmap.types import Aim, Floats, ViewSpec
+from savmap.vision.view_planning import LEVEL, Manual, Scout
 from savmap_signs.reading import advice
 from savmap_signs.settings import Settings
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.hookspecs import hookimpl
+from savmap.plugin.hookspecs import hookimpl
 from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
 from savmap_signs.settings import Settings
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from savmap.validation import ClassNames
+from savmap.files.validation import ClassNames
 
 Size = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 

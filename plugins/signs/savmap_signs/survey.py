@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from savmap.files.validation import checked
 from savmap.types import Floats
-from savmap.validation import checked
 
 Point = tuple[float, float, float]
 

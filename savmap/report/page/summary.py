@@ -13,7 +13,7 @@ from savmap.report.page.numbers import anchors, counted, natural
 from savmap.types import Placement, ReferenceUse, RowMap, SiteMap
 
 if TYPE_CHECKING:
-    from savmap.runlog import RowRun, RunLog
+    from savmap.maps.run_record import RowRun, RunLog
 
 OFF_SIGMAS = 3.0
 

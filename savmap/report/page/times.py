@@ -8,7 +8,7 @@ from savmap.report.page.summary import Summary
 from savmap.report.page.tables import Cell, Line, Part, Table, heads, number
 
 if TYPE_CHECKING:
-    from savmap.runlog import RunLog
+    from savmap.maps.run_record import RunLog
 
 LOOKS = 10
 

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from savmap.evaluation import pool
-from savmap.io.files import write_bytes
+from savmap.files.atomic import write_bytes
 from savmap.report.page.boxes import box_plot
 from savmap.report.page.errors import class_table, distance_table, headline, row_errors
 from savmap.report.page.rowtable import reference_table, row_table

@@ -10,9 +10,9 @@ import pytest
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
 from savmap.graph import gauge, merge, solve
-from savmap.stages.aim import Scout
-from savmap.stages.render import Renderer
 from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Trajectory, View, ViewSpec
+from savmap.vision.view_planning import Scout
+from savmap.vision.views import Renderer
 from savmap_lights.aim import aim_at_ceiling
 from savmap_lights.constraints import constrain
 from savmap_lights.describe import describe

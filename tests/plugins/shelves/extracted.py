@@ -2,8 +2,8 @@
 
 from rack_pictures import Camera, Image, Picture, Rack
 
-from savmap.stages.segment import regions
 from savmap.types import Feature
+from savmap.vision.networks.segmenter import regions
 from savmap_shelves.boundaries import extract_features
 
 FACING = Camera(x=1.3, y=2.1, z=1.6, hfov=118.0)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
-from savmap.stages.segment import regions
 from savmap.types import Detection, Feature, Floats, View, ViewSpec
+from savmap.vision.networks.segmenter import regions
 
 SOFT_PX = 0.8
 HEIGHT, WIDTH = 480, 640

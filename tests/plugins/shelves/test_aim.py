@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from savmap.geometry import pinhole
-from savmap.stages.aim import Face, Manual, Scout
-from savmap.stages.render import Renderer
-from savmap.stages.travel import parallax_rad
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
+from savmap.vision.travel import parallax_rad
+from savmap.vision.view_planning import Face, Manual, Scout
+from savmap.vision.views import Renderer
 from savmap_shelves.aim import apart, halves, remembering, uprights, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)

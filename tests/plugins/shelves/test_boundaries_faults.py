@@ -7,8 +7,8 @@ import pytest
 from extracted import CAMERAS, FACING, columns_of, counts, found, of, without, worst
 from rack_pictures import HEIGHT, WIDTH, Camera, Image, Picture, Rack, painted, soften
 
-from savmap.stages.segment import regions
 from savmap.types import Detection
+from savmap.vision.networks.segmenter import regions
 from savmap_shelves.boundaries import extract_features
 from savmap_shelves.boundary_settings import BoundarySettings
 

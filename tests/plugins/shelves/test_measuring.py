@@ -6,9 +6,9 @@ import pytest
 from rack_pictures import HEIGHT, WIDTH, Camera, Picture
 
 from savmap.geometry import pinhole, sphere
-from savmap.stages.profiles import RADIANCE
-from savmap.stages.segment import regions
 from savmap.types import Detection, Feature, Floats, Panorama, ViewSpec
+from savmap.vision.edges.profiles import RADIANCE
+from savmap.vision.networks.segmenter import regions
 from savmap_shelves.boundaries import extract_features
 from savmap_shelves.measuring import _face_axes
 from savmap_shelves.plugin import Settings, Shelves

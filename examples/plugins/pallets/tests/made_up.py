@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from savmap.geometry.pinhole import angles_from_rotation, project, rig_from_view
-from savmap.stages.aim import LEVEL
 from savmap.types import Detection, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+from savmap.vision.view_planning import LEVEL
 from savmap_pallets.aim import PITCH_DEG
 from savmap_pallets.outline import corners
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.rooms import load_class
+from savmap.plugin.contract import check_plugin
+from savmap.plugin.manager import load_class
 from savmap.sim.dataset import random_place
 from savmap.sim.scene import RowFrame, Site, load_scene
-from savmap.testing import check_plugin
 from savmap_pallets.plugin import Pallets
 
 ROW = Path(__file__).parents[1] / "row.yaml"

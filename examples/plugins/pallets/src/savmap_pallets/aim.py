@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
-from savmap.stages.aim import LEVEL, Manual, Scout
 from savmap.types import Aim, Floats, ViewSpec
+from savmap.vision.view_planning import LEVEL, Manual, Scout
 
 PITCH_DEG = -52.0
 

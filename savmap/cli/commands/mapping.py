@@ -1,0 +1,84 @@
+"""Commands that make maps: `savmap map`, and what goes before it."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from savmap.cli.commands.options import Output, Plugins, Sets, names_of
+from savmap.files.urls import where
+
+
+def map_(
+    source: Annotated[
+        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video for a first map.")
+    ] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
+    side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Rows mapped at a time, each in a process of its own (0: in this one; default: as fits)."
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="A Dask scheduler whose workers map the rows, such as tcp://host:8786.")
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
+    ] = False,
+    sets: Sets = None,
+) -> None:
+    """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
+    not done again."""
+    from savmap.jobs import run
+    from savmap.jobs.scheduler import Way
+    from savmap.site.job import job_for
+    from savmap.site.overrides import overrides_of
+
+    overrides = overrides_of(sets or [], os.environ)
+    job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
+    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
+        typer.echo(line)
+
+
+def init(
+    videos: Annotated[list[Path] | None, typer.Argument(metavar="[VIDEO]...", help="A row is made for each.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Write a commented site file to start from."""
+    from savmap.site import template
+
+    for line in template.start(videos or [], output, force):
+        typer.echo(line)
+
+
+def check(
+    source: Annotated[Path, typer.Argument(metavar="SITE", help="A site file.")] = Path("site.yaml"),
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Write a picture of the chosen views of each pass.")] = True,
+    sets: Sets = None,
+) -> None:
+    """Say what is wrong with a site file, and what a run will take."""
+    from savmap.jobs import check as checking
+    from savmap.site.overrides import overrides_of
+
+    overrides = overrides_of(sets or [], os.environ)
+    for line in checking.check(source, names_of(plugins), output, overrides, pictures, trajectory):
+        typer.echo(line)
+
+
+def demo(output: Output = Path("out/demo")) -> None:
+    """Map the footage that ships with savmap and score it."""
+    from savmap.jobs import run
+
+    for line in run.demo(output):
+        typer.echo(line)

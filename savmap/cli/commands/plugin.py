@@ -1,0 +1,27 @@
+"""`savmap plugin`: for those who write plugins."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="For those who write plugins.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@app.callback()
+def plugin() -> None:
+    """For those who write plugins."""
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What site files call it, such as pillars.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="A new folder (default: savmap-NAME).")
+    ] = None,
+) -> None:
+    """Write the project of a new plugin: complete, to be installed, with tests that pass."""
+    from savmap.plugin.scaffold import new_plugin
+
+    for line in new_plugin(name, output):
+        typer.echo(line)

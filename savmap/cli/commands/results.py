@@ -1,0 +1,57 @@
+"""Commands about maps that are made: scores, report, other formats, where a thing is."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def evaluate(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    survey: Annotated[Path, typer.Argument(metavar="SURVEY", help="A survey file.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
+) -> None:
+    """Score a map against a survey."""
+    from savmap.jobs import run
+
+    evaluation = run.evaluate_files(map_file, survey, box_plot)
+    typer.echo(run.scores_json(evaluation) if as_json else run.scores_table(evaluation))
+
+
+def report(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    run_file: Annotated[
+        Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
+    ] = None,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
+) -> None:
+    """Write a map's report: one HTML page with plan, states, references, errors and times."""
+    from savmap.sitereport import report_files
+
+    typer.echo(report_files(map_file, output, run_file, survey))
+
+
+def export(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
+) -> None:
+    """Write a map in another format."""
+    from savmap.cli import tools
+
+    for line in tools.export(map_file, name, output, row):
+        typer.echo(line)
+
+
+def find(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+) -> None:
+    """Say where in a map a thing is."""
+    from savmap.cli import tools
+
+    for line in tools.find(map_file, name):
+        typer.echo(line)

@@ -1,0 +1,79 @@
+"""Commands that make what maps are made from: footage, passes in it, labelled pictures, networks."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from savmap.cli.commands.options import Output, Sets
+from savmap.files.urls import where
+
+
+def split(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A long panoramic video.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The site file to write.")] = Path("site.yaml"),
+    into: Annotated[Path | None, typer.Option(help="Add the rows to this site file instead.")] = None,
+    sheet: Annotated[Path | None, typer.Option(help="Write a contact sheet of the passes (PNG).")] = None,
+) -> None:
+    """Find the passes through aisles in a long recording, and write them into a site file to be confirmed."""
+    from savmap.cli import tools
+
+    for line in tools.split(recording, output, into, sheet):
+        typer.echo(line)
+
+
+def simulate(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file.")],
+    output: Output = Path("simulated"),
+    mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
+) -> None:
+    """Make footage of a made-up place, with its truth."""
+    from savmap.cli import tools
+
+    for line in tools.simulate(scene, output, mask or []):
+        typer.echo(line)
+
+
+def train(
+    plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
+    data: Annotated[list[Path], typer.Option(help="Labelled pictures: a folder, or its file; may be repeated.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The ONNX file to write.")] = Path("model.onnx"),
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="How long to train (60; fine-tuning: 20).", show_default=False)
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="How many steps, instead of how long.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    init: Annotated[
+        Path | None, typer.Option(help="What to begin with: a checkpoint; or `shipped` or an ONNX file, to fine-tune.")
+    ] = None,
+    renamed: Annotated[
+        list[str] | None,
+        typer.Option("--class", metavar="THEIRS=OURS", help="What a class of the data is called here."),
+    ] = None,
+    held_out: Annotated[list[Path] | None, typer.Option(help="Fine-tuning: a data set only to measure on.")] = None,
+    int8: Annotated[bool, typer.Option("--int8", help="Fine-tuning: also write it in 8-bit integers.")] = False,
+) -> None:
+    """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
+    from savmap import training
+
+    wish = training.Wish(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
+    for line in training.train(plugin, wish):
+        typer.echo(line)
+
+
+def label(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video.")],
+    plugin: Annotated[
+        str | None, typer.Option(help="Whose views and classes; default: the site's first plugin.")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="How many pictures.")] = 100,
+    output: Output = Path("labels"),
+    sets: Sets = None,
+) -> None:
+    """Choose the views most worth labelling, and write them with the network's own masks to start from."""
+    from savmap.label.run import label as choose_and_write
+    from savmap.site.overrides import overrides_of
+
+    for line in choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ)):
+        typer.echo(line)

@@ -1,0 +1,88 @@
+"""The terminal: progress bars and notes on standard error, and a log file in the output folder."""
+
+import io
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import TypeVar
+
+from rich.console import Console as Terminal
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from savmap.errors import OutputError, SavmapError
+from savmap.files.atomic import reason, write_text
+from savmap.files.urls import is_url
+
+Item = TypeVar("Item")
+log = logging.getLogger("savmap")
+
+
+class LogFile(logging.FileHandler):
+    """A log file. One that cannot be written any more, because the disk is full, falls silent: results matter more.
+
+    Raises OutputError where it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            super().__init__(path, mode="w", encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
+        """Nothing: what cannot be logged is lost."""
+
+
+class Console:
+    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the end."""
+
+    def __init__(self, log_file: Path) -> None:
+        self.terminal = Terminal(stderr=True, highlight=False)
+        self.there = log_file if is_url(log_file) else None
+        self.kept = io.StringIO()
+        self.handler = logging.StreamHandler(self.kept) if self.there else LogFile(log_file)
+        self.handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+
+    def __enter__(self) -> "Console":
+        log.setLevel(logging.INFO)
+        log.addHandler(self.handler)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None:
+            log.error(str(error), exc_info=None if isinstance(error, SavmapError) else error)
+        log.removeHandler(self.handler)
+        with suppress(OSError):
+            self.handler.close()
+        if self.there is not None:
+            write_text(self.there, self.kept.getvalue())
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        """The items with a progress bar."""
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        log.info(doing)
+        with Progress(*columns, console=self.terminal, transient=True) as progress:
+            yield from progress.track(items, total=total, description=doing)
+
+    @contextmanager
+    def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
+        """A bar that is set by calls with the share done (0..1) and a message."""
+        with Progress(
+            TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=self.terminal
+        ) as bar:
+            task = bar.add_task(doing, total=1.0)
+
+            def show(share: float, message: str) -> None:
+                bar.update(task, completed=share, description=f"{doing}: {message}")
+                log.info("%s", message)
+
+            yield show
+
+    def note(self, line: str) -> None:
+        """A line on the terminal and in the log."""
+        self.terminal.print(line, markup=False, soft_wrap=True)
+        log.info(line)

@@ -1,0 +1,113 @@
+"""What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from savmap.errors import ModelError, PluginError, SavmapError, SiteError, told
+from savmap.plugin.manager import exporters, installed, lacking, load_class
+from savmap.site.job import prepare
+from savmap.types import ViewSpec
+
+
+def plugin_lines() -> Iterator[str]:
+    """What is installed: name, classes, model, hooks."""
+    for name, point in installed().items():
+        plugin = load_class(name)
+        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
+        yield f"{name}  ({point.value})"
+        yield f"  classes  {', '.join(plugin.classes)}"
+        yield f"  model    {plugin.model}"
+        yield f"  network  {_network(plugin.model)}"
+        yield f"  hooks    {', '.join(hooks)}"
+        if missing := lacking(plugin):
+            yield f"  lacks    {', '.join(missing)}, without which it does less: pip install them, or savmap's extra of its name"
+
+
+def _network(model: Path) -> str:
+    """Of what kind a plugin's network is, and on what it runs; what is wrong with it where it cannot be read."""
+    from savmap.vision.networks.segmenter import Segmenter, few
+
+    try:
+        network = Segmenter(model)
+    except ModelError as error:
+        return str(error)
+    return f"{network}; gives {few(network.names)}"
+
+
+def schema(name: str) -> str:
+    """The JSON Schema of a kind of file: "site", with the settings of all installed plugins, or "map". Raises SiteError."""
+    from savmap.maps import schema
+    from savmap.site import schema
+
+    if name == "map":
+        return schema.schema_text()
+    if name == "site":
+        return schema.schema_text(installed())
+    raise SiteError(f"schema {name}: there is one for `site` and one for `map`")
+
+
+def export(map_file: Path, name: str, output: Path, row: str | None = None) -> Iterator[str]:
+    """A map (or one `row` of it) in another format, written whole or not at all.
+
+    Raises SiteError for a format or row that is not there, PluginError for an exporter that fails.
+    """
+    from savmap.files.atomic import write_with
+    from savmap.maps.map_file import read_map
+
+    formats = exporters()
+    if name not in formats:
+        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}")
+    site_map = read_map(map_file)
+    if row is not None:
+        if row not in site_map.rows:
+            raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
+        site_map = replace(site_map, rows={row: site_map.rows[row]})
+    try:
+        write_with(lambda part: formats[name](site_map, part), output)
+    except SavmapError:
+        raise
+    except Exception as error:
+        raise PluginError(f"exporter `{name}` failed: {told(error)}") from error
+    yield f"wrote {output}"
+
+
+def find(map_file: Path, name: str) -> Iterator[str]:
+    """Where in a map the things of a name are, or those on which it is written. Raises SiteError where there is none."""
+    from savmap.maps.map_file import read_map
+    from savmap.maps.search import found
+
+    yield from found(read_map(map_file), name)
+
+
+def split(recording: Path, output: Path, into: Path | None = None, sheet: Path | None = None) -> Iterator[str]:
+    """The passes of a long recording as rows of a new site file, or added to one, with a contact sheet."""
+    from savmap.cli.console import Console
+    from savmap.split import split as find_and_write
+
+    with Console(Path(os.devnull)) as console:
+        yield from find_and_write(recording, output, into, sheet, monitor=console)
+
+
+def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
+    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
+    from savmap.cli.console import Console
+    from savmap.sim.scene import load_scene
+    from savmap.sim.simulate import simulate as make
+
+    loaded = load_scene(scene)
+    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
+    prepare(output)
+    with Console(output / "savmap.log") as console:
+        for path in make(loaded, output, console, masks=specs):
+            yield f"wrote {path}"
+
+
+def mask_view(number: int, text: str) -> ViewSpec:
+    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
+    try:
+        yaw, pitch, hfov = (float(part) for part in text.split(","))
+        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
+    except ValueError:
+        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None

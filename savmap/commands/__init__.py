@@ -1,1 +1,0 @@
-"""Parts of the command line: groups of commands, and how it ends."""

@@ -1,0 +1,120 @@
+"""Files written whole or not at all, and read with one clear line where they cannot be."""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from savmap.errors import OutputError
+from savmap.files.urls import is_url
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` as UTF-8 with `\\n` line ends, whole or not at all. Raises OutputError."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write `content` to a temporary file of the same folder (made where missing), then put it in place of `path`.
+
+    A URL's object is put there in one go. Raises OutputError where the folder cannot be written or is full; `path` then still is
+    what it was.
+    """
+    if is_url(path):
+        return _put(path, content)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write_through(part, content)
+        os.replace(part, path)
+    except OSError as error:
+        advice = "choose another folder or free its space"
+        raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
+    finally:
+        _remove(part)
+
+
+def write_with(write: Callable[[Path], None], path: Path) -> None:
+    """Let a function write a file of the same name in a temporary folder beside `path`, then put it in place, whole.
+
+    Raises OutputError where nothing can be written there, or where the function wrote nothing.
+    """
+    if is_url(path):
+        with tempfile.TemporaryDirectory() as folder:
+            write(Path(folder) / path.name)
+            return _put(path, (Path(folder) / path.name).read_bytes())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
+            part = Path(folder) / path.name
+            write(part)
+            with part.open("rb") as stream:
+                os.fsync(stream.fileno())
+            os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+    except OutputError as error:
+        raise OutputError(str(error).replace(str(part), str(path))) from error
+
+
+def read_text(path: Path) -> str:
+    """The text of a UTF-8 file. Raises OutputError."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+    except UnicodeDecodeError as error:
+        raise OutputError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
+
+
+def read_json(path: Path) -> object:
+    """What a JSON file holds; NaN and infinities are refused. Raises OutputError."""
+    try:
+        content: object = json.loads(read_text(path), parse_constant=_refuse_constant)
+    except json.JSONDecodeError as error:
+        raise OutputError(f"{path}: is not JSON (line {error.lineno}, column {error.colno}: {error.msg})") from error
+    except (ValueError, RecursionError) as error:
+        raise OutputError(f"{path}: is not JSON ({error})") from error
+    return content
+
+
+def sha256(path: Path) -> str:
+    """The SHA-256 of a file's bytes in hexadecimal. Raises OutputError."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+
+
+def reason(error: OSError) -> str:
+    """What the operating system says, in lower case."""
+    return (error.strerror or str(error)).lower()
+
+
+def _put(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except Exception as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    with path.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        return
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a number")

@@ -1,0 +1,131 @@
+"""Checking what a file says against a pydantic model, with one line for the first thing that is wrong."""
+
+import difflib
+from collections.abc import Callable, Mapping
+from reprlib import Repr
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ValidationError
+
+from savmap.errors import OutputError, SiteError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+Location = tuple[int | str, ...]
+SHORT = Repr()
+SHORT.maxstring = SHORT.maxother = 80
+UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _with_text_keys(value: object) -> object:
+    return {str(key): name for key, name in value.items()} if isinstance(value, Mapping) else value
+
+
+ClassNames = Annotated[Mapping[str, str], BeforeValidator(_with_text_keys)]
+"""A plugin's setting `class_names`: what its network's classes, by name or by number from 0, are called by the plugin."""
+
+
+def checked(model: type[Model], content: object, where: str) -> Model:
+    """`content` as `model`. Raises OutputError: `where`, the path inside it, and what is wrong there."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise OutputError(f"{where}: {one_line(error)}") from error
+
+
+def path_of(problem: "ErrorDetails") -> str:
+    """Where in the content a problem is: "rows.A.passes[0].fps"."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"])
+    return "".join(parts).lstrip(".")
+
+
+def text_of(problem: "ErrorDetails") -> str:
+    """What is wrong, in pydantic's words."""
+    return problem["msg"].removeprefix("Value error, ")
+
+
+def one_line(error: ValidationError) -> str:
+    """The first problem as "path: what", and how many more there are."""
+    problems = error.errors(include_url=False, include_context=False)
+    path, text = path_of(problems[0]), text_of(problems[0])
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{path}: {text}{more}" if path else f"{text}{more}"
+
+
+def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
+    """A model made from values. Raises SiteError with one line that says what is wrong, and where."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise SiteError(next(iter(explained(error, model, lambda *_: where).values()))) from None
+
+
+def explained(
+    error: ValidationError,
+    model: type[BaseModel],
+    place_of: Callable[[Location, bool], str],
+    at: Callable[[Location], Location] = tuple,
+) -> dict[Location, str]:
+    """A line for each problem of a validation error, by its location in the file, unknown keys first. `at`: where in the file a key
+    of the model stands; `place_of`: what to call a location (and whether the problem is one of the whole section there)."""
+    problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+    first: dict[Location, ErrorDetails] = {}
+    for problem in problems:
+        follows = problem["type"] == "too_short" and any(
+            other is not problem and other["loc"][: len(problem["loc"])] == problem["loc"] for other in problems
+        )
+        if not follows:
+            first.setdefault(at(problem["loc"]), problem)
+    return {location: _explained(problem, location, model, place_of) for location, problem in first.items()}
+
+
+def _explained(
+    problem: "ErrorDetails", location: Location, model: type[BaseModel], place_of: Callable[[Location, bool], str]
+) -> str:
+    key = path_of({**problem, "loc": location})
+    place = place_of(location, problem["type"] == "value_error")
+    if problem["type"] == "extra_forbidden":
+        allowed = _keys(model, problem["loc"][:-1])
+        return f"{place}: unknown key `{key}`{_hint(str(location[-1]), allowed)}"
+    if problem["type"] == "missing":
+        return f"{place}: `{key}` is missing"
+    text = text_of(problem)
+    text = text[:1].lower() + text[1:]
+    if problem["type"] == "value_error":
+        return f"{place}: `{key}`: {text}"
+    units = "; lengths are metres, times seconds" if isinstance(problem["input"], int | float) else ""
+    return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
+
+
+def _keys(model: Any, location: Location) -> list[str]:
+    """Keys that are allowed at a place of the model, found by following field annotations."""
+    current = model
+    for part in location:
+        inner = _models_in(current)
+        fields = inner.model_fields if inner else {}
+        current = fields[part].annotation if isinstance(part, str) and part in fields else current
+    inner = _models_in(current)
+    return list(inner.model_fields) if inner else []
+
+
+def _models_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _models_in(argument)
+        if found:
+            return found
+    return None
+
+
+def _hint(key: str, allowed: list[str]) -> str:
+    stem = key.rsplit("_", 1)
+    same_stem = [a for a in allowed if a.rsplit("_", 1)[0] == stem[0] and a != key]
+    if len(stem) == 2 and stem[1] in UNITS and same_stem:
+        return f": wrong unit? Use `{same_stem[0]}`"
+    near = difflib.get_close_matches(key, allowed, 1)
+    if near:
+        return f": did you mean `{near[0]}`?"
+    return f": allowed here are {', '.join(allowed)}" if allowed else ""

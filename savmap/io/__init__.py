@@ -1,1 +1,0 @@
-"""Files: reading and writing, whole or not at all."""

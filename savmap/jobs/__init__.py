@@ -1,0 +1,1 @@
+"""Many rows: scheduler, tasks, executors, cache."""

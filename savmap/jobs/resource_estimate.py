@@ -1,0 +1,123 @@
+"""What a run will take, found by looking at a few frames of each kind of footage on this machine."""
+
+import resource
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+from typing import TypeVar
+
+from savmap.errors import OutputError
+from savmap.jobs.scheduler import SOLVED
+from savmap.jobs.tasks import PER_MB, row_of
+from savmap.maps.run_record import read_log
+from savmap.site.job import Job, rooms_for
+from savmap.site.preflight import Footage
+
+Item = TypeVar("Item")
+FRAMES, WARM = 14, 4
+
+
+@dataclass
+class Taste:
+    """A Monitor that lets only the first few frames of a pass through, and notes on the clock when each was asked for."""
+
+    clock: list[float] = field(default_factory=list)
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        for item in islice(items, FRAMES):
+            self.clock.append(time.perf_counter())
+            yield item
+        self.clock.append(time.perf_counter())
+
+    def note(self, line: str) -> None:
+        """Lines are for runs."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Seconds to choose a pass's views, seconds a frame, and bytes a frame of what is kept of it."""
+
+    aim_s: float
+    frame_s: float
+    frame_bytes: float
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a run will take with one worker: frames, seconds of looking at them, seconds of solving where an earlier run tells,
+    MB on disk for what is kept of the rows, MB of memory that were in use after a few frames."""
+
+    frames: int
+    look_s: float
+    solve_s: float | None
+    disk_mb: float
+    memory_mb: float
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        yield f"{self.frames} frames; looking at them will take about {duration(self.look_s)} with one worker on this machine"
+        solve = (
+            f"about {duration(self.solve_s)}, by the last run's rate" if self.solve_s is not None else "not known yet"
+        )
+        yield f"solving comes on top: {solve}"
+        yield f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
+
+
+def needs(job: Job, footage: Sequence[Footage]) -> Needs:
+    """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be looked at."""
+    rates: dict[tuple[object, ...], Rate] = {}
+    for one in footage:
+        kind = _kind(job, one)
+        if kind not in rates:
+            rates[kind] = _rate(job, one)
+    own = [(one.frames, rates[_kind(job, one)]) for one in footage]
+    frames = sum(count for count, _ in own)
+    solving = _solve_rate(job.output)
+    return Needs(
+        frames,
+        sum(rate.aim_s + count * rate.frame_s for count, rate in own),
+        None if solving is None else solving * frames,
+        sum(count * rate.frame_bytes for count, rate in own) / 1e6,
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB,
+    )
+
+
+def duration(seconds: float) -> str:
+    """Seconds, minutes, or hours and minutes, in words."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _kind(job: Job, one: Footage) -> tuple[object, ...]:
+    """What decides how long a frame takes."""
+    models = tuple(room.model for room in rooms_for(job, one.row))
+    extras = (job.site.row_appearance(one.row), bool(job.site.row_references(one.row).markers))
+    return one.info.width, one.info.codec, one.info.rate_fps, one.one.fps, models, extras
+
+
+def _rate(job: Job, one: Footage) -> Rate:
+    """Look at the first frames of a pass as a run does."""
+    from savmap.files.serialization import packed
+    from savmap.pipeline.row import look
+
+    taste = Taste()
+    begin = time.perf_counter()
+    row = replace(row_of(job, one.row), passes=(one.one,))
+    seen = packed(look(row, rooms_for(job, one.row), taste))
+    warm = min(WARM, len(taste.clock) - 2)
+    timed = taste.clock[warm:]
+    return Rate(taste.clock[0] - begin, (timed[-1] - timed[0]) / (len(timed) - 1), len(seen) / (len(taste.clock) - 1))
+
+
+def _solve_rate(output: Path) -> float | None:
+    """Seconds a frame that solving took in the last run into a folder, if there was one."""
+    try:
+        rows = read_log(output / "run.json").rows.values()
+    except OutputError:
+        return None
+    solved = [row for row in rows if row.used and SOLVED in row.seconds]
+    return sum(row.seconds[SOLVED] for row in solved) / sum(row.used for row in solved) if solved else None

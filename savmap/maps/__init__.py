@@ -1,0 +1,1 @@
+"""Files of maps, surveys and runs; search; exports."""

@@ -1,0 +1,101 @@
+"""A map in formats that other programs read: ASCII PLY (vertices, edges, a colour for each label) and CSV (vertices).
+
+Rows that are placed are given in the site's frame, others in their own.
+"""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from savmap.errors import OutputError
+from savmap.files.atomic import write_text
+from savmap.types import Placement, SiteMap, Structure
+
+COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
+COLUMNS = [
+    "row",
+    "frame",
+    "plugin",
+    "structure",
+    "label",
+    "vertex",
+    "x_m",
+    "y_m",
+    "z_m",
+    "sigma_x_m",
+    "sigma_y_m",
+    "sigma_z_m",
+]
+
+
+def write_csv(site: SiteMap, path: Path) -> None:
+    """A line a vertex: where it belongs, its place in the site's frame, or in the row's if that is not placed, and its standard
+    deviations, m. Raises OutputError."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for row in site.rows.values():
+        for plugin, structures in row.structures.items():
+            frame = "site" if row.name in site.placed else "row"
+            for own in structures:
+                vertices = _vertices(in_site(own, site.placed.get(row.name)))
+                table.writerows((row.name, frame, plugin, own.id, own.label, *vertex) for vertex in vertices)
+    write_text(path, text.getvalue())
+
+
+def write_ply(site: SiteMap, path: Path) -> None:
+    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also for several rows
+    with one that is not placed: each has a frame of its own."""
+    apart = [name for name in site.rows if name not in site.placed]
+    if apart and len(site.rows) > 1:
+        raise OutputError(
+            f"{path}: PLY holds one frame, and rows {', '.join(apart)} have no place in the site's; choose with --row"
+        )
+    what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
+    found = [
+        in_site(own, site.placed.get(row.name))
+        for row in site.rows.values()
+        for group in row.structures.values()
+        for own in group
+    ]
+    write_text(path, "\n".join(_ply(what, found)) + "\n")
+
+
+def in_site(own: Structure, place: Placement | None) -> Structure:
+    """A row's structure in the site's frame, its covariances with what is not known of the row's place; as it is without one."""
+    if place is None:
+        return own
+    covariances = place.covariances(own.vertices, own.covariances)
+    return replace(own, vertices=place.points(own.vertices), covariances=covariances)
+
+
+def _vertices(own: Structure) -> Iterator[tuple[str, ...]]:
+    sigmas = np.sqrt(np.maximum(np.diagonal(own.covariances, axis1=1, axis2=2), 0.0))
+    for label, place, sigma in zip(own.vertex_labels, own.vertices, sigmas, strict=True):
+        yield (label, *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
+
+
+def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
+    labels = sorted({own.label for own in structures})
+    colours = {label: COLOURS[k % len(COLOURS)] for k, label in enumerate(labels)}
+    firsts = np.cumsum([0, *(len(own.vertices) for own in structures)]).tolist()
+    yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
+    for label, colour in colours.items():
+        yield f"comment label {label}: {_spaced(colour)}"
+    yield f"element vertex {firsts[-1]}"
+    yield from (f"property double {axis}" for axis in "xyz")
+    yield from (f"property uchar {channel}" for channel in ("red", "green", "blue"))
+    yield f"element edge {sum(len(own.edges) for own in structures)}"
+    yield from ("property int vertex1", "property int vertex2", "end_header")
+    for own in structures:
+        yield from (f"{x:.4f} {y:.4f} {z:.4f} {_spaced(colours[own.label])}" for x, y, z in own.vertices.tolist())
+    for first, own in zip(firsts, structures, strict=False):
+        yield from (f"{first + a} {first + b}" for a, b in own.edges.tolist())
+
+
+def _spaced(colour: tuple[int, int, int]) -> str:
+    return " ".join(map(str, colour))

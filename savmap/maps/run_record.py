@@ -1,0 +1,47 @@
+"""What a run did with each row, as run.json tells it: apart from the map, which must not depend on how long things took."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from savmap.files.atomic import read_json, write_text
+from savmap.files.validation import checked
+
+
+class RowRun(BaseModel):
+    """One row: mapped now, kept from an earlier run, or failed (and why). `seconds` on the clock by stage (decode, aim, render,
+    segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory
+    in MB, and the plugins that failed in it, without which it was mapped."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    status: Literal["mapped", "kept", "failed"]
+    error: str = ""
+    seconds: dict[str, float] = {}
+    used: int = 0
+    skipped: int = 0
+    peak_mb: float = 0.0
+    plugins_failed: dict[str, str] = {}
+
+
+class RunLog(BaseModel):
+    """All rows of a run by name, its whole time on the clock, and how many workers there were."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["savmap-run"] = "savmap-run"
+    version: Literal[1] = 1
+    rows: dict[str, RowRun]
+    wall_s: float = 0.0
+    jobs: int = 1
+
+
+def write_log(log: RunLog, path: Path) -> None:
+    """Write run.json, whole or not at all. Raises OutputError."""
+    write_text(path, log.model_dump_json(indent=1) + "\n")
+
+
+def read_log(path: Path) -> RunLog:
+    """A run.json. Raises OutputError with one line."""
+    return checked(RunLog, read_json(path), str(path))

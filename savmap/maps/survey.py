@@ -1,0 +1,46 @@
+"""Survey files: what a surveyor measured of each row, each row in its own frame (metres).
+
+What a row's entry holds belongs to the plugins: each reads its own keys in its hooks and leaves the rest alone.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from savmap.errors import OutputError
+from savmap.evaluation import Survey
+from savmap.files.atomic import read_json, write_text
+from savmap.files.validation import checked
+
+FORMAT = "savmap-survey"
+VERSION = 1
+
+
+class SurveyFile(BaseModel):
+    """A survey file: rows by name, each a mapping of plugins' keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    format: Literal["savmap-survey"]
+    version: Literal[1]
+    units: Literal["m"]
+    rows: dict[str, dict[str, Any]] = Field(min_length=1)
+
+
+def read_survey(path: Path) -> Survey:
+    """A survey file. Raises OutputError with one line: file, place, problem."""
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise OutputError(f'{path}: is not a survey (it has no "format": "{FORMAT}")')
+    if content.get("version") != VERSION:
+        version = content.get("version")
+        raise OutputError(f"{path}: is a survey of version {version}; this program reads version {VERSION}")
+    return Survey(checked(SurveyFile, content, str(path)).rows)
+
+
+def write_survey(survey: Survey, path: Path) -> None:
+    """Write a survey file. Raises OutputError."""
+    content = {"format": FORMAT, "version": VERSION, "units": "m", "rows": survey.rows}
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

@@ -1,0 +1,1 @@
+"""One row, from video to map."""

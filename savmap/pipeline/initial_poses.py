@@ -1,0 +1,61 @@
+"""Where the camera is taken to be before anything is solved."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.graph import published_start
+from savmap.pipeline.measure import Observations
+from savmap.types import Floats, Trajectory
+from savmap.vision.attitude import attitudes
+
+if TYPE_CHECKING:
+    from savmap.pipeline.row import Row
+
+SPEED_MPS = 1.0
+HEIGHT_M = 2.5
+DISTANCE_M = 1.5
+
+
+def first_path(row: "Row", seen: Observations) -> Trajectory:
+    """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
+    SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
+    if row.path is not None:
+        return checked_path(row.name, row.path, len(seen.facts.frames))
+    stamps = seen.facts.frames.stamps_s
+    return published_start(
+        seen.facts,
+        attitudes_of(seen),
+        length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
+        height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
+        distance_m=DISTANCE_M,
+    )
+
+
+def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
+    """An earlier map's path, if it is one of the same frames."""
+    if len(path.frames) != count:
+        raise StructureError(
+            f"row {row}: the earlier map has poses for {len(path.frames)} frames, these passes have {count}: "
+            "map the same passes at the same rate, all frames of which were located"
+        )
+    return path
+
+
+def attitudes_of(seen: Observations) -> Floats:
+    """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
+    missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
+    if missing:
+        raise StructureError(
+            f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it"
+        )
+    first = np.stack([seen.attitudes[name] for name in seen.facts.frames.passes])
+    edges = [feature for features in seen.features.values() for feature in features if feature.axis is not None]
+    return attitudes(edges, seen.facts.views, first)
+
+
+def first_attitudes(row: "Row") -> Mapping[str, Floats]:
+    """What an earlier map says of the attitude at the start of the row's (only) pass."""
+    return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}

@@ -1,0 +1,77 @@
+"""Pictures of the views that the aim chooses, one a pass."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.files.atomic import write_bytes
+from savmap.jobs.cache import file_name
+from savmap.pipeline.measure import aim_pass, pass_names
+from savmap.plugin.manager import Room
+from savmap.plugin.segmenters import Eyes
+from savmap.site.model import Pass
+from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision.view_planning import Scout
+from savmap.vision.views import Renderer
+
+TILE_WIDTH = 480
+
+
+def overview(
+    panoramas: Sequence[Panorama], specs: Sequence[ViewSpec], renderer: Renderer, columns: int = 3
+) -> NDArray[np.uint8]:
+    """RGB picture: a row of tiles a view, evenly chosen panoramas side by side, each with its angles and time."""
+    chosen = [
+        panoramas[i] for i in np.linspace(0, len(panoramas) - 1, min(columns, len(panoramas))).round().astype(int)
+    ]
+    tallest = max(round(TILE_WIDTH * spec.height / spec.width) for spec in specs)
+    rows = [np.hstack([_tile(panorama, spec, renderer, tallest) for panorama in chosen]) for spec in specs]
+    return np.vstack(rows)
+
+
+def _tile(panorama: Panorama, spec: ViewSpec, renderer: Renderer, height: int) -> NDArray[np.uint8]:
+    image = renderer.render(panorama, spec).image
+    scaled = cv2.resize(image, (TILE_WIDTH, round(TILE_WIDTH * spec.height / spec.width)), interpolation=cv2.INTER_AREA)
+    tile = np.zeros((height, TILE_WIDTH, 3), np.uint8)
+    tile[: len(scaled)] = scaled
+    angles = f"yaw {spec.yaw_deg:.1f}  pitch {spec.pitch_deg:.1f}  roll {spec.roll_deg:.1f}  fov {spec.hfov_deg:.0f}"
+    tile[:48] //= 3
+    for line, text in enumerate((f"{spec.name}  {panorama.stamp_s:.2f} s", angles)):
+        cv2.putText(tile, text, (8, 20 + 20 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+    return tile
+
+
+def previews(
+    row: str, passes: Sequence[Pass], rooms: Sequence[Room], folder: Path, attitudes: Mapping[str, Floats]
+) -> Iterator[Path]:
+    """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written. `attitudes`:
+    world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
+    eyes = Eyes(rooms)
+    for name, one in zip(pass_names(passes), passes, strict=True):
+        path = folder / picture_name(row, name)
+        preview(name, one, rooms, eyes, path, attitudes.get(name))
+        yield path
+
+
+def preview(
+    name: str,
+    one: Pass,
+    rooms: Sequence[Room],
+    eyes: Eyes,
+    path: Path,
+    attitude: Floats | None = None,
+) -> Scout:
+    """Write the picture of one pass; gives what was looked at to choose the views. Raises SavmapError's kinds."""
+    renderer = Renderer()
+    aimed, scout = aim_pass(name, one, rooms, eyes, renderer, attitude)
+    picture = overview(scout.keys, list(dict.fromkeys(aimed.views().values())), renderer)
+    write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
+    return scout
+
+
+def picture_name(row: str, name: str) -> str:
+    """Of a pass's picture: "views-A-pass-1.jpg"."""
+    return f"views-{file_name(row)}-{name.replace(' ', '-')}.jpg"

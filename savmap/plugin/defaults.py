@@ -1,0 +1,56 @@
+"""What happens where a plugin says nothing: these implementations answer last."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from savmap.plugin.hookspecs import Exporter, hookimpl
+from savmap.types import Detection, SharedThing, Structure, View
+
+if TYPE_CHECKING:
+    from savmap.evaluation import Score
+    from savmap.report.drawing import Drawing
+    from savmap.vision.networks.segmenter import Segmenter
+
+MIN_PIXELS = 12
+
+
+@hookimpl(trylast=True)
+def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
+    """Connected regions of the network's classes above the threshold, instance by instance where it tells them apart."""
+    return segmenter.detections(view.image, threshold, MIN_PIXELS)
+
+
+@hookimpl(trylast=True)
+def relate(structures: Sequence[Structure]) -> list[Structure]:
+    """They stay as they are."""
+    return list(structures)
+
+
+@hookimpl(trylast=True)
+def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+    """Nothing is seen from other rows."""
+    return []
+
+
+@hookimpl(trylast=True)
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+    """Nothing is scored."""
+    from savmap.evaluation import Score
+
+    return Score()
+
+
+@hookimpl(trylast=True)
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> "tuple[Drawing, ...]":
+    """Nothing is drawn."""
+    return ()
+
+
+@hookimpl(trylast=True)
+def exporters() -> Mapping[str, Exporter]:
+    """The formats that come with savmap."""
+    from savmap.maps.exports import write_csv, write_ply
+
+    return {"csv": write_csv, "ply": write_ply}

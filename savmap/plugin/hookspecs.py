@@ -1,0 +1,134 @@
+"""The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
+
+A plugin is a class named by an entry point of the group `savmap.plugins`. It has `name`, `classes` (what its network
+sees), `model` (the network's file) and `Config` (a pydantic model); the engine makes it with its validated config. Every
+hook but the last two is asked of one plugin at a time. docs/hooks.md shows each with an example.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pluggy
+
+from savmap.types import (
+    Aim,
+    Detection,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    SharedThing,
+    SiteMap,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+)
+
+if TYPE_CHECKING:
+    import typer
+
+    from savmap.evaluation import Score
+    from savmap.graph.constraints import Constraints
+    from savmap.graph.solution import Solution
+    from savmap.report.drawing import Drawing
+    from savmap.sim.scene import SceneParts, Site
+    from savmap.vision.networks.segmenter import Segmenter
+    from savmap.vision.view_planning import Manual, Scout
+
+Exporter = Callable[[SiteMap, Path], None]
+hookspec = pluggy.HookspecMarker("savmap")
+hookimpl = pluggy.HookimplMarker("savmap")
+
+
+@hookspec(firstresult=True)
+def render_views(
+    scout: "Scout",
+    see: Callable[[View], list[Detection]],
+    side: Literal["left", "right"] | None,
+    manual: Mapping[str, "Manual"],
+    attitude: Floats | None,
+) -> Aim:
+    """View rendering: the views of one pass that this plugin wants to look at.
+
+    `scout` has key frames of the pass, `see` runs the plugin's network on a view, `side` is the hand that the site file
+    says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig (3, 3) of the
+    first key frame if an earlier plugin or map knows it.
+    """
+
+
+@hookspec(firstresult=True)
+def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
+    """Detection: what the network sees in a view. Default: connected regions of each of the plugin's classes."""
+
+
+@hookspec(firstresult=True)
+def extract_features(view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
+    """Feature extraction: points and edges with their covariance, in pixels of the view.
+
+    `panorama` is the one that the view was cut from, to be measured in at full resolution; None while views are aimed.
+    """
+
+
+@hookspec(firstresult=True)
+def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None) -> list[Track]:
+    """Tracking: which features of which frames are one physical point.
+
+    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them.
+    """
+
+
+@hookspec(firstresult=True)
+def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
+    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks."""
+
+
+@hookspec(firstresult=True)
+def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
+    """Solution to structures: what goes into the map."""
+
+
+@hookspec(firstresult=True)
+def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
+    """The plugin's structures of a row again, in the same order, with attributes that say how they stand to what other plugins
+    mapped there (`others`, by plugin). Default: as they are."""
+
+
+@hookspec(firstresult=True)
+def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both see them in one
+    place. Default: none."""
+
+
+@hookspec(firstresult=True)
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
+    """Structures against a surveyor's sheet of the row."""
+
+
+@hookspec(firstresult=True)
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> "tuple[Drawing, ...]":
+    """How structures look in the face view and in the plan, over the survey where there is one.
+
+    `deviations`: by structure id, how far it is off the survey, m.
+    """
+
+
+@hookspec(firstresult=True)
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts | None":
+    """What a simulator should build for this plugin's section of a scene file."""
+
+
+@hookspec
+def exporters() -> Mapping[str, Exporter]:
+    """Further map formats for `savmap export`: name to a function that writes a map to a path. Every plugin is asked.
+
+    The path is a temporary one; what was written is put in its place when the function returns."""
+
+
+@hookspec
+def register_commands(app: "typer.Typer") -> None:
+    """Add commands to `savmap`. Every plugin is asked."""

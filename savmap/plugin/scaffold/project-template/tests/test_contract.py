@@ -1,0 +1,16 @@
+"""The contract that savmap's engine relies on."""
+
+from importlib.metadata import entry_points
+
+from savmap_pillars.plugin import Pillars
+
+from savmap.plugin.contract import check_plugin
+
+
+def test_the_contract_holds() -> None:
+    check_plugin(Pillars)
+
+
+def test_savmap_finds_the_plugin_by_its_entry_point() -> None:
+    (point,) = entry_points(group="savmap.plugins", name="pillars")
+    assert point.load() is Pillars

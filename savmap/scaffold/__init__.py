@@ -1,5 +1,0 @@
-"""`savmap plugin new`: a complete project for a new plugin."""
-
-from savmap.scaffold.new import new_plugin
-
-__all__ = ["new_plugin"]

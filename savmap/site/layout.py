@@ -1,0 +1,86 @@
+"""Where the site file says that rows stand in the site's frame.
+
+With `layout`, rows stand in a line at right angles to themselves. Its first row runs along the layout's x axis, on its z = 0;
+the others follow towards +z. A face looks towards +z (heading 0) or back (heading 180), in turns: the gap in front of a
+face is an aisle, the one behind it a rack. A row that is turned round has its origin at the far end, hence needs its length.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from savmap.errors import SiteError
+from savmap.files.validation import Location
+from savmap.site.model import LayoutSection, Site
+from savmap.types import Placement
+
+
+def placements(site: Site) -> dict[str, Placement]:
+    """The place of every row that has one, before anything was seen: the row's own `place`, else from the site's `layout`.
+
+    Raises SiteError where `layout` does not fit the rows.
+    """
+    for location, text in misplaced(site.layout, with_places(site)):
+        raise SiteError(f"{'.'.join(map(str, location))}: {text}")
+    regular = _regular(site, site.layout) if site.layout else {}
+    own = {name: row.place for name, row in site.rows.items() if row.place is not None}
+    given = {
+        name: _placement(one.x_m, one.z_m, one.heading_deg, one.sigma_m, one.sigma_deg) for name, one in own.items()
+    }
+    return {name: {**regular, **given}[name] for name in site.rows if name in regular or name in given}
+
+
+def with_places(site: Site) -> dict[str, bool]:
+    """Rows by name, and whether each has a place of its own."""
+    return {name: row.place is not None for name, row in site.rows.items()}
+
+
+def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterator[tuple[Location, str]]:
+    """What in `layout` does not fit the rows: the key, and what is wrong with it. rows: whether each has a place of its own."""
+    if layout is None:
+        return
+    known = f"the site's rows are {', '.join(rows)}"
+    named: list[tuple[Location, str]] = [
+        *((("layout", "rows", n), name) for n, name in enumerate(layout.rows or ()) if name is not None),
+        *((("layout", "lengths_m", name), name) for name in layout.lengths_m),
+    ]
+    yield from ((location, f"there is no row `{name}`; {known}") for location, name in named if name not in rows)
+    twice = {name for name in layout.rows or () if name is not None and (layout.rows or ()).count(name) > 1}
+    yield from ((("layout", "rows"), f"row `{name}` is given twice") for name in sorted(twice))
+    for number, name in enumerate(_order(layout, rows)):
+        if not rows.get(name, True) and _looks_back(layout, number) and _length(layout, name) is None:
+            text = f"row `{name}` is turned round, so that its origin is at its far end: give `length_m`"
+            yield ("layout",), text
+
+
+def _order(layout: LayoutSection, rows: Iterable[str]) -> tuple[str, ...]:
+    """Names of rows in order; empty for a face that is not mapped."""
+    return tuple(name or "" for name in (rows if layout.rows is None else layout.rows))
+
+
+def _looks_back(layout: LayoutSection, number: int) -> bool:
+    return (number % 2 == 1) == (layout.begins_with == "aisle")
+
+
+def _length(layout: LayoutSection, name: str) -> float | None:
+    return layout.lengths_m.get(name, layout.length_m)
+
+
+def _regular(site: Site, layout: LayoutSection) -> dict[str, Placement]:
+    corner = _placement(layout.x_m, layout.z_m, layout.heading_deg, layout.sigma_m, layout.sigma_deg)
+    found: dict[str, Placement] = {}
+    depth = 0.0
+    for number, name in enumerate(_order(layout, site.rows)):
+        back = _looks_back(layout, number)
+        if name and site.rows[name].place is None:
+            x_m = (_length(layout, name) or 0.0) if back else 0.0
+            at = corner.site_from_row @ np.array([x_m, 0.0, depth, 1.0])
+            heading = layout.heading_deg + (180.0 if back else 0.0)
+            found[name] = _placement(float(at[0]), float(at[2]), heading, layout.sigma_m, layout.sigma_deg)
+        depth += layout.rack_m if back else layout.aisle_m
+    return found
+
+
+def _placement(x_m: float, z_m: float, heading_deg: float, sigma_m: float, sigma_deg: float) -> Placement:
+    covariance = np.diag(np.square([sigma_m, sigma_m, sigma_deg]))
+    return Placement(x_m, z_m, 180 - (180 - heading_deg) % 360, covariance)

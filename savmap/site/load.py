@@ -1,0 +1,149 @@
+"""Reading site files: YAML with errors that name file, line, key and a remedy."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from savmap.errors import SiteError
+from savmap.files.urls import beside
+from savmap.files.validation import Location
+from savmap.site.layout import misplaced, with_places
+from savmap.site.locations import Places, explained, given_twice, lines_of
+from savmap.site.model import LayoutSection, Pass, Row, Site
+from savmap.site.overrides import Override, applied
+
+Problems = Sequence[tuple[Location, str]]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What a site file holds, with overrides applied, before it is checked; `folder` is what relative paths are relative to."""
+
+    content: Mapping[str, Any]
+    places: Places
+    folder: Path
+    doubles: Problems = ()
+
+
+def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
+    """The site of a file, its relative paths taken from the file's folder.
+
+    Raises SiteError with file and line for anything that is not as docs/site-file.md says.
+    """
+    return site_of(read_draft(path, overrides))
+
+
+def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
+    """The content of a site file. Raises SiteError where it is no YAML, or where an override does not fit it."""
+    text = _read(path)
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{path}:{mark.line + 1}" if mark else str(path)
+        raise SiteError(f"{where}: not valid YAML: {getattr(error, 'problem', error)}") from None
+    if not isinstance(content, dict):
+        raise SiteError(f"{path}: a site file is a mapping with at least `rows:` (see docs/site-file.md)")
+    doubles = tuple(
+        (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
+        for location, first, line in given_twice(node)
+    )
+    return draft_of(content, Places(str(path), lines_of(node)), path.parent, overrides, doubles)
+
+
+def draft_of(
+    content: Mapping[str, Any],
+    places: Places,
+    folder: Path,
+    overrides: Iterable[Override] = (),
+    doubles: Problems = (),
+) -> Draft:
+    """A draft with overrides applied. Raises SiteError where one does not fit."""
+    changed, overridden = applied(content, overrides)
+    return Draft(changed, Places(places.where, places.lines, overridden), folder, doubles)
+
+
+def problems_in(draft: Draft) -> Problems:
+    """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
+    found: Problems = []
+    try:
+        site = Site.model_validate(draft.content)
+        layout, rows = site.layout, with_places(site)
+    except ValidationError as error:
+        found = list(explained(error, Site, draft.places).items())
+        layout, rows = _layout_alone(draft.content)
+    wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in misplaced(layout, rows)]
+    return [*draft.doubles, *found, *wrong]
+
+
+def _layout_alone(content: Mapping[str, Any]) -> tuple[LayoutSection | None, dict[str, bool]]:
+    """The layout of a site with which other things are wrong, and its rows, with whether they have a place."""
+    rows = content.get("rows")
+    try:
+        layout = LayoutSection.model_validate(content.get("layout"))
+    except ValidationError:
+        return None, {}
+    named = rows.items() if isinstance(rows, Mapping) else ()
+    return layout, {str(name): isinstance(row, Mapping) and row.get("place") is not None for name, row in named}
+
+
+def site_of(draft: Draft) -> Site:
+    """The site, its paths resolved. Raises SiteError for the first of its problems."""
+    for _, problem in problems_in(draft):
+        raise SiteError(problem)
+    return _resolve(Site.model_validate(draft.content), draft.folder)
+
+
+def sound_part(draft: Draft) -> Site | None:
+    """The site without its layout and the rows that something is wrong with; None where that leaves nothing, or where anything
+    is wrong that concerns all rows."""
+    wrong = [location for location, _ in problems_in(draft) if location[:1] != ("layout",)]
+    broken = {str(location[1]) for location in wrong if location[:1] == ("rows",) and len(location) > 1}
+    rows = draft.content.get("rows")
+    if not isinstance(rows, Mapping) or any(at[:1] != ("rows",) or len(at) < 2 for at in wrong):
+        return None
+    kept = {name: row for name, row in rows.items() if str(name) not in broken}
+    content = {key: value for key, value in draft.content.items() if key != "layout"}
+    return _resolve(Site.model_validate({**content, "rows": kept}), draft.folder) if kept else None
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise SiteError(f"{path}: no such site file (give one, or run in a folder that has a site.yaml)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SiteError(f"{path}: cannot be read as a site file: {error}") from None
+
+
+def _resolve(site: Site, folder: Path) -> Site:
+    """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
+
+    def of_pass(one: Pass) -> Pass:
+        return one.model_copy(update={"video": beside(folder, one.video)})
+
+    def of_row(row: Row) -> Row:
+        passes = tuple(map(of_pass, row.passes))
+        video = beside(folder, row.video) if row.video else None
+        return row.model_copy(update={"passes": passes, "video": video, "plugins": _networks(row.plugins, folder)})
+
+    changed: dict[str, Any] = {"rows": {name: of_row(row) for name, row in site.rows.items()}}
+    changed["plugins"] = _networks(site.plugins, folder)
+    changed |= {key: beside(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
+    return site.model_copy(update=changed)
+
+
+def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
+    """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
+    return {
+        name: {
+            key: str(folder / value) if key == "model" and isinstance(value, str) else value
+            for key, value in own.items()
+        }
+        for name, own in plugins.items()
+    }

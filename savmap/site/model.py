@@ -1,0 +1,196 @@
+"""The site file: which videos show which rows, what is known of them, and which plugins look at them. Strict YAML."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from savmap.site.inheritance import completed, side_from_direction, without_video
+from savmap.site.sections import (
+    CalibrationSection,
+    CameraHeight,
+    Known,
+    LayoutSection,
+    Length,
+    Marker,
+    Metres,
+    PanoramaSection,
+    PlaceSection,
+    Providers,
+    ReferenceSection,
+    ShutterSection,
+    Sigma,
+    Strict,
+    SurveyedPoint,
+    ViewSection,
+    Where,
+)
+
+__all__ = [
+    "CalibrationSection",
+    "CameraHeight",
+    "Footage",
+    "Known",
+    "LayoutSection",
+    "Length",
+    "Marker",
+    "Metres",
+    "PanoramaSection",
+    "Pass",
+    "PlaceSection",
+    "ReferenceSection",
+    "Row",
+    "ShutterSection",
+    "Sigma",
+    "Site",
+    "Strict",
+    "SurveyedPoint",
+    "ViewSection",
+]
+
+Footage = tuple[Path, float, float | None, float]
+Side = Literal["left", "right"]
+Rate = Annotated[float, Field(gt=0, le=120)]
+Settings = Mapping[str, Any]
+USUAL_FPS = 15.0
+
+
+class Pass(Strict):
+    """One drive past a row's face: a video (or a folder of pictures), a time range, and the hand the face is on."""
+
+    model_config = ConfigDict(json_schema_extra=without_video)
+
+    video: Where
+    """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or the site's."""
+    start_s: Annotated[float, Field(ge=0)] = 0.0
+    """Where in the video the pass begins."""
+    end_s: float | None = None
+    """Where in the video the pass ends. Default: with the video."""
+    fps: Rate = USUAL_FPS
+    """Sampling rate; every frame where the video has fewer. Default: the row's, or the site's."""
+    side: Side | None = None
+    """The hand the face is on as one drives along."""
+    direction: Literal["+x", "-x"] | None = None
+    """Which way the camera goes along the row's x axis, to the right as one faces the row. A face on the left is passed
+    towards +x, one on the right towards -x: it says the same as `side`."""
+    views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, by name, laid over those of the row and of the site."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _side(cls, value: object) -> object:
+        return side_from_direction(value)
+
+    @property
+    def footage(self) -> Footage:
+        """What passes have in common that are the same frames, whichever face they look at."""
+        return self.video, self.start_s, self.end_s, self.fps
+
+
+class Row(Strict):
+    """One structure face along one aisle. What it does not say is as the site says."""
+
+    passes: Annotated[tuple[Pass, ...], Field(min_length=1)]
+    """One or more drives past the face."""
+    video: Where | None = None
+    """The video of passes that name none."""
+    fps: Rate | None = None
+    """Sampling rate of passes that name none."""
+    views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, for all passes."""
+    references: ReferenceSection = ReferenceSection()
+    """What is known of this row; each key wins over the site's."""
+    plugins: Mapping[str, Settings] = {}
+    """Plugins' settings for this row; each key wins over the site's."""
+    calibration: CalibrationSection | None = None
+    """What of the camera is estimated with this row; each key wins over the site's."""
+    appearance: bool | None = None
+    """Whether points of any kind help with the camera's motion."""
+    place: PlaceSection | None = None
+    """Where the row stands in the site's frame; wins over the site's `layout`."""
+
+    @field_validator("plugins", mode="before")
+    @classmethod
+    def _empty_sections(cls, value: object) -> object:
+        return _emptied(value)
+
+
+class Site(Strict):
+    """A deployment: rows, the plugins that look at them with their settings, references common to all rows."""
+
+    format: Literal["savmap-site"] = "savmap-site"
+    """What kind of file this is."""
+    version: Literal[1] = 1
+    """Of the format."""
+    plugins: Mapping[str, Settings] = {}
+    """Which plugins look at the rows, with their settings for all rows. Default: all that are installed with all the
+    packages that they need."""
+    references: ReferenceSection = ReferenceSection()
+    """What is known without mapping, for all rows; rows may say otherwise."""
+    calibration: CalibrationSection = CalibrationSection()
+    """What of the camera is estimated with the map; nothing if not given."""
+    appearance: bool = False
+    """Whether points of any kind help with the camera's motion; edges alone if not."""
+    video: Where | None = None
+    """The video of passes that name none."""
+    fps: Rate | None = None
+    """Sampling rate of passes that name none (15)."""
+    views: Mapping[str, ViewSection] = {}
+    """Views aimed by hand, for all passes."""
+    providers: Providers = ()
+    """Execution providers that networks run on, the first that there is. Default: CUDA or OpenVINO where onnxruntime has them, else
+    the processor."""
+    survey: Where | None = None
+    """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
+    on_plugin_error: Literal["fail", "skip"] = "fail"
+    """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
+    joint: bool = True
+    """Whether rows with the same pass (video, range, rate) are solved as one."""
+    layout: LayoutSection | None = None
+    """Where rows stand that are regularly spaced."""
+    rows: Annotated[Mapping[str, Row], Field(min_length=1)]
+    """The rows by name."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, value: object) -> object:
+        return completed(value)
+
+    @field_validator("plugins", mode="before")
+    @classmethod
+    def _empty_sections(cls, value: object) -> object:
+        return _emptied(value)
+
+    def drives(self) -> list[list[str]]:
+        """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
+        groups = list[list[str]]()
+        for name, row in self.rows.items():
+            own = {one.footage for one in row.passes} if self.joint else set()
+            near = [group for group in groups if any(own & {p.footage for p in self.rows[n].passes} for n in group)]
+            groups = [group for group in groups if group not in near]
+            groups.append([*(other for group in near for other in group), name])
+        return groups
+
+    def row_references(self, name: str) -> ReferenceSection:
+        """The site's references with the row's own laid over them."""
+        own = self.rows[name].references
+        return self.references.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def row_calibration(self, name: str) -> CalibrationSection:
+        """The site's calibration with the row's own laid over it."""
+        own = self.rows[name].calibration or CalibrationSection()
+        return self.calibration.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+
+    def row_appearance(self, name: str) -> bool:
+        """Whether points of any kind help with the camera's motion along a row."""
+        own = self.rows[name].appearance
+        return self.appearance if own is None else own
+
+    def row_config(self, name: str, plugin: str) -> dict[str, Any]:
+        """A plugin's settings for one row: the site's, overlaid by the row's."""
+        return {**self.plugins.get(plugin, {}), **self.rows[name].plugins.get(plugin, {})}
+
+
+def _emptied(value: object) -> object:
+    return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value

@@ -1,0 +1,244 @@
+"""What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from savmap.errors import (
+    ModelError,
+    OutputError,
+    PluginError,
+    SavmapError,
+    SiteError,
+    SolveError,
+    StructureError,
+    VideoError,
+)
+from savmap.files.urls import is_url
+from savmap.files.validation import Location
+from savmap.maps.survey import read_survey
+from savmap.pipeline.measure import MIN_FRAMES, clip_of, pass_names
+from savmap.plugin.manager import load_class
+from savmap.plugin.segmenters import Eyes
+from savmap.site.job import Job, prepare, rooms_for
+from savmap.site.locations import Places, explained
+from savmap.site.model import Pass, Site
+from savmap.video.clip import VideoInfo, time_range
+from savmap.video.reader import expected_frames, probe
+from savmap.vision.markers import MarkerWatch
+
+
+def settings_problems(site: Site, plugins: Sequence[str], places: Places) -> Iterator[SavmapError]:
+    """What is wrong with the plugins that are named, and with their settings for all rows and for each; each once."""
+    told = set[str]()
+    for name in dict.fromkeys(plugins):
+        for problem in _of_plugin(site, name, places):
+            if str(problem) not in told:
+                told.add(str(problem))
+                yield problem
+
+
+def _of_plugin(site: Site, name: str, places: Places) -> Iterator[SavmapError]:
+    try:
+        config = load_class(name).Config
+    except PluginError as error:
+        named = ("plugins", name)
+        yield PluginError(f"{places.of(named)}: {error}") if named in places.lines else error
+        return
+    for row in site.rows:
+        try:
+            config.model_validate(site.row_config(row, name))
+        except ValidationError as error:
+            yield from map(SiteError, explained(error, config, places, partial(_given, site, row, name)).values())
+
+
+def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
+    """Where in the site file a plugin's setting was given: with the row or for all of them."""
+    own = site.rows[row].plugins.get(plugin, {})
+    return (*(("rows", row) if location and location[0] in own else ()), "plugins", plugin, *location)
+
+
+def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
+    """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do so."""
+    known = site.row_references(row)
+    settings = any(_scale_settings(site.row_config(row, name), name) for name in plugins)
+    return settings or bool(known.camera_height_m or known.lengths or known.markers or len(known.points) > 1)
+
+
+def _scale_settings(config: Mapping[str, Any], plugin: str) -> bool:
+    """Whether any of a plugin's `scale_settings`, or any setting where it does not name them, is given."""
+    named = getattr(load_class(plugin), "scale_settings", config)
+    return any(config.get(key) is not None for key in named)
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A pass of a row whose video can be read: its name, the video, and about how many frames will be used of it."""
+
+    row: str
+    name: str
+    location: Location
+    one: Pass
+    info: VideoInfo
+    frames: int
+
+
+def require_ready(job: Job) -> None:
+    """Refuse at once what would fail after minutes of work, with its place in the site file.
+
+    Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, StructureError for too few
+    frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that cannot be read.
+    """
+    settings = settings_problems(job.site, job.plugins, job.places)
+    for problem in chain(settings, footage(job), references(job), survey(job)):
+        if isinstance(problem, SavmapError):
+            raise problem
+
+
+def placed(error: SavmapError, places: Places, location: Location) -> SavmapError:
+    """An error with the place in the site file that it comes from put before it."""
+    place = places.of(location)
+    return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
+
+
+def networks(job: Job) -> Iterator[SavmapError | str]:
+    """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what kind it is and
+    on what it runs."""
+    tried = set[tuple[str, Path, str]]()
+    for row in job.site.rows:
+        for room in rooms_for(job, row):
+            key = (room.name, room.model, str(room.class_names))
+            if key in tried:
+                continue
+            tried.add(key)
+            try:
+                network = Eyes([room]).networks[room.name]
+                yield f"network of {room.name}: {network}"
+                yield from [network.note] if network.note else []
+            except ModelError as error:
+                own = "model" in job.site.rows[row].plugins.get(room.name, {})
+                at = ("plugins", room.name, "model")
+                yield placed(error, job.places, ("rows", row, *at) if own else at)
+
+
+def references(job: Job) -> Iterator[SavmapError]:
+    """Markers that cannot be printed, and rows whose scale nothing could fix."""
+    told = set[str]()
+    for row in job.site.rows:
+        known = job.site.row_references(row)
+        own = "markers" in job.site.rows[row].references.model_fields_set
+        for number, marker in enumerate(known.markers):
+            try:
+                MarkerWatch([(marker.dictionary, marker.id)])
+            except SiteError as error:
+                at = (*(("rows", row) if own else ()), "references", "markers", number)
+                if str(problem := placed(error, job.places, at)) not in told:
+                    told.add(str(problem))
+                    yield problem
+        if job.earlier is None and not tells_scale(job.site, row, job.plugins):
+            text = (
+                "the map's scale is not known; give the camera's height (--camera-height with a video), a length or a marker "
+                "(see docs/site-file.md)"
+            )
+            yield placed(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
+
+
+def survey(job: Job) -> Iterator[SavmapError | str]:
+    """What is wrong with the survey, and which rows are in it or in the site alone."""
+    if job.site.survey is None:
+        return
+    try:
+        known = read_survey(job.site.survey).rows
+    except OutputError as error:
+        yield placed(error, job.places, ("survey",))
+        return
+    common = [row for row in job.site.rows if row in known]
+    if not common:
+        text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(known)}"
+        yield placed(SiteError(text), job.places, ("survey",))
+    for row in common:
+        yield from _surveyed(job, row, known[row])
+    for who, rows in (
+        ("tells nothing of", job.site.rows.keys() - known),
+        ("also tells of", known.keys() - job.site.rows),
+    ):
+        if rows and common:
+            yield f"{job.site.survey}: {who} row {', '.join(sorted(rows))}"
+
+
+def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
+    """What plugins cannot read of a row's survey."""
+    for room in rooms_for(job, row):
+        try:
+            room.evaluate(structures=(), survey=entry)
+        except OutputError as error:
+            yield placed(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
+        except SavmapError:
+            continue
+
+
+def footage(job: Job) -> Iterator[SavmapError | Footage]:
+    """Passes whose videos can be read, and what is wrong with the others."""
+    probed: dict[Path, VideoInfo | VideoError] = {}
+    for row, own in job.site.rows.items():
+        for number, (name, one) in enumerate(zip(pass_names(own.passes), own.passes, strict=True)):
+            info = probed.setdefault(one.video, _probed(one.video))
+            at: Location = ("rows", row, "passes", number)
+            yield (
+                _footage(job, Footage(row, name, at, one, info, 0))
+                if isinstance(info, VideoInfo)
+                else placed(info, job.places, (*at, "video"))
+            )
+
+
+def _probed(video: Path) -> VideoInfo | VideoError:
+    try:
+        return probe(video)
+    except VideoError as error:
+        return error
+
+
+def _footage(job: Job, found: Footage) -> SavmapError | Footage:
+    one, duration = found.one, found.info.duration_s
+    clip = clip_of(one)
+    late = one.end_s is not None and one.start_s < duration
+    try:
+        time_range(clip, duration)
+    except VideoError as error:
+        return placed(error, job.places, (*found.location, "end_s" if late else "start_s"))
+    frames = expected_frames(clip, found.info)
+    if frames < MIN_FRAMES:
+        text = f"{one.video}: {frames} frames in the range of {found.name} are too few to map from"
+        return placed(StructureError(text), job.places, found.location)
+    return replace(found, frames=frames)
+
+
+def twins(footage: Sequence[Footage]) -> Iterator[str]:
+    """Passes of different rows that show the same face: the same frames, looked at in the same way."""
+    first: dict[object, Footage] = {}
+    for one in footage:
+        views = one.one.model_dump_json(include={"views"})
+        other = first.setdefault((one.one.footage, one.one.side, views), one)
+        if other.row != one.row:
+            yield (
+                f"row {one.row}, {one.name}: the same frames, side and views as row {other.row}, {other.name}; "
+                "is it the same face?"
+            )
+
+
+def output(job: Job) -> Iterator[SavmapError]:
+    """Whether the output folder can be written; one that is not there is not left behind."""
+    folders = () if is_url(job.output) else (job.output, *job.output.parents)
+    new = [folder for folder in folders if not folder.exists()]
+    try:
+        prepare(job.output)
+    except OutputError as error:
+        yield error
+    for folder in new:
+        if folder.is_dir():
+            folder.rmdir()

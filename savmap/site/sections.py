@@ -1,0 +1,234 @@
+"""Sections of a site file: what is known without mapping, views aimed by hand, the camera, where rows stand."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    WithJsonSchema,
+    field_validator,
+)
+
+from savmap.errors import SiteError
+from savmap.files.urls import where
+
+Metres = Annotated[float, Field(gt=-1000, lt=1000)]
+Sigma = Annotated[float, Field(gt=0, le=10)]
+Span = Annotated[float, Field(gt=0, lt=1000)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+def _where(value: Any) -> Path:
+    if not isinstance(value, str) and not hasattr(value, "read_bytes"):
+        raise ValueError("a path or a URL is expected")
+    try:
+        return where(value)
+    except SiteError as error:
+        raise ValueError(str(error)) from None
+
+
+Where = Annotated[
+    Path,
+    PlainValidator(_where),
+    PlainSerializer(str),
+    WithJsonSchema({"type": "string", "description": "a path, from the site file's folder, or a URL of fsspec"}),
+]
+"""A path or URL in a site file."""
+
+
+def _several(value: object) -> object:
+    return [part.strip() for part in value.split(",")] if isinstance(value, str) else value
+
+
+Provider = Literal["cpu", "cuda", "tensorrt", "openvino", "coreml"]
+Providers = Annotated[
+    tuple[Provider, ...], BeforeValidator(_several, json_schema_input_type=Provider | tuple[Provider, ...])
+]
+"""Execution providers of onnxruntime, one or more; as text with commas between."""
+
+
+class Strict(BaseModel):
+    """A section of a site file: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Known(Strict):
+    """A number the user knows, with its standard deviation, both in metres."""
+
+    value: Metres
+    """Metres."""
+    sigma: Sigma
+    """Its standard deviation."""
+
+
+class CameraHeight(Strict):
+    """Height of the camera above the floor, in metres (a value above 50 is taken for a wrong unit)."""
+
+    value: Annotated[float, Field(gt=0.1, lt=50)]
+    """Metres."""
+    sigma: Sigma = 0.02
+    """Its standard deviation."""
+
+
+class Length(Known):
+    """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
+
+    between: tuple[str, str]
+    """Labels of the two edges, such as "upright 1 / left"."""
+    axis: Literal["x", "y"] = "x"
+    """Along the aisle, or upwards."""
+
+
+class SurveyedPoint(Strict):
+    """A labelled vertex whose coordinate along one axis is known."""
+
+    vertex: str
+    """Its label, such as "section 1 / beam 1 / lower left"."""
+    axis: Literal["x", "y", "z"]
+    """Along the aisle, upwards, or out of the face."""
+    value: Metres
+    """Metres."""
+    sigma: Sigma
+    """Its standard deviation."""
+
+
+class Marker(Strict):
+    """An AprilTag or ArUco marker somewhere in the footage; its size is the side of its black square."""
+
+    dictionary: Annotated[str, Field(pattern=r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$")]
+    """AprilTag: tag16h5, tag25h9, tag36h10, tag36h11; ArUco: 4x4_50 to 7x7_1000."""
+    id: Annotated[int, Field(ge=0)]
+    """Its number in the dictionary."""
+    size_m: Annotated[float, Field(gt=0.01, lt=5)]
+    """The side of its black square as measured on the print."""
+    sigma_m: Annotated[float, Field(gt=0, le=0.1)] = 0.0005
+    """Standard deviation of size_m."""
+
+
+class ReferenceSection(Strict):
+    """What is known without mapping. Scale comes from the camera's height, a length, a marker or surveyed points."""
+
+    camera_height_m: CameraHeight | None = None
+    """Height of the camera above the floor."""
+    travel_m: Annotated[float, Field(gt=0.5, lt=1000)] | None = None
+    """Roughly how far the camera goes: a first guess, not a reference."""
+    lengths: tuple[Length, ...] = ()
+    """Distances measured between labelled edges of the map."""
+    points: tuple[SurveyedPoint, ...] = ()
+    """Coordinates of labelled vertices."""
+    markers: tuple[Marker, ...] = ()
+    """Fiducial markers somewhere in the footage."""
+
+    @field_validator("markers")
+    @classmethod
+    def _each_once(cls, value: tuple[Marker, ...]) -> tuple[Marker, ...]:
+        if len({(one.dictionary, one.id) for one in value}) < len(value):
+            raise ValueError("a marker is given twice")
+        return value
+
+
+class ViewSection(Strict):
+    """A view aimed by hand, degrees and pixels. It wins over the automatic aim."""
+
+    yaw_deg: float
+    """To the right of the panorama's centre column."""
+    pitch_deg: float = 0.0
+    """Upwards."""
+    roll_deg: float = 0.0
+    """Clockwise."""
+    hfov_deg: Annotated[float, Field(gt=20, lt=170)] = 120.0
+    """From the left border of the picture to the right one."""
+    width: Annotated[int, Field(ge=64, le=8192)] = 640
+    """Pixels."""
+    height: Annotated[int, Field(ge=64, le=8192)] = 480
+    """Pixels."""
+
+
+class PanoramaSection(Strict):
+    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each lens's scale
+    may be off."""
+
+    turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
+    """Standard deviation of each of the three angles."""
+    scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
+    """Standard deviation of each lens's scale."""
+    blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
+    """Over how many degrees the halves are blended."""
+
+
+class ShutterSection(Strict):
+    """The panorama's read-out time, from its first row (or column) to the last."""
+
+    sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
+    """Standard deviation of the read-out time."""
+    axis: Literal["rows", "columns"] = "rows"
+    """From the top of the panorama down, or across each half to the right."""
+
+
+def _switched(value: object) -> object:
+    return ({} if value else None) if isinstance(value, bool) else value
+
+
+class CalibrationSection(Strict):
+    """What of the camera is estimated with the map; `true` takes the usual figures."""
+
+    panorama: Annotated[
+        PanoramaSection | None, BeforeValidator(_switched, json_schema_input_type=bool | PanoramaSection | None)
+    ] = None
+    """The fit of the panorama's two halves."""
+    rolling_shutter: Annotated[
+        ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
+    ] = None
+    """The time from the first row of the panorama to the last one."""
+    front_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    """Longitude of the panorama at which the front lens looks, degrees to the right of its centre column."""
+
+
+class PlaceSection(Strict):
+    """Where a row stands on the site's floor: the left end of the row, as one faces it, and which way its x axis runs."""
+
+    x_m: Annotated[float, Field(gt=-1e5, lt=1e5)]
+    """The row's origin in the site's frame: the outer edge of its first element, on the left as one faces it."""
+    z_m: Annotated[float, Field(gt=-1e5, lt=1e5)]
+    """The row's origin in the site's frame; on a plan with x to the right, z runs down the sheet."""
+    heading_deg: Angle
+    """Which way the row runs to the right as one faces it: 0 along the site's x, counter-clockwise as seen from above."""
+    sigma_m: Sigma = 0.3
+    """Standard deviation of x_m and of z_m."""
+    sigma_deg: Annotated[float, Field(gt=0, le=90)] = 2.0
+    """Standard deviation of heading_deg."""
+
+
+class LayoutSection(Strict):
+    """Rows at regular spacing, one behind the other: faces look at one another across aisles, and stand back to back with the
+    next ones. The layout's corner is at x_m, z_m; all rows begin on the line through it, at right angles to them."""
+
+    aisle_m: Span
+    """From a face to the one across the aisle."""
+    rack_m: Span
+    """From a face to the one behind its back."""
+    length_m: Span | None = None
+    """Length of the rows, from the outer edge of the first element to the outer edge of the last."""
+    lengths_m: Mapping[str, Span] = {}
+    """Lengths of single rows, where they differ from length_m."""
+    rows: tuple[str | None, ...] | None = None
+    """The rows in order; null for a face that is not mapped. Default: all rows, as they stand in the file."""
+    begins_with: Literal["aisle", "rack"] = "aisle"
+    """What is between the first row and the second: an aisle, or the racks' backs."""
+    x_m: Annotated[float, Field(gt=-1e5, lt=1e5)] = 0.0
+    """Where the layout's corner stands in the site's frame."""
+    z_m: Annotated[float, Field(gt=-1e5, lt=1e5)] = 0.0
+    """Where the layout's corner stands in the site's frame; on a plan with x to the right, z runs down the sheet."""
+    heading_deg: Angle = 0.0
+    """Turn of the whole layout, counter-clockwise as seen from above."""
+    sigma_m: Sigma = 0.3
+    """Standard deviation of where a row's origin stands, along x and z each."""
+    sigma_deg: Annotated[float, Field(gt=0, le=90)] = 2.0
+    """Standard deviation of a row's heading."""

@@ -1,1 +1,0 @@
-"""The engine's stages between panoramas and tracks: generic, knowing no kind of structure."""

@@ -1,0 +1,106 @@
+"""A folder of pictures taken as a video."""
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image as Pillow
+
+from savmap.errors import VideoError
+from savmap.files.atomic import write_bytes
+from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape
+
+SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
+JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+MOST_BYTES, HEADER_BYTES = 16, 1 << 24
+
+
+def picture_paths(folder: Path) -> list[Path]:
+    """The folder's pictures, sorted by name."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
+
+
+def probe_folder(folder: Path, fps: float) -> VideoInfo:
+    """Size of the first sound picture, and the length the folder has at `fps`. VideoError: none, not 2:1, too large."""
+    paths = picture_paths(folder)
+    if not paths:
+        raise VideoError(f"{folder}: the folder holds no pictures ({', '.join(sorted(SUFFIXES))})")
+    size = next((size for path in paths if (size := picture_size(path)) is not None), None)
+    if size is None:
+        raise VideoError(f"{folder}: none of the {len(paths)} pictures can be read: they are damaged, or far too large")
+    check_shape(folder, *size)
+    return VideoInfo(folder, *size, "images", "rgb24", fps, len(paths) / fps)
+
+
+def picture_size(path: Path) -> tuple[int, int] | None:
+    """Width and height that a picture's header gives, or None where that, or a PNG's check sum, shows damage."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Pillow.open(path) as picture:
+                size = picture.size
+                picture.verify()
+                return size
+    except Exception:  # Pillow's readers raise whatever a damaged header makes them stumble over
+        return None
+
+
+def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
+    """RGB picture (H, W, 3), or None where the file is damaged or not of this width and height."""
+    if picture_size(path) != size or path.stat().st_size > MOST_BYTES * size[0] * size[1] + HEADER_BYTES:
+        return None
+    try:
+        data = path.read_bytes()
+        if data.startswith(JPEG_START) and JPEG_END not in data[-1024:]:
+            return None
+        with _unspoken():
+            bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (cv2.error, OSError):
+        return None
+    return None if bgr is None else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+@contextmanager
+def _unspoken() -> Iterator[None]:
+    """Without what OpenCV prints of a damaged picture."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+
+
+def write_picture(path: Path, bgr: Image, flags: Sequence[int] = ()) -> None:
+    """Write a picture (H, W, 3) BGR or (H, W), whole or not at all, as its suffix says. Raises OutputError."""
+    write_bytes(path, cv2.imencode(path.suffix, bgr, list(flags))[1].tobytes())
+
+
+def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
+    """The pictures from start_s up to end_s; those unreadable or of another size are counted when asked for."""
+    for index, path in enumerate(picture_paths(info.path)):
+        stamp = index / info.rate_fps
+        if start_s - 1e-6 <= stamp < end_s - 1e-6:
+            yield stamp, _reader(path, info, report)
+
+
+def read_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Picture]]:
+    """The first good picture at or after each time (ascending)."""
+    for wanted in stamps_s:
+        frames = read_folder(info, wanted, np.inf, DecodeReport())
+        yield from next(([(stamp, image)] for stamp, read in frames if (image := read()) is not None), [])
+
+
+def _reader(path: Path, info: VideoInfo, report: DecodeReport) -> Callable[[], Image | None]:
+    def read() -> Image | None:
+        image = read_picture(path, (info.width, info.height))
+        if image is None or image.shape != (info.height, info.width, 3):
+            report.skipped += 1
+            return None
+        report.decoded += 1
+        return image
+
+    return read

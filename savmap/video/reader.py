@@ -1,0 +1,144 @@
+"""Panoramas out of passes of video (paper, section III-A): sampled by time, decoded once, in order, one at a time."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from savmap.errors import VideoError
+from savmap.types import Floats, Panorama, Planes, panorama_of
+from savmap.video.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
+from savmap.video.decode import decode_at, decode_file, key_times, probe_file
+from savmap.video.image_folder import probe_folder, read_at, read_folder
+
+__all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "probe", "scout_frames"]
+
+TICK_TOLERANCE = 0.2
+
+
+def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
+    """What a video file or a folder of pictures is. VideoError (one line): missing, empty, not 2:1, cut off."""
+    if not path.exists():
+        raise VideoError(f"{path}: no such file or folder")
+    if path.is_dir():
+        return probe_folder(path, images_fps)
+    if not path.is_file():
+        raise VideoError(f"{path}: not a video file but a device or a pipe")
+    if path.stat().st_size == 0:
+        raise VideoError(f"{path}: the file is empty")
+    return probe_file(path)
+
+
+def expected_frames(clip: Clip, info: VideoInfo) -> int:
+    """Roughly how many panoramas a clip gives, for progress bars."""
+    start, end = time_range(clip, info.duration_s)
+    rate = min(clip.fps, info.rate_fps) if info.rate_fps > 0 else clip.fps
+    return max(1, round((min(end, info.duration_s) - start) * rate))
+
+
+def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = None) -> Iterator[Panorama]:
+    """A clip's panoramas, numbered from `first_frame`; `stamp_s` is the time in the video.
+
+    The first frame of the range is used, then one per 1/fps by timestamp, so that every frame is used where the video
+    is slower. Damaged frames are skipped and counted in `report`. VideoError: as `probe`; range outside the video;
+    nothing that can be decoded.
+    """
+    report = DecodeReport() if report is None else report
+    info = probe(clip.path, clip.images_fps)
+    start, end = time_range(clip, info.duration_s)
+    last, gap = start, 0.0
+    for stamp, image in _sampled(_source(info, start, end, report), clip.fps, report):
+        last, gap = stamp, max(gap, stamp - last)
+        yield panorama_of(first_frame + report.used - 1, stamp, image)
+    if not report.used:
+        raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
+    usual = 0.2 + 3 / min(clip.fps, info.rate_fps or clip.fps)
+    missing = min(end, info.duration_s) - last
+    report.short_s = missing if missing > usual else 0.0
+    report.gap_s = gap if gap > usual else 0.0
+
+
+def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
+    read = read_folder if info.codec == "images" else decode_file
+    return read(info, start_s, end_s, report)
+
+
+def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Picture]]:
+    """The first good frame of each tick of 1/fps counted from the first; stamps may jitter by a fifth of a tick."""
+    origin: float | None = None
+    last_tick = -1
+    for stamp, read in frames:
+        origin = stamp if origin is None else origin
+        tick = math.floor((stamp - origin) * fps + TICK_TOLERANCE)
+        if tick <= last_tick or (image := read()) is None:
+            continue
+        last_tick = tick
+        report.used += 1
+        yield stamp, image
+
+
+def scout_frames(
+    clip: Clip, keys: int = 9, pairs: int = 3, max_height: int = 2048
+) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
+    """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.
+
+    Found by seeking, to the video's own key frames where these lie closer than the ones wanted; `frame` is their number by time
+    alone. Pictures higher than `max_height` are shrunk by a whole factor.
+    """
+    info = probe(clip.path, clip.images_fps)
+    start, end = time_range(clip, info.duration_s)
+    step = 1 / min(clip.fps, info.rate_fps or clip.fps)
+    last = min(end, info.duration_s)
+    times = start + (last - start) * (np.arange(keys) + 0.5) / keys
+    if info.codec != "images":
+        times = _at_keys(times, [key for key in key_times(info) if start <= key < last], (last - start) / keys / 2)
+    second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
+    wanted = sorted([*times, *(times[i] + step for i in second)])
+    read = read_at if info.codec == "images" else decode_at
+
+    def small(times: list[float]) -> list[Panorama]:
+        """Each is shrunk before the next is read: full size they would fill the memory."""
+        return [
+            panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+            for stamp, picture in read(info, times)
+        ]
+
+    found = small(wanted) or small([start])
+    if not found:
+        raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
+    close = tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * step)
+    followers = {id(b) for _, b in close}
+    return tuple(panorama for panorama in found if id(panorama) not in followers), close
+
+
+def _at_keys(times: Floats, keys_s: list[float], within_s: float) -> Floats:
+    """Times (n,) moved to the nearest of the keys where that is so close."""
+    if not keys_s:
+        return times
+    nearest = np.array(keys_s)[np.abs(np.array(keys_s) - times[:, None]).argmin(axis=1)]
+    moved: Floats = np.where(np.abs(nearest - times) <= within_s, nearest, times)
+    return moved
+
+
+def _shrunk(picture: Picture, max_height: int) -> Picture:
+    if isinstance(picture, Planes):
+        factor = _factor(picture.luma, max_height)
+        luma, blue, red = (_lower(plane, factor) for plane in (picture.luma, picture.blue, picture.red))
+        return Planes(luma[: 2 * len(blue), : 2 * blue.shape[1]], blue, red, picture.rgb_from_yuv)
+    return _lower(picture, _factor(picture, max_height))
+
+
+def _factor(image: Image, max_height: int) -> int:
+    """The least whole factor that makes a picture low enough; OpenCV averages by these ten times faster than by others."""
+    return math.ceil(len(image) / max_height)
+
+
+def _lower(image: Image, factor: int) -> Image:
+    """A picture so many times lower, by averaging."""
+    if factor == 1:
+        return image
+    height = len(image) // factor
+    return np.asarray(cv2.resize(image, (2 * height, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,0 +1,1 @@
+"""Panoramas to measurements: views, edges, markers, flow, networks. Knows no kind of structure."""

@@ -1,0 +1,1 @@
+"""Straight edges: from masks, and to a small part of a pixel in the panorama."""

@@ -1,0 +1,275 @@
+"""Where straight edges run, to a small part of a pixel, measured in the panorama (no view is rendered for this).
+
+A mask says what there is and roughly where. Here each of its edges is cut into short pieces; the profile of radiance across
+each gives the places where it changes most; the straight line that most pieces agree on is the edge, and how well they
+agree says how well it is known. Pieces that something hides agree with no line and drop out.
+
+Where a side face of the thing may be seen beyond its edge ("flank"), two lines run side by side: front against side face,
+and side face against what is behind. The inner one is the edge of the front. A change between two faces of the same paint
+may be faint, but it has one sign all along.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry.lines import Lines, weighted_lines, where
+from savmap.types import Floats, Ints, Panorama, ViewSpec
+from savmap.vision.edges.profiles import ACROSS_STEP, Pieces, Profiles, Singles, pieces_of, profiles_of
+
+
+@dataclass(frozen=True)
+class Subpixel:
+    """Settings; pixels of the view unless they say panorama.
+
+    - `reach_px`: how far from the mask's edge to look; `prior_px`: how far off the mask's edge usually is (sigma),
+      and `flanked_bias_px`: how far too far outside if it is flanked.
+    - `piece_px`: least and greatest length of a piece; `end_trim_px`: what is left out at either end.
+    - `least_contrast`: changes of less grey levels a panorama pixel are none; `full_contrast`: stronger ones count alike.
+    - `least_support`: support that the chosen line must have, of 1, and `clear`: how many times that of any other line.
+    - `least_share`, `least_pieces`: share and number of the pieces that must agree with it.
+    - `inner`: share of the best line's support that a line further inside needs to be taken for the front's edge, and how
+      far inside it may be, as a share of the thing's thickness; `patterned_inner`: of things with a pattern.
+    - `depth`: how deep things are, as a multiple of their thickness; flanks that appear wider than `resolved` panorama
+      pixels are told from the front; narrow ones blur the edge by `unresolved` of their width.
+    - `common_sigma`: what all pieces of an edge may be off together, panorama pixels; `patterned_sigma_px`: the same of
+      flanked edges of things with a pattern, which may have lines beside their edges.
+    - `mask_sigma_px`, `flanked_sigma_px`: the same of edges that are left as masks have them.
+    """
+
+    reach_px: float = 3.0
+    prior_px: float = 1.2
+    flanked_bias_px: float = 0.5
+    piece_px: tuple[float, float] = (2.0, 6.0)
+    end_trim_px: float = 3.0
+    least_contrast: float = 1.5
+    full_contrast: float = 12.0
+    least_support: float = 0.15
+    clear: float = 1.6
+    least_share: float = 0.3
+    least_pieces: int = 4
+    inner: tuple[float, float] = (0.3, 0.4)
+    patterned_inner: tuple[float, float] = (0.5, 0.2)
+    depth: float = 1.0
+    resolved: float = 0.6
+    unresolved: float = 0.8
+    common_sigma: float = 0.1
+    patterned_sigma_px: float = 0.7
+    mask_sigma_px: float = 0.4
+    flanked_sigma_px: float = 1.2
+
+
+__all__ = ["Edges", "Subpixel", "measured"]
+
+Bools = NDArray[np.bool_]
+
+LEAST_REACH = 4.5
+SHIFTS = np.linspace(-1.2, 1.2, 9)
+BIN = 0.35
+RIVAL = 2.0
+ALOOF = 3.0
+ROUNDS = 4
+BIWEIGHT = 4.7
+LEAST_SIGMA, MOST_SIGMA = 0.06, 0.4
+
+
+@dataclass(frozen=True)
+class Edges:
+    """g edges that masks suggest: lines v(u) in view pixels; `first` and `last` u (g,) where they were seen; `inside`
+    (g,): +1 where the thing lies at larger v, -1 at smaller; its `thickness` (g,) in pixels; tangent of the angle at which
+    its side face is seen beyond the edge, 0 where it is not (g,); `stands`: u is the row and v the column; `patterned`:
+    things have a pattern along them, such as rows of holes.
+    """
+
+    lines: Lines
+    first: Floats
+    last: Floats
+    inside: Floats
+    thickness: Floats
+    flank: Floats
+    stands: bool
+    patterned: bool = False
+
+    @property
+    def middle(self) -> Floats:
+        """u (g,) half way between the ends."""
+        return (self.first + self.last) / 2
+
+    @property
+    def half(self) -> Floats:
+        """Half the length along u (g,)."""
+        return (self.last - self.first) / 2
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Where radiance changes most across pieces (m,): the edge, how far along it (-1..1 from end to end), how far inwards of
+    the mask's edge, view pixels; the change going inwards, grey levels a panorama pixel; panorama pixels a view pixel."""
+
+    edge: Ints
+    along: Floats
+    inwards: Floats
+    change: Floats
+    scale: Floats
+
+
+def measured(
+    panorama: Panorama, spec: ViewSpec, groups: Sequence[Edges], settings: Subpixel | None = None
+) -> list[tuple[Lines, Bools]]:
+    """For each group of edges: the edges as the panorama shows them, and which (g,) it shows.
+
+    The others stay as they are, with the sigma of masks. Variances are px^2 of the view.
+    """
+    settings = settings or Subpixel()
+    pieces = [_pieces(edges, settings) for edges in groups]
+    cut = [own for own in pieces if len(own.edge)]
+    profiles = iter(profiles_of(panorama, spec, cut, settings.reach_px, LEAST_REACH))
+    return [
+        _measured(edges, own, next(profiles), settings)
+        if len(own.edge)
+        else (_as_masked(edges, settings), np.zeros(len(edges.first), dtype=np.bool_))
+        for edges, own in zip(groups, pieces, strict=True)
+    ]
+
+
+def _pieces(edges: Edges, settings: Subpixel) -> Pieces:
+    trim = np.minimum(settings.end_trim_px, edges.half / 4)
+    return pieces_of(edges.lines, edges.first + trim, edges.last - trim, edges.stands, settings.piece_px)
+
+
+def _measured(edges: Edges, pieces: Pieces, profiles: Profiles, settings: Subpixel) -> tuple[Lines, Bools]:
+    scale = np.maximum(_mean(pieces.edge, profiles.scale, len(edges.first)), 1e-9)
+    numbers = np.bincount(pieces.edge, minlength=len(edges.first))
+    changes = _changes(profiles, pieces, edges, settings)
+    offset, shift, clear = _chosen(changes, edges, scale, numbers, settings)
+    lines = _fitted(changes, edges, offset, shift, scale, settings)
+    agree = (lines.inliers >= settings.least_pieces) & (lines.inliers >= settings.least_share * numbers)
+    found = clear & agree & np.isfinite(lines.offset) & np.isfinite(lines.slope_var)
+    return where(found, lines, _as_masked(edges, settings)), found
+
+
+def _as_masked(edges: Edges, settings: Subpixel) -> Lines:
+    """The masks' lines with the variance of what masks are off along a whole edge."""
+    common = np.where(edges.flank > 0, settings.flanked_sigma_px, settings.mask_sigma_px)
+    return replace(edges.lines, offset_var=edges.lines.offset_var + common**2)
+
+
+def _mean(group: Ints, values: Floats, count: int) -> Floats:
+    total = np.bincount(group, values, count) / np.maximum(np.bincount(group, minlength=count), 1)
+    return np.asarray(total, np.float64)
+
+
+def _changes(profiles: Profiles, pieces: Pieces, edges: Edges, settings: Subpixel) -> Changes:
+    """Extrema of the smoothed derivative of radiance, by parabolas through three samples."""
+    slope = _derivative(profiles.grey)
+    size = np.abs(_derivative(profiles.radiance))
+    before, here, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
+    peak = (here > before) & (here >= after) & (np.abs(slope[:, 1:-1]) > settings.least_contrast)
+    piece, sample = np.nonzero(peak)
+    before, here, after = before[piece, sample], here[piece, sample], after[piece, sample]
+    vertex = (before - after) / np.minimum(2 * (before - 2 * here + after), -1e-12)
+    away = (sample + 1 + np.clip(vertex, -0.5, 0.5) - profiles.reach) * ACROSS_STEP / profiles.scale[piece]
+    near = np.abs(away) <= np.maximum(settings.reach_px, LEAST_REACH / profiles.scale[piece])
+    piece, sample = piece[near], sample[near]
+    edge = pieces.edge[piece]
+    along = (pieces.u[piece] - edges.middle[edge]) / edges.half[edge]
+    inside = edges.inside[edge]
+    return Changes(edge, along, away[near] * inside, slope[piece, sample + 1] * inside, profiles.scale[piece])
+
+
+def _derivative(values: Singles) -> Singles:
+    """Smoothed first derivative along the rows (n, k), per panorama pixel; 0 at the ends."""
+    slope = np.zeros_like(values)
+    slope[:, 1:-1] = (values[:, 2:] - values[:, :-2]) / (2 * ACROSS_STEP)
+    slope[:, 1:-1] = 0.25 * slope[:, :-2] + 0.5 * slope[:, 1:-1] + 0.25 * slope[:, 2:]
+    return slope
+
+
+def _chosen(
+    changes: Changes, edges: Edges, scale: Floats, numbers: Ints, settings: Subpixel
+) -> tuple[Floats, Floats, Bools]:
+    """How far inwards (g,) of the mask's edge the best line is, its shift (g,) at the end, and whether it stands out."""
+    size = BIN / float(np.median(scale))
+    half = int(np.ceil((settings.reach_px + SHIFTS[-1]) / size))
+    inwards = np.asarray((np.arange(2 * half + 1) - half) * size, np.float64)
+    flanked = settings.depth * edges.thickness * edges.flank * scale > settings.resolved
+    size_of = np.clip(changes.change / settings.full_contrast, -1.0, 1.0).astype(np.float64)
+    weight = np.where(flanked[changes.edge], size_of, np.abs(size_of))
+    votes = np.abs(_votes(changes, weight, len(scale), (size, half))) / np.maximum(numbers, 1)[:, None, None]
+    support = votes.max(axis=1)
+    usual = np.where(flanked, settings.flanked_bias_px, 0.0)[:, None]
+    likely = support * np.exp(-0.5 * np.square((inwards - usual) / settings.prior_px))
+    inner, within = settings.patterned_inner if edges.patterned else settings.inner
+    best = _front(likely, flanked, inwards < within * edges.thickness[:, None], inner)
+    rows = np.arange(len(scale))
+    further = inwards - inwards[best][:, None]
+    apart = np.where(flanked[:, None], further, np.abs(further)) * scale[:, None] > RIVAL
+    rival = np.where(apart, likely, 0.0).max(axis=1)
+    clear = (support[rows, best] > settings.least_support) & (likely[rows, best] > settings.clear * rival)
+    return inwards[best], SHIFTS[votes[rows, :, best].argmax(axis=1)], clear
+
+
+def _votes(changes: Changes, weight: Floats, count: int, bins: tuple[float, int]) -> Floats:
+    """Support (g, shifts, bins) of lines that are so far inwards in the middle and shifted by so much at the end."""
+    size, half = bins
+    width = 2 * half + 1
+    votes = np.zeros((count, len(SHIFTS), width))
+    for number, shift in enumerate(SHIFTS):
+        place = np.clip((changes.inwards - shift * changes.along) / size + half, 0, width - 1 - 1e-6)
+        cell = place.astype(np.int64)
+        flat, part = changes.edge * width + cell, place - cell
+        for bin_, share in ((flat, 1 - part), (flat + 1, part)):
+            votes[:, number] += np.bincount(bin_, weight * share, count * width).reshape(count, width)
+    votes[..., 1:-1] += (votes[..., :-2] + votes[..., 2:]) / 2
+    return votes
+
+
+def _front(likely: Floats, flanked: Bools, allowed: Bools, inner: float) -> Ints:
+    """The bin (g,) of the likeliest line; of flanked edges the innermost peak that is at least `inner` as likely."""
+    peak = np.zeros(likely.shape, dtype=np.bool_)
+    peak[:, 1:-1] = (likely[:, 1:-1] > likely[:, :-2]) & (likely[:, 1:-1] >= likely[:, 2:])
+    peak &= (likely >= inner * likely.max(axis=1, keepdims=True)) & allowed
+    innermost = likely.shape[1] - 1 - peak[:, ::-1].argmax(axis=1)
+    front: Ints = np.where(flanked & peak.any(axis=1), innermost, likely.argmax(axis=1)).astype(np.int64)
+    return front
+
+
+def _fitted(changes: Changes, edges: Edges, offset: Floats, shift: Floats, scale: Floats, settings: Subpixel) -> Lines:
+    """Robust lines (Tukey's biweight) through the changes near the chosen ones; their inliers are pieces that agree."""
+    count = len(offset)
+    apart = changes.inwards - offset[changes.edge] - shift[changes.edge] * changes.along
+    near = np.abs(apart) * changes.scale < 3 * MOST_SIGMA
+    edge, fine, v = changes.edge[near], changes.scale[near], changes.inwards[near]
+    u = changes.along[near] * edges.half[edge]
+    known = np.minimum(np.abs(changes.change[near]), settings.full_contrast) * fine**2
+    weight, sigma = np.ones(len(u)), np.full(count, MOST_SIGMA)
+    for _ in range(ROUNDS):
+        centre, slope, middle = weighted_lines(edge, u, v, weight * known, count)
+        residual = (v - middle[edge] - slope[edge] * (u - centre[edge])) * fine
+        weight = np.square(np.maximum(0.0, 1 - np.square(residual / (BIWEIGHT * sigma[edge]))))
+        total = np.maximum(np.bincount(edge, weight, count), 1e-9)
+        sigma = np.clip(1.2 * np.sqrt(np.bincount(edge, weight * residual**2, count) / total), LEAST_SIGMA, MOST_SIGMA)
+    spread = np.maximum(np.bincount(edge, weight * np.square(u - centre[edge]), count), 1e-9)
+    at = edges.middle + centre
+    return replace(
+        edges.lines,
+        centre=at,
+        slope=edges.lines.slope + edges.inside * slope,
+        offset=edges.lines.at(at) + edges.inside * middle,
+        slope_var=np.square(sigma / scale) / spread,
+        offset_var=np.square(sigma / scale) / total + _common_variance(edges, scale, settings),
+        inliers=np.bincount(edge[weight > 0.1], minlength=count).astype(np.float64),
+    )
+
+
+def _common_variance(edges: Edges, scale: Floats, settings: Subpixel) -> Floats:
+    """What the pieces of an edge (g,) may all be off together, px^2: blur, and flanks too narrow to be told apart."""
+    flank = settings.depth * edges.thickness * edges.flank * scale
+    blurred = settings.unresolved * np.minimum(
+        flank, np.interp(flank, (settings.resolved, ALOOF), (settings.resolved, 0))
+    )
+    pattern = np.where(edges.patterned & (flank > 0), settings.patterned_sigma_px, 0.0)
+    variance: Floats = (settings.common_sigma**2 + np.square(blurred)) / np.square(scale) + np.square(pattern)
+    return variance

@@ -1,0 +1,85 @@
+"""An ONNX file opened by onnxruntime, on the first of the chosen providers that starts; the processor, the last one, always does."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from savmap.errors import ModelError
+from savmap.vision.networks.providers import choose, file_for, options, short
+from savmap.vision.networks.signature import Face, face_of
+
+ADVICE = "train one with `savmap train`, or point `model` at a file that savmap reads (docs/networks.md)"
+
+Run = Callable[[NDArray[np.float32]], list[Any]]
+"""The network: its input (1, 3, h, w) to all its outputs. Raises ModelError where it cannot be run."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A network ready to run: the file that was read, what it shows of itself, the provider that runs it, and a line where this is not as
+    it was asked for."""
+
+    path: Path
+    face: Face
+    run: Run
+    provider: str
+    note: str = ""
+
+
+def opened(path: Path, threads: int = 1, asked: Sequence[str] = (), available: Sequence[str] | None = None) -> Opened:
+    """Open a file. `asked`: providers by their short names, none for the automatic choice; `available`: see `choose`.
+
+    Raises ModelError for a file that is missing or is no ONNX model.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: no such model file; {ADVICE}")
+    choice = choose(asked, available)
+    notes = [choice.note] if choice.note else []
+    failure: Exception | None = None
+    for number, provider in enumerate(choice.names):
+        own = file_for(path, provider)
+        try:
+            session = _session(own, threads, choice.names[number:])
+        except Exception as error:
+            failure = error
+            notes.append(f"{provider} cannot run it ({_line(error)})")
+            continue
+        if short(session.get_providers()[0]) == provider:
+            face = face_of(own, session)
+            note = f"{path}: {'; '.join(notes)}; it runs on {provider}" if notes else ""
+            return Opened(own, face, _run(session, face), provider, note)
+        notes.append(f"{provider} does not start here")
+    raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from failure
+
+
+def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
+    settings = onnxruntime.SessionOptions()
+    settings.intra_op_num_threads = threads
+    settings.inter_op_num_threads = 1
+    settings.log_severity_level = 4
+    return onnxruntime.InferenceSession(str(path), settings, providers=options(names, threads), enable_fallback=0)
+
+
+def _run(session: Any, face: Face) -> Run:
+    half = bool(face.inputs) and face.inputs[0].kind == "tensor(float16)"
+    name = face.inputs[0].name if face.inputs else ""
+
+    def run(planes: NDArray[np.float32]) -> list[Any]:
+        try:
+            found: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
+        except Exception as error:
+            size = f"{planes.shape[3]}x{planes.shape[2]}"
+            raise ModelError(f"{face.path}: cannot be run on a picture of {size} ({_line(error)})") from error
+        return found
+
+    return run
+
+
+def _line(error: Exception) -> str:
+    text = str(error).strip().splitlines()
+    return text[0][:160] if text else type(error).__name__

@@ -1,0 +1,85 @@
+"""Which way the camera goes along a face: from the pictures' motion between close frames."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry import pinhole
+from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision.views import Renderer
+
+CORNERS = 300
+LEAST_TRACKS = 20
+LEAST_MOTION_PX = 0.5
+ALONG_OVER_ACROSS = 1.5
+# shifts of four views, turned by 90 degrees each: what turning adds, and moving along the first and the second
+SHIFTS = np.array([[1.0, -1, 0], [1, 0, -1], [1, 1, 0], [1, 0, 1]])
+
+
+def travel_direction(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> int:
+    """+1 where the camera moves to the right as it looks along `spec` (towards the face's +x), -1 to the left, 0 unknown."""
+    return travel_directions(pairs, spec, renderer)[0]
+
+
+def travel_directions(
+    pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer
+) -> tuple[int, int, int, int]:
+    """The same for `spec` and the views turned from it to the right by 90, 180 and 270 degrees.
+
+    What all views have in common is the rig's turning; half the difference of opposite views is its motion. That must
+    exceed the motion found the same way in the two views across, as it does only when looking across the way. One view
+    may be too bare to follow anything in.
+    """
+    views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
+    shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
+    along, across = np.array([_motion(row) for row in shifts]).reshape(-1, 2).sum(axis=0).tolist()
+    least = max(LEAST_MOTION_PX * len(pairs), 1e-9)
+    first = int(np.sign(along)) if abs(along) > max(least, ALONG_OVER_ACROSS * abs(across)) else 0
+    second = int(np.sign(across)) if abs(across) > max(least, ALONG_OVER_ACROSS * abs(along)) else 0
+    return first, second, -first, -second
+
+
+def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
+    """By what angle things straight ahead move in a view across the way from one used frame to the next; nan where not known."""
+    view = _turned(spec, 0.0)
+    shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
+    known = shifts[np.isfinite(shifts)]
+    return float(np.median(known) / view.camera[0, 0]) if len(known) else float("nan")
+
+
+def _motion(shifts: Floats) -> Floats:
+    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are nan."""
+    known = np.isfinite(shifts)
+    if known.sum() < 3:
+        return np.zeros(2)
+    motion: Floats = np.linalg.lstsq(SHIFTS[known], shifts[known], rcond=None)[0][1:]
+    return motion
+
+
+def _turned(spec: ViewSpec, degrees: float) -> ViewSpec:
+    """A small 90 degree view turned about the vertical of `spec`."""
+    rotation = spec.rig_from_view @ pinhole.rig_from_view(degrees, 0, 0)
+    return ViewSpec("travel", *pinhole.angles_from_rotation(rotation), hfov_deg=90, width=320, height=240)
+
+
+def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) -> float:
+    """Median shift of the picture's corners to the right, pixels; nan where too few can be followed."""
+    first, second = (
+        np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair
+    )
+    found = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
+    if found is None:
+        return float("nan")
+    corners = np.asarray(found, np.float32)
+    there = _follow(first, second, corners)
+    back = _follow(second, first, there)
+    good = np.linalg.norm(back - corners, axis=-1).ravel() < 1.0
+    return float(np.median((there - corners)[good, 0, 0])) if good.sum() >= LEAST_TRACKS else float("nan")
+
+
+def _follow(first: NDArray[np.uint8], second: NDArray[np.uint8], points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Where points (n, 1, 2) of the first picture are in the second."""
+    moved, _, _ = cv2.calcOpticalFlowPyrLK(first, second, points, points.copy(), winSize=(21, 21), maxLevel=4)
+    return np.asarray(moved, np.float32)

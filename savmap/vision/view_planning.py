@@ -1,0 +1,223 @@
+"""Automatic aim (paper, "Rendering views"): which way a row's views look, whichever way the camera is turned.
+
+`Scout.look` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
+faces the structure, `fit_height` and `fit_count` (savmap.stages.fit) the smallest field of view that shows enough. What
+the structure looks like is for the caller to say, by functions it gives.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.geometry import pinhole
+from savmap.geometry.vanishing import RIG_UP, Floats, facing, manhattan_from_segments
+from savmap.types import Panorama, View, ViewSpec
+from savmap.vision.travel import travel_direction, travel_directions
+from savmap.vision.views import Renderer
+
+LOOKS = [
+    *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
+    *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
+]
+SHORTEST_PX = 25.0
+LEAST_SUPPORT = 0.25
+
+
+def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
+    """rig_from_manhattan (3, 3): the building's axes in the rig frame, as columns; mean over frames of one pass.
+
+    y is the axis nearest the rig's up, z of the others the one nearest its back (so that one looks along -z). The rig may
+    be turned any way about the vertical and tilted by some 45 degrees. StructureError where no three axes stand out.
+    """
+    edges = [segments(panorama, renderer) for panorama in panoramas]
+    rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
+    coarse = manhattan_from_segments(rays_a, rays_b)
+    if coarse is None or coarse.support < LEAST_SUPPORT:
+        raise StructureError(
+            "no building directions stand out in the pictures; give the views' angles in the site file"
+        )
+    each = [manhattan_from_segments(*pair, coarse.rig_from_manhattan) for pair in edges]
+    return _mean([found.rig_from_manhattan for found in each if found is not None])
+
+
+def _mean(rotations: Sequence[Floats]) -> Floats:
+    """The rotation nearest to all of these."""
+    left, _, right = np.linalg.svd(np.median(rotations, axis=0))
+    mean: Floats = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    return mean
+
+
+def segments(panorama: Panorama, renderer: Renderer) -> tuple[Floats, Floats]:
+    """Unit rays (n, 3) of the ends of the straight segments seen in views that cover the sphere, rig frame."""
+    found = [_in_view(renderer.render(panorama, look)) for look in LOOKS]
+    return np.concatenate([pair[0] for pair in found]), np.concatenate([pair[1] for pair in found])
+
+
+def _in_view(view: View) -> tuple[Floats, Floats]:
+    grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+    lines = cv2.createLineSegmentDetector().detect(grey)[0]
+    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
+    ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
+    return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
+
+
+__all__ = ["Face", "Manual", "Scout", "ceiling_view", "choose_face", "face_candidates", "manhattan", "travel_direction"]
+
+Side = Literal["left", "right"]
+Score = Callable[[ViewSpec, Panorama], float]
+# world_from_view of a level view straight at the face, and of one straight up
+LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
+UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+STEEPEST_TILT_DEG = 60.0
+FEW = 5
+ENOUGH_FRAMES = 100
+
+
+@dataclass(frozen=True)
+class Manual:
+    """Values of a view that the site file fixes; None: to be found. The size is always as given."""
+
+    yaw_deg: float | None = None
+    pitch_deg: float | None = None
+    roll_deg: float | None = None
+    hfov_deg: float | None = None
+    width: int = 640
+    height: int = 480
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to find."""
+        return None not in (self.yaw_deg, self.pitch_deg, self.roll_deg, self.hfov_deg)
+
+    def over(self, spec: ViewSpec) -> ViewSpec:
+        """The view with these values in place of its own."""
+        given = {
+            "yaw_deg": self.yaw_deg,
+            "pitch_deg": self.pitch_deg,
+            "roll_deg": self.roll_deg,
+            "hfov_deg": self.hfov_deg,
+        }
+        fixed = {key: value for key, value in given.items() if value is not None}
+        return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Scout:
+    """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
+    rig_from_manhattan (3, 3). `frames`: roughly how many frames of the pass will be used; 0: not known."""
+
+    keys: tuple[Panorama, ...]
+    pairs: tuple[tuple[Panorama, Panorama], ...]
+    renderer: Renderer
+    rig_from_manhattan: Floats
+    frames: int = 0
+
+    @classmethod
+    def look(
+        cls,
+        keys: Sequence[Panorama],
+        pairs: Sequence[tuple[Panorama, Panorama]] = (),
+        renderer: Renderer | None = None,
+        frames: int = 0,
+    ) -> "Scout":
+        """Find the building's axes in the key frames. StructureError where none stand out."""
+        renderer = renderer or Renderer()
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer), frames)
+
+    def apart(self, most: float = np.inf) -> int:
+        """In each of how many frames a long pass need be looked at, `most` at the most: 1, 2 or 4, so that plugins look at the same
+        ones, and in a hundred frames at the least."""
+        return next((many for many in (4, 2) if many <= most and self.frames >= many * ENOUGH_FRAMES), 1)
+
+    def views(self, spec: ViewSpec) -> list[View]:
+        """The view of every key frame."""
+        return [self.renderer.render(panorama, spec) for panorama in self.keys]
+
+
+@dataclass(frozen=True)
+class Face:
+    """The direction of a face: a view straight at it, level in the building, which way the camera goes along it (+1:
+    towards +x, -1: towards -x, 0: not known), and its score."""
+
+    spec: ViewSpec
+    travel: int
+    score: float
+
+    @property
+    def rig_from_world(self) -> Floats:
+        """Rotation (3, 3) of the row's frame as seen by a level view straight at the face."""
+        return self.spec.rig_from_view @ LEVEL.T
+
+    @property
+    def world_from_rig(self) -> Floats:
+        """Rotation (3, 3): where to start a frame's orientation from."""
+        return self.rig_from_world.T
+
+
+def face_candidates(rig_from_manhattan: Floats, hfov_deg: float = 100.0) -> tuple[ViewSpec, ...]:
+    """The four level views along the building's horizontal axes, the first along -z, then to the right.
+
+    Where the rig is tilted so far that another axis could be the vertical (less than 60 degrees from the rig's up), the
+    four that follow from it are added.
+    """
+    back = rig_from_manhattan[:, 2]
+    return tuple(
+        _spec("face", facing(rig_from_manhattan, up, back) @ LEVEL @ pinhole.rig_from_view(turn, 0, 0), hfov_deg)
+        for up in _verticals(rig_from_manhattan)
+        for turn in (0.0, 90.0, 180.0, 270.0)
+    )
+
+
+def _verticals(rig_from_manhattan: Floats) -> list[Floats]:
+    directions = [*rig_from_manhattan.T, *-rig_from_manhattan.T]
+    upright = [d for d in directions if float(RIG_UP @ d) >= np.cos(np.radians(STEEPEST_TILT_DEG))]
+    return sorted(upright, key=lambda d: -float(RIG_UP @ d))
+
+
+def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
+    return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
+
+
+def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: float = 100.0) -> Face:
+    """The level direction that faces the structure best.
+
+    `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
+    camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
+    faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
+    """
+    specs = face_candidates(scout.rig_from_manhattan, hfov_deg)
+    travels = [way for spec in specs[::4] for way in travel_directions(scout.pairs, spec, scout.renderer)]
+    ways = list(zip(specs, travels, strict=True))
+    wanted = {"left": 1, "right": -1}.get(side or "", 0)
+    across = [(spec, travel) for spec, travel in ways if travel and wanted in (0, travel)]
+    best = max((_scored(scout, score, *way) for way in across or ways), key=lambda face: face.score)
+    if best.score <= 0:
+        where = f"on the {side} of the way" if side else "in any direction"
+        raise StructureError(
+            f"no structure is seen {where}; check the side, or give the view's angles in the site file"
+        )
+    return best
+
+
+def _scored(scout: Scout, score: Score, spec: ViewSpec, travel: int) -> Face:
+    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _some(scout.keys)])))
+
+
+def _some(keys: Sequence[Panorama]) -> list[Panorama]:
+    """A few of the key frames, evenly spaced."""
+    chosen = np.linspace(0, len(keys) - 1, min(FEW, len(keys))).round().astype(int)
+    return [keys[i] for i in chosen]
+
+
+def ceiling_view(face: Face, hfov_deg: float = 110.0, name: str = "ceiling") -> ViewSpec:
+    """The view straight up in the building; its x runs along the row's."""
+    return _spec(name, face.rig_from_world @ UPWARDS, hfov_deg)
+
+
+def tilted(face: Face, pitch_deg: float, hfov_deg: float, name: str) -> ViewSpec:
+    """The view at the face, raised by `pitch_deg` in the building."""
+    return _spec(name, face.spec.rig_from_view @ pinhole.rig_from_view(0, pitch_deg, 0), hfov_deg)

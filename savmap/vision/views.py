@@ -1,0 +1,246 @@
+"""Rectilinear views sampled straight from panoramas (paper, section III-B)."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry import sphere
+from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
+
+Image = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+PACKED = 512
+LAST_ROW = 1 + 1 / 16
+FRACTIONS = 32
+
+
+@dataclass(frozen=True)
+class Region:
+    """Part of a panorama: rows [top, bottom) and `width` columns from `left` on, over the seam where need be."""
+
+    top: int
+    bottom: int
+    left: int
+    width: int
+
+    @property
+    def halved(self) -> "Region":
+        """The same part of a panorama of half the resolution."""
+        return Region(self.top // 2, self.bottom // 2, self.left // 2, self.width // 2)
+
+
+@dataclass(frozen=True)
+class Level:
+    """Table (m, PACKED) for the panorama's region shrunk `halvings` times; region None: the panorama itself. Its first entries are
+    those of the view's pixels where `own` (h, w), row by row; the others are the last of these again."""
+
+    own: NDArray[np.bool_]
+    halvings: int
+    region: Region | None
+    cells: NDArray[np.int16]
+    fractions: NDArray[np.uint16]
+
+    @cached_property
+    def half_as_fine(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+        """Tables that find in a panorama of half the resolution what these find in it with every pixel doubled each way."""
+        odd = (self.cells & 1).astype(np.uint16)
+        across, down = self.fractions % FRACTIONS, self.fractions // FRACTIONS
+        return self.cells >> 1, across * odd[..., 0] + FRACTIONS * down * odd[..., 1]
+
+
+def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
+    """Levels that together cover a view of a (height, 2 height) panorama, each pixel from one of them."""
+    pixels = _panorama_pixels(spec, height)
+    halvings = _halvings(spec, height) if antialias else np.zeros((spec.height, spec.width), np.int64)
+    numbers = np.flatnonzero(np.bincount(halvings.ravel()))
+    return tuple(_level(pixels, halvings, int(number), height) for number in numbers)
+
+
+def _panorama_pixels(spec: ViewSpec, height: int) -> Singles:
+    """(h, w, 2) panorama pixels of a view's pixel centres; rows beyond the poles' last rows are put on them."""
+    x, y = _normalised(spec)
+    right, down, forward = spec.rig_from_view.T.astype(np.float32)
+    rays = x[:, None] * right + (y[:, None] * down + forward)[:, None]
+    pixels = sphere.panorama_pixels_from_rays(rays, height)
+    np.clip(pixels[..., 1], 0, height - 1, out=pixels[..., 1])
+    return np.asarray(pixels, np.float32)
+
+
+def _normalised(spec: ViewSpec) -> tuple[Singles, Singles]:
+    """Columns (w,) and rows (h,) of a view's pixels at depth 1."""
+    focal = spec.camera[0, 0]
+    columns, rows = np.arange(spec.width) - spec.camera[0, 2], np.arange(spec.height) - spec.camera[1, 2]
+    return (columns / focal).astype(np.float32), (rows / focal).astype(np.float32)
+
+
+def _halvings(spec: ViewSpec, height: int) -> NDArray[np.int64]:
+    """How often to halve the panorama for each pixel (h, w): neighbours must lie less than two of its pixels apart."""
+    x, y = _normalised(spec)
+    cosine = 1 / np.sqrt(1 + x**2 + y[:, None] ** 2)
+    panorama_per_view = height / np.pi * cosine**1.5 / spec.camera[0, 0]
+    divisible = (height & -height).bit_length() - 1
+    return np.asarray(np.clip(np.log2(panorama_per_view), 0, divisible), np.int64)
+
+
+def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: int) -> Level:
+    own = halvings == number
+    pixels = pixels[own]
+    if number == 0:
+        return Level(own, 0, None, *_fixed(pixels))
+    cell = 2**number
+    region = _region(pixels, height, cell)
+    column = pixels[..., 0] + (0.5 - region.left - cell)
+    column[column < 0] += 2 * height
+    row = np.clip(
+        (pixels[..., 1] + (0.5 - region.top)) / cell - 0.5, 0, (region.bottom - region.top) // cell - LAST_ROW
+    )
+    return Level(own, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
+
+
+def _region(pixels: Singles, height: int, cell: int) -> Region:
+    """Smallest region that holds pixels (n, 2) and the cells beside them, in whole cells."""
+    top = max(0, int(pixels[:, 1].min() // cell - 2) * cell)
+    bottom = min(height, int(pixels[:, 1].max() // cell + 3) * cell)
+    used = np.flatnonzero(np.bincount((pixels[:, 0].astype(np.int64) // cell).clip(0, 2 * height // cell - 1)))
+    gaps = np.diff(used, append=used[0] + 2 * height // cell)
+    widest = int(gaps.argmax())
+    left = (int(used[(widest + 1) % len(used)]) - 2) * cell
+    width = (2 * height // cell - int(gaps[widest]) + 5) * cell
+    return Region(top, bottom, left % (2 * height), width)
+
+
+def _fixed(pixels: Singles) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+    """Whole parts and 1/32 fractions of panorama pixels (n, 2), as OpenCV takes them: in rows of PACKED."""
+    pixels = np.pad(pixels, ((0, -len(pixels) % PACKED), (0, 0)), mode="edge").reshape(-1, PACKED, 2)
+    cells, fractions = cv2.convertMaps(
+        np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1]), cv2.CV_16SC2
+    )
+    return np.asarray(cells, np.int16), np.asarray(fractions, np.uint16)
+
+
+class Coarser:
+    """A panorama whose regions are asked for finest first: each is made out of the one before where that holds it."""
+
+    def __init__(self, panorama: Image) -> None:
+        self._panorama = panorama
+        self._region, self._halvings, self._image = Region(0, 0, 0, 0), 0, panorama
+
+    def part(self, region: Region, halvings: int) -> Image:
+        """A region, halved so many times by averaging."""
+        part, done = self._inside(region), self._halvings
+        if part is None:
+            part, done = _cut(self._panorama, region, halvings > 0), min(halvings, 1)
+        for _ in range(halvings - done):
+            part = _halved(part)
+        self._region, self._halvings, self._image = region, halvings, part
+        return part
+
+    def _inside(self, region: Region) -> Image | None:
+        """A region out of the last one, as fine as that is; None where it reaches beyond that or lies between its pixels."""
+        last = self._region
+        left, top = (region.left - last.left) % self._panorama.shape[1], region.top - last.top
+        right, bottom = left + region.width, region.bottom - last.top
+        if (
+            top < 0
+            or region.bottom > last.bottom
+            or right > last.width
+            or (left | top | right | bottom) % 2**self._halvings
+        ):
+            return None
+        rows, columns = (
+            (slice(first >> self._halvings, end >> self._halvings)) for first, end in ((top, bottom), (left, right))
+        )
+        return self._image[rows, columns]
+
+
+def _cut(image: Image, region: Region, halve: bool) -> Image:
+    """A region of a panorama, halved or as it is."""
+    pieces, left, rest = [], region.left, region.width
+    while rest > 0:
+        columns = min(rest, image.shape[1] - left)
+        piece = image[region.top : region.bottom, left : left + columns]
+        pieces.append(_halved(piece) if halve else piece)
+        left, rest = 0, rest - columns
+    return pieces[0] if len(pieces) == 1 else np.hstack(pieces)
+
+
+def _halved(image: Image) -> Image:
+    half = (image.shape[1] // 2, image.shape[0] // 2)
+    return np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+Key = tuple[int, float, float, float, float, int, int]
+KEPT_TABLES = 32
+PIXEL = np.dtype((np.void, 3))
+
+
+class Renderer:
+    """Cuts views out of panoramas and keeps the tables of the last views it was asked for.
+
+    Bilinear, at pixel centres, over the seam and the poles. With `antialias`, the panorama is first averaged down where
+    it is two or more times finer than the view. What came as planes of luma and colour is sampled as such, and only the view
+    is turned into RGB. Threads may share one.
+    """
+
+    def __init__(self, antialias: bool = True) -> None:
+        self._antialias = antialias
+        self._tables: OrderedDict[Key, tuple[Level, ...]] = OrderedDict()
+        self._lock = Lock()
+
+    def render(self, panorama: Panorama, spec: ViewSpec) -> View:
+        """The view of `panorama` that `spec` describes."""
+        image = np.empty((spec.height, spec.width, 3), np.uint8)
+        levels = self._table(spec, panorama.height)
+        if isinstance(panorama, FilmedPanorama):
+            _sample_planes(panorama.planes, levels, image)
+            image = panorama.planes.coloured(image)
+        else:
+            _sample(panorama.image, levels, image)
+        return View(spec, panorama.frame, panorama.stamp_s, image)
+
+    def _table(self, spec: ViewSpec, height: int) -> tuple[Level, ...]:
+        key = (height, spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg, spec.width, spec.height)
+        with self._lock:
+            if key not in self._tables:
+                self._tables[key] = table(spec, height, self._antialias)
+                if len(self._tables) > KEPT_TABLES:
+                    self._tables.popitem(last=False)
+            self._tables.move_to_end(key)
+            return self._tables[key]
+
+
+def _sample(panorama: NDArray[np.uint8], levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
+    """Write the pixels of levels, finest first, into the view."""
+    coarser = Coarser(panorama)
+    for level in levels:
+        source = panorama if level.region is None else coarser.part(level.region, level.halvings)
+        _put(_found(source, level.cells, level.fractions), level, view)
+
+
+def _found(source: NDArray[np.uint8], cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.remap(source, cells, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint8)
+
+
+def _put(found: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
+    """Write what was found for a level's own pixels into the view."""
+    view.view(PIXEL)[..., 0][level.own] = found.view(PIXEL).ravel()[: np.count_nonzero(level.own)]
+
+
+def _sample_planes(planes: Planes, levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
+    """Write the luma, blue and red difference of levels, finest first. One halving makes luma as coarse as colour is."""
+    luma, blue, red = Coarser(planes.luma), Coarser(planes.blue), Coarser(planes.red)
+    for level in levels:
+        if level.region is None:
+            found = [_found(planes.luma, level.cells, level.fractions)]
+            found += [_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red)]
+        else:
+            half, fewer = level.region.halved, level.halvings - 1
+            sources = luma.part(level.region, level.halvings), blue.part(half, fewer), red.part(half, fewer)
+            found = [_found(source, level.cells, level.fractions) for source in sources]
+        _put(np.asarray(cv2.merge(found), np.uint8), level, view)
