@@ -26,13 +26,13 @@ from savmap.files.atomic import write_text
 from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
 from savmap.jobs.tasks import row_of
 from savmap.maps.survey import read_survey
-from savmap.pipeline.initial_poses import first_path
-from savmap.pipeline.measure import Observations, clip_of, observe
+from savmap.pipeline.initial_poses import initial_path
+from savmap.pipeline.measure import RowMeasurements, clip_of, observe
 from savmap.pipeline.row import Followed, Row, follow
-from savmap.plugin.manager import Room
-from savmap.site.job import job_for, rooms_for
+from savmap.plugin.manager import LoadedPlugin
+from savmap.site.job import job_for, plugins_for
 from savmap.types import Flow, Trajectory
-from savmap.types.progress import Quiet
+from savmap.types.progress import SilentMonitor
 from savmap.video.reader import panoramas
 from savmap.vision.flow import FlowWatch
 from savmap.vision.views import Renderer
@@ -47,8 +47,8 @@ class Case:
     """One row: what is asked, what was seen and followed of it, its frames' part of the problem, and the truth."""
 
     row: Row
-    room: Room
-    seen: Observations
+    room: LoadedPlugin
+    seen: RowMeasurements
     frames: Frames
     followed: Followed
     truth: Trajectory
@@ -90,19 +90,19 @@ def case_of(site: Path, keep: Path) -> Case:
     name = next(iter(job.site.rows))
     row = row_of(job, name)
     row = replace(row, passes=row.passes[:1])
-    rooms = rooms_for(job, name)
+    rooms = plugins_for(job, name)
     seen = looked(row, rooms, keep / f"{site.parent.name}.pickle")
-    start = first_path(row, seen)
+    start = initial_path(row, seen)
     frames = gauge(seen.facts, start, row.references)
     survey = read_survey(site.with_name("survey.json")).rows[name]
     return Case(row, rooms[0], seen, frames, follow(row, rooms, seen, start, frames), true_path(site, name), survey)
 
 
-def looked(row: Row, rooms: Sequence[Room], file: Path) -> Observations:
+def looked(row: Row, rooms: Sequence[LoadedPlugin], file: Path) -> RowMeasurements:
     """What is seen of a row, from a file if it is there."""
     if not file.is_file():
-        file.write_bytes(pickle.dumps(observe(row.name, row.passes, rooms, Quiet())))
-    seen: Observations = pickle.loads(file.read_bytes())
+        file.write_bytes(pickle.dumps(observe(row.name, row.passes, rooms, SilentMonitor())))
+    seen: RowMeasurements = pickle.loads(file.read_bytes())
     return seen
 
 

@@ -26,10 +26,10 @@ from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
 from savmap.jobs.tasks import row_of
 from savmap.maps.survey import read_survey
-from savmap.pipeline.initial_poses import first_path
-from savmap.pipeline.measure import Observations, observe
+from savmap.pipeline.initial_poses import initial_path
+from savmap.pipeline.measure import RowMeasurements, observe
 from savmap.pipeline.row import Row
-from savmap.plugin.manager import open_room
+from savmap.plugin.manager import open_plugin
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
@@ -50,7 +50,7 @@ class Looked:
 
     row: Row
     lowest: Any
-    seen: Observations
+    seen: RowMeasurements
     tracks: list[Track]
     survey: Mapping[str, Any]
 
@@ -62,9 +62,9 @@ def look(site_file: Path, subpixel: bool, console: Console) -> Looked:
     name = next(iter(site.rows))
     row = row_of(job, name)
     settings = site.row_config(name, "shelves")
-    room = open_room("shelves", {**settings, "subpixel": subpixel})
+    room = open_plugin("shelves", {**settings, "subpixel": subpixel})
     seen = observe(name, row.passes, [room], console)
-    attitudes = first_path(row, seen).world_from_rig[:, :3, :3]
+    attitudes = initial_path(row, seen).world_from_rig[:, :3, :3]
     tracks = room.track(features=seen.features["shelves"], facts=seen.facts, attitudes=attitudes, start=None)
     assert site.survey is not None
     return Looked(row, settings["lowest_beam_bottom_height_m"], seen, tracks, read_survey(site.survey).rows[name])
@@ -72,7 +72,7 @@ def look(site_file: Path, subpixel: bool, console: Console) -> Looked:
 
 def solved(looked: Looked, settings: GridSettings, options: SolveOptions | None = None) -> Solution:
     """The row's solve with given settings."""
-    start = first_path(looked.row, looked.seen)
+    start = initial_path(looked.row, looked.seen)
     grid = constrain(looked.tracks, looked.seen.facts, start, settings=settings)
     return solve(merge(gauge(looked.seen.facts, start, looked.row.references), grid), options)
 

@@ -18,7 +18,7 @@ from broken import index_in, picture
 from savmap.errors import VideoError
 from savmap.types import Panorama
 from savmap.video.clip import Clip, DecodeReport, VideoInfo
-from savmap.video.reader import expected_frames, panoramas, probe, scout_frames
+from savmap.video.reader import expected_frames, panoramas, preview_frames, probe
 
 ADDRESS_SPACE = 12 * 2**30
 MUCH = 6.0
@@ -56,7 +56,7 @@ def walk(path: Path) -> Found:
         report = DecodeReport()
         whole = Clip(path, fps=60.0)
         require(expected_frames(whole, info) >= 1, "no frames are expected")
-        keys, pairs = scout_frames(Clip(path))
+        keys, pairs = preview_frames(Clip(path))
         scouted([*keys, *(one for pair in pairs for one in pair)], info)
         count, smeared = gone_through(panoramas(whole, 7, report), info, 7, 0.0, math.inf)
         part(path, info)

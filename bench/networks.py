@@ -22,13 +22,13 @@ from onnx import TensorProto, helper, numpy_helper
 from savmap.errors import RowsFailedError, SavmapError
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.jobs.run import run
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.site.job import job_for
 from savmap.site.overrides import overrides_of
-from savmap.sitereport import evaluation_of, rooms_of
+from savmap.sitereport import evaluation_of, plugins_of_map
 from savmap.train.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure
 from savmap.vision.networks.segmenter import Segmenter
@@ -94,7 +94,7 @@ def mapped(site: Path, model: Path, folder: Path) -> SiteMap:
     """The map of a site with another network, without rows that could not be mapped."""
     overrides = overrides_of([f"plugins.{PLUGIN}.model={model.absolute()}"], {})
     with suppress(RowsFailedError):
-        list(run(job_for(site, [PLUGIN], folder, overrides=overrides), Way(jobs=0)))
+        list(run(job_for(site, [PLUGIN], folder, overrides=overrides), RunOptions(jobs=0)))
     return read_map(folder / "map.json")
 
 
@@ -117,7 +117,7 @@ def score(site: Path, found: SiteMap) -> str:
     survey = job_for(site, [PLUGIN], Path()).site.survey
     if survey is None:
         return ""
-    whole = pool(evaluation_of(found, read_survey(survey), rooms_of(found)).rows.values())
+    whole = pool(evaluation_of(found, read_survey(survey), plugins_of_map(found)).rows.values())
     error = mean_absolute_error(whole)
     missing, spurious = sum(whole.missing.values()), sum(whole.spurious.values())
     return f"{'     -' if error is None else f'{100 * error:6.2f}'} {missing:4} {spurious:4}"

@@ -12,8 +12,8 @@ import numpy as np
 
 from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
-from savmap.pipeline.initial_poses import attitudes_of, first_path
-from savmap.pipeline.measure import Observations
+from savmap.pipeline.initial_poses import attitudes_of, initial_path
+from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.row import Row
 from savmap.sim.build import Built, build
 from savmap.sim.camera import Drive, drive
@@ -46,7 +46,7 @@ class Made:
 
     built: Built
     path: Drive
-    seen: Observations
+    seen: RowMeasurements
     row: str = "A"
 
     @property
@@ -126,7 +126,7 @@ def made(
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
     facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
-    seen = Observations(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), Marks({}, {}))
+    seen = RowMeasurements(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), Marks({}, {}))
     return Made(built, path, seen)
 
 
@@ -154,7 +154,7 @@ def start_of(one: Made, known: Given, truth: bool = False) -> Trajectory:
     if truth:
         return Trajectory(np.arange(len(one.path.origins)), true_poses(one))
     travel = float(np.ptp(one.path.origins[:, 0]))
-    return first_path(Row("A", (), known.references, round(travel, 0)), one.seen)
+    return initial_path(Row("A", (), known.references, round(travel, 0)), one.seen)
 
 
 def true_poses(one: Made) -> Floats:

@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 
 from savmap.files.atomic import write_text
 from savmap.jobs import run, tasks
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.maps.run_record import RunLog
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for, prepare
 from savmap.site.model import Pass
 from savmap.types import RowMap, SiteMap
-from savmap.types.progress import Quiet
+from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
 from savmap.vision.views import Renderer
 
@@ -58,9 +58,9 @@ def ours(site: Path, output: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
     prepare(output)
     name = next(iter(job.site.rows))
     since = now()
-    row = tasks.map_one(job, name, Quiet())
+    row = tasks.map_one(job, name, SilentMonitor())
     seconds, processor = elapsed(since)
-    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={}), Way()))
+    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={}), RunOptions()))
     figures: dict[str, Any] = {"seconds": seconds, "processor_s": processor, "frames": len(row.trajectory.frames)}
     if job.site.survey is not None:
         scores = json.loads(run.scores_json(run.evaluate_files(output / "map.json", job.site.survey)))

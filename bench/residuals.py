@@ -18,7 +18,7 @@ from footage import Looked, look, ours
 
 from savmap.cli.console import Console
 from savmap.graph import gauge, merge, solve
-from savmap.pipeline.initial_poses import first_path
+from savmap.pipeline.initial_poses import initial_path
 from savmap.types import Floats
 from savmap_shelves.constraints import constrain
 from savmap_shelves.describe import describe
@@ -36,7 +36,7 @@ LIMIT_PX, GROSS_PX = 0.6, 5.0
 
 def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Pixels and residual outwards (n, 3) of each class, and errors of the map by class, m."""
-    start = first_path(looked.row, looked.seen)
+    start = initial_path(looked.row, looked.seen)
     grid = constrain(looked.tracks, looked.seen.facts, start, settings=ours(looked))
     problem = merge(gauge(looked.seen.facts, start, looked.row.references), grid)
     solution = solve(problem)

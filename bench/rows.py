@@ -17,7 +17,7 @@ import yaml
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.jobs import run
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
@@ -47,7 +47,7 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     """Map a site and score it; an error counts as everything missing and is named."""
     start = time.perf_counter()
     try:
-        list(run.run(job_for(site, None, output), Way(fresh=True)))
+        list(run.run(job_for(site, None, output), RunOptions(fresh=True)))
         evaluation = run.evaluate_files(output / "map.json", site.with_name("survey.json"))
         figures = json.loads(run.scores_json(evaluation))
         figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "lights") if key in figures}

@@ -19,7 +19,7 @@ import yaml
 
 from savmap.files.atomic import write_text
 from savmap.jobs import run
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.sim.build import build
 from savmap.sim.camera import Drive, drive
@@ -143,7 +143,7 @@ def figures_of(seed: int, frames: int, width: int, folder: Path) -> dict[str, An
     site["plugins"] = {"shelves": site["plugins"]["shelves"], "signs": {"pattern": PATTERN}}
     site["rows"] = {"A": site["rows"]["A"]}
     (folder / "signs.yaml").write_text(yaml.safe_dump(site, sort_keys=False))
-    list(run.run(job_for(folder / "signs.yaml", None, folder / "out"), Way(fresh=True)))
+    list(run.run(job_for(folder / "signs.yaml", None, folder / "out"), RunOptions(fresh=True)))
     return judged(scene, read_map(folder / "out" / "map.json").rows["A"].structures["signs"])
 
 

@@ -28,7 +28,7 @@ from savmap.errors import SavmapError
 from savmap.evaluation import Evaluation, Score, as_table, mean_absolute_error, pool, score_json
 from savmap.files.atomic import write_text
 from savmap.maps.map_file import write_map
-from savmap.plugin.manager import open_room
+from savmap.plugin.manager import open_plugin
 from savmap.report.plots import write_box_plot
 from savmap.types import Floats, Placement, RowMap, SiteMap
 
@@ -105,7 +105,7 @@ def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
     """The assembled site, and the seconds that took."""
     rows = {own.task.name: own.row for own in results if own.row is not None}
     failed = {own.task.name: own.error for own in results if own.row is None}
-    rooms = {name: open_room(name, {}) for name in ("shelves", "lights")}
+    rooms = {name: open_plugin(name, {}) for name in ("shelves", "lights")}
     begin = time.perf_counter()
     assembly = assembled(
         SiteMap(rows, {}, failed),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, Made, Mapped, given, mapped, rack
 
-from savmap.pipeline.measure import Observations
+from savmap.pipeline.measure import RowMeasurements
 from savmap.sim.build import build
 from savmap.sim.camera import drive
 from savmap.sim.observations import PAPER, observe
@@ -105,11 +105,11 @@ def made(task: Task) -> Made:
     return Made(built, path, seen, task.side)
 
 
-def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any], travel: int) -> Observations:
+def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any], travel: int) -> RowMeasurements:
     """What one pass saw of a row in which the camera went along x or back."""
     facts = RowFacts(name, FrameTable(stamps_s, ("pass 1",) * len(stamps_s)), {view.name: view}, {"pass 1": travel})
     facing = np.diag([travel, 1.0, travel]) @ FACING
-    return Observations(facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), Marks({}, {}))
+    return RowMeasurements(facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), Marks({}, {}))
 
 
 def cart(length: float, task: Task, seed: int) -> dict[str, Any]:

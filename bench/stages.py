@@ -24,7 +24,7 @@ from savmap.files.atomic import write_text
 from savmap.jobs import run
 from savmap.pipeline import measure as observe
 from savmap.pipeline import row as engine
-from savmap.plugin.manager import Room
+from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import OnceSegmenter
 from savmap.site.job import job_for
 from savmap.vision.views import Renderer
@@ -95,12 +95,12 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "stages.json")
     arguments = parser.parse_args()
     timed_frames()
-    timed(observe, "aim_pass", "aim")
+    timed(observe, "plan_pass", "aim")
     timed(Renderer, "render", "render (with the aim's)")
     timed(OnceSegmenter, "see", "segment (with the aim's)")
-    timed(Room, "extract", "extract (with the aim's)")
-    timed(Room, "track", "track")
-    timed(Room, "constrain", "constrain")
+    timed(LoadedPlugin, "extract", "extract (with the aim's)")
+    timed(LoadedPlugin, "track", "track")
+    timed(LoadedPlugin, "constrain", "constrain")
     timed(engine, "solve", "solve")
     timed(engine, "solve_rows", "solve")
     timed(run, "write_results", "write")

@@ -123,21 +123,21 @@ def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None
 def map_here(site: Path, target: Path) -> None:
     """Map a site in this process and write what each stage took."""
     from savmap.jobs import run
-    from savmap.jobs.scheduler import Way
+    from savmap.jobs.scheduler import RunOptions
     from savmap.maps.map_file import read_map
     from savmap.pipeline import measure
     from savmap.plugin.segmenters import OnceSegmenter
     from savmap.site.job import job_for
     from savmap.vision.views import Renderer
 
-    timed(observe, "aim_pass", "aim", time.process_time)
+    timed(measure, "plan_pass", "aim", time.process_time)
     timed(measure.Walk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)
     timed(OnceSegmenter, "see", "segment", time.thread_time)
     timed(measure.Walk, "_frame", "plugins", time.thread_time)
-    timed(work, "solve", "solve", time.process_time)
+    timed(tasks, "solve", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:
-        list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), Way(jobs=0)))
+        list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), RunOptions(jobs=0)))
         rows = read_map(Path(folder) / "map.json").rows.values()
     stages = {"decode": SECONDS["walk"] - sum(SECONDS[stage] for stage in WALK)}
     stages |= {stage: SECONDS[stage] for stage in (*WALK, "aim", "solve")}

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-def told(error: BaseException) -> str:
+def format_error(error: BaseException) -> str:
     """What an error of any kind is and says, in one line: "ValueError: oh"."""
     try:
         says = " ".join(str(error).split())

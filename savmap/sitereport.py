@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from savmap.errors import OutputError
 from savmap.plugin.isolation import contained
-from savmap.plugin.manager import Room, open_room
+from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.types import RowMap, SiteMap
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def report_for(
     from savmap.report.page import write_page
     from savmap.report.record import Report
 
-    rooms = rooms_of(site_map, skip)
+    plugins = plugins_of_map(site_map, skip)
     sheets = survey.rows if survey else {}
     common = any(name in sheets for name in site_map.rows)
     remarks = (
@@ -41,10 +41,10 @@ def report_for(
         else ()
     )
     drawings = {
-        name: drawings_of([rooms[plugin] for plugin in row.structures], row, sheets.get(name))
+        name: drawings_of([plugins[plugin] for plugin in row.structures], row, sheets.get(name))
         for name, row in site_map.rows.items()
     }
-    evaluation = evaluation_of(site_map, survey, rooms) if survey and common else None
+    evaluation = evaluation_of(site_map, survey, plugins) if survey and common else None
     write_page(Report(site_map, drawings, log, evaluation, remarks, title), path)
 
 
@@ -61,25 +61,27 @@ def report_files(map_file: Path, path: Path, run_file: Path | None = None, surve
     return f"wrote {path}"
 
 
-def rooms_of(site_map: SiteMap, skip: bool = False) -> dict[str, Room]:
+def plugins_of_map(site_map: SiteMap, skip: bool = False) -> dict[str, LoadedPlugin]:
     """Rooms by name for the plugins that made a map, with their usual settings; `skip`: their failures are contained. Raises PluginError."""
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
-    rooms = [open_room(name, {}) for name in names]
-    return {room.name: room for room in (contained(rooms) if skip else rooms)}
+    plugins = [open_plugin(name, {}) for name in names]
+    return {plugin.name: plugin for plugin in (contained(plugins) if skip else plugins)}
 
 
-def evaluation_of(site_map: SiteMap, survey: "Survey", rooms: Mapping[str, Room]) -> "Evaluation":
+def evaluation_of(site_map: SiteMap, survey: "Survey", plugins: Mapping[str, LoadedPlugin]) -> "Evaluation":
     """A map against a survey, scored by the plugins that made it. Raises OutputError."""
     from savmap.evaluation import evaluate_site
 
-    return evaluate_site(site_map, survey, lambda name, own, sheet: rooms[name].evaluate(structures=own, survey=sheet))
+    return evaluate_site(
+        site_map, survey, lambda name, own, sheet: plugins[name].evaluate(structures=own, survey=sheet)
+    )
 
 
-def drawings_of(rooms: Sequence[Room], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
+def drawings_of(plugins: Sequence[LoadedPlugin], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
     """What all rooms draw of a row, over its survey where there is one."""
     drawings: list[Drawing] = []
-    for room in rooms:
-        own = row.structures[room.name]
-        deviations = room.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
-        drawings += room.draw(structures=own, survey=survey, deviations=deviations)
+    for plugin in plugins:
+        own = row.structures[plugin.name]
+        deviations = plugin.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
+        drawings += plugin.draw(structures=own, survey=survey, deviations=deviations)
     return drawings

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from savmap.video.prefetch import ahead
+from savmap.video.prefetch import prefetch
 
 
 def makers() -> list[threading.Thread]:
@@ -21,7 +21,7 @@ def test_items_come_in_order_and_a_generator_runs_in_one_other_thread() -> None:
             threads.add(threading.get_ident())
             yield number
 
-    with ahead(numbers(), 2) as items:
+    with prefetch(numbers(), 2) as items:
         assert list(items) == list(range(50))
     assert len(threads) == 1
     assert threading.get_ident() not in threads
@@ -37,7 +37,7 @@ def test_no_more_are_made_than_places_are_free(depth: int) -> None:
             made.append(number)
             yield number
 
-    with ahead(numbers(), depth) as items:
+    with prefetch(numbers(), depth) as items:
         time.sleep(0.05)
         assert len(made) == depth
         assert next(items) == 0
@@ -52,7 +52,7 @@ def test_an_error_comes_where_the_item_would_have_come() -> None:
         raise OSError("the disk is gone")
 
     seen = []
-    with pytest.raises(OSError, match="the disk is gone"), ahead(numbers(), 5) as items:
+    with pytest.raises(OSError, match="the disk is gone"), prefetch(numbers(), 5) as items:
         seen.extend(iter(lambda: next(items), None))
     assert seen == [1, 2]
     assert not makers()
@@ -68,7 +68,7 @@ def test_whoever_stops_early_leaves_no_thread_and_no_open_file(error: type[BaseE
         finally:
             closed.append(True)
 
-    with pytest.raises(error), ahead(numbers(), 2) as items:
+    with pytest.raises(error), prefetch(numbers(), 2) as items:
         raise error(next(items))
     assert closed == [True]
     assert not makers()

@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.pipeline import measure
 from savmap.site.model import Site
-from savmap.types import Aim, Panorama, ViewSpec
+from savmap.types import Panorama, ViewPlan, ViewSpec
 from savmap.video.reader import Clip
 from savmap.vision.flow import WINDOW, FlowWatch
 from savmap.vision.markers import MarkerWatch
@@ -16,9 +16,9 @@ FACE, CEILING = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0
 
 
 def test_only_the_views_of_the_face_are_looked_at() -> None:
-    walk = measure.Walk([], measure.Eyes([]), Renderer(), MarkerWatch([]), FlowWatch())
-    aims = {"racks": Aim((FACE,), np.eye(3)), "lamps": Aim((CEILING,))}
-    aimed = measure.PassAims("pass 1", Clip(Path("none")), aims)
+    walk = measure.Walk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([]), FlowWatch())
+    aims = {"racks": ViewPlan((FACE,), np.eye(3)), "lamps": ViewPlan((CEILING,))}
+    aimed = measure.PassPlan("pass 1", Clip(Path("none")), aims)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):

@@ -11,15 +11,15 @@ import pytest
 from savmap.jobs import check as checking
 from savmap.jobs import resource_estimate as needing
 from savmap.jobs.check import CheckError, check
-from savmap.jobs.resource_estimate import FRAMES, Needs, duration
+from savmap.jobs.resource_estimate import FRAMES, ResourceEstimate, duration
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.pipeline.measure import Observations, PassAims
+from savmap.pipeline.measure import PassPlan, RowMeasurements
 from savmap.pipeline.preview import picture_name
-from savmap.types import Aim, FrameTable, Panorama, RowFacts, ViewSpec
+from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.clip import Clip
 from savmap.vision.markers import Marks
-from savmap.vision.view_planning import Scout
+from savmap.vision.view_planning import PassPreview
 
 from .io.made_up_video import evenly, write_video
 
@@ -33,7 +33,7 @@ rows:
     passes:
       - {video: a.mp4}
 """
-NEEDS = Needs(40, 100.0, None, 1.0, 100.0)
+NEEDS = ResourceEstimate(40, 100.0, None, 1.0, 100.0)
 SURVEY = '{"format": "savmap-survey", "version": 1, "units": "m", "rows": {"X": {}}}'
 
 
@@ -172,11 +172,13 @@ def test_a_video_that_is_cut_off_is_told(folder: Path) -> None:
 
 
 def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def aimed(name: str, one: Any, *_: object) -> tuple[PassAims, Scout]:
+    def aimed(name: str, one: Any, *_: object) -> tuple[PassPlan, PassPreview]:
         keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
-        return PassAims(name, Clip(one.video), {"all": Aim((ViewSpec("face", 0.0),))}), Scout(keys, (), None, np.eye(3))  # type: ignore[arg-type]
+        return PassPlan(name, Clip(one.video), {"all": ViewPlan((ViewSpec("face", 0.0),))}), PassPreview(
+            keys, (), None, np.eye(3)
+        )  # type: ignore[arg-type]
 
-    monkeypatch.setattr("savmap.pipeline.preview.aim_pass", aimed)
+    monkeypatch.setattr("savmap.pipeline.preview.plan_pass", aimed)
     lines, code = told(
         folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
     )
@@ -202,14 +204,14 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
             time.sleep(0.2 if number < 2 else 0.01)
             yield number
 
-    def look(row: Any, rooms: Any, monitor: Monitor) -> Observations:
+    def look(row: Any, rooms: Any, monitor: Monitor) -> RowMeasurements:
         seen = list(monitor.each(frames(), "looking"))
         facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
+        return RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
 
-    found: list[Needs] = []
+    found: list[ResourceEstimate] = []
 
-    def kept(job: Any, footage: Any) -> Needs:
+    def kept(job: Any, footage: Any) -> ResourceEstimate:
         found.append(needing.needs(job, footage))
         return found[-1]
 

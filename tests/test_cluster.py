@@ -10,9 +10,9 @@ import pytest
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.jobs.dask_executor import Cluster
-from savmap.jobs.scheduler import Way, mapped_rows
+from savmap.jobs.scheduler import RunOptions, mapped_rows
 from savmap.site.job import job_for
-from savmap.types.progress import Quiet
+from savmap.types.progress import SilentMonitor
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
 distributed = pytest.importorskip("distributed")
@@ -57,9 +57,9 @@ def test_a_worker_killed_in_mid_run_changes_nothing(
 ) -> None:
     address, workers = cluster
     path = site(tmp_path)
-    here = mapped_rows(job_for(path, None, tmp_path / "here"), Way(jobs=0), Quiet())
+    here = mapped_rows(job_for(path, None, tmp_path / "here"), RunOptions(jobs=0), SilentMonitor())
     killer = Killer(workers[0])
-    there = mapped_rows(job_for(path, None, tmp_path / "there"), Way(cluster=address), killer)
+    there = mapped_rows(job_for(path, None, tmp_path / "there"), RunOptions(cluster=address), killer)
     assert workers[0].wait(10) != 0
     assert killer.after == 1
     assert not there.failed
@@ -69,7 +69,7 @@ def test_a_worker_killed_in_mid_run_changes_nothing(
         assert kept[0].read_bytes() == kept[1].read_bytes()
 
 
-class Killer(Quiet):
+class Killer(SilentMonitor):
     """A Monitor that kills a worker when the first piece of work is done, while others are under way."""
 
     def __init__(self, victim: "subprocess.Popen[bytes]") -> None:

@@ -15,12 +15,12 @@ import pytest
 
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
 from savmap.jobs.run import run
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.plugin.isolation import failures_gathered
-from savmap.plugin.manager import open_room
+from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.site.job import job_for
-from savmap.sitereport import rooms_of
+from savmap.sitereport import plugins_of_map
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
 IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
@@ -210,7 +210,7 @@ def site(place: Path, folder: Path, mode: str, bad: str, rows: str = "A", scored
 def mapped(path: Path, out: Path, jobs: int = 0) -> dict[str, Any]:
     """The rows of map.json after a run; the run's error is raised."""
     try:
-        list(run(job_for(path, None, out), Way(jobs)))
+        list(run(job_for(path, None, out), RunOptions(jobs)))
     finally:
         rows = json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"] if (out / "map.json").exists() else {}
     return dict(rows)
@@ -293,12 +293,12 @@ def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
     empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty, {"good": (), "bad": ()}, ())
     with failures_gathered() as failures:
-        rooms = rooms_of(SiteMap({"A": row}, {}), skip=True)
+        rooms = plugins_of_map(SiteMap({"A": row}, {}), skip=True)
         assert [room.shared([]) for room in rooms.values()] == [[], []]
     assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "shared")]
     assert "plugin `bad` failed in `shared`: RuntimeError: oh" in caplog.text
     with pytest.raises(PluginFailedError):
-        rooms_of(SiteMap({"A": row}, {}))["bad"].shared([])
+        plugins_of_map(SiteMap({"A": row}, {}))["bad"].shared([])
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:
@@ -367,6 +367,6 @@ def test_without_a_trace_nothing_is_in_the_calls_way(monkeypatch: pytest.MonkeyP
         monkeypatch.delenv("SAVMAP_TRACE", raising=False)
         if value is not None:
             monkeypatch.setenv("SAVMAP_TRACE", value)
-        assert open_room("good", {}).manager._inner_hookexec == plain._inner_hookexec
+        assert open_plugin("good", {}).manager._inner_hookexec == plain._inner_hookexec
     monkeypatch.setenv("SAVMAP_TRACE", "1")
-    assert open_room("good", {}).manager._inner_hookexec != plain._inner_hookexec
+    assert open_plugin("good", {}).manager._inner_hookexec != plain._inner_hookexec

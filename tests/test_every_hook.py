@@ -19,21 +19,21 @@ from savmap.evaluation import Score
 from savmap.graph import Constraints, observe
 from savmap.plugin import hookspecs, manager
 from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import Room, room_of
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.report.drawing import Drawing
 from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
-    Aim,
+    CrossRowLandmark,
     Detection,
     Feature,
     FrameTable,
     RowFacts,
-    SharedThing,
     SiteMap,
     Structure,
     Track,
     Trajectory,
     View,
+    ViewPlan,
     ViewSpec,
 )
 
@@ -57,7 +57,7 @@ class Config(BaseModel):
     threshold: float = 0.25
 
 
-def asked(hook: str, answer: object) -> tuple[Room, dict[str, Any]]:
+def asked(hook: str, answer: object) -> tuple[LoadedPlugin, dict[str, Any]]:
     """A room whose plugin answers one hook with `answer`, and what that is given, once it is asked."""
     given: dict[str, Any] = {}
     names = list(inspect.signature(HOOKS[hook]).parameters)
@@ -71,12 +71,12 @@ def asked(hook: str, answer: object) -> tuple[Room, dict[str, Any]]:
         "Config": Config,
         "__init__": lambda s, c: None,
     }
-    return room_of("made_up", type("MadeUp", (), {**own, hook: hookimpl(scope[hook])}), Config()), given
+    return loaded_plugin("made_up", type("MadeUp", (), {**own, hook: hookimpl(scope[hook])}), Config()), given
 
 
 def ask_render_views() -> dict[str, Any]:
-    room, given = asked("render_views", Aim((SPEC,)))
-    assert room.render_views(scout=1, see=len, side="left", manual={}, attitude=None).views == (SPEC,)
+    room, given = asked("render_views", ViewPlan((SPEC,)))
+    assert room.render_views(pass_preview=1, see=len, side="left", manual={}, attitude=None).views == (SPEC,)
     return given
 
 
@@ -121,7 +121,7 @@ def ask_relate() -> dict[str, Any]:
 
 
 def ask_shared() -> dict[str, Any]:
-    thing = SharedThing("thing 1", "thing", np.zeros(3), np.eye(3))
+    thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
     room, given = asked("shared", [thing])
     assert room.shared([THING]) == [thing]
     return given

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict
 from savmap.errors import ModelError, SiteError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import Room, room_of
-from savmap.plugin.segmenters import Eyes
-from savmap.site.job import job_for, rooms_for
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.job import job_for, plugins_for
 from savmap.site.overrides import overrides_of
 from savmap.types import Feature, View, ViewSpec
 from savmap.vision.networks import providers
@@ -29,7 +29,9 @@ class Config(BaseModel):
     class_names: ClassNames = {}
 
 
-def room(path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)) -> Room:
+def room(
+    path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)
+) -> LoadedPlugin:
     class Pillars:
         name = needs
         classes = (needs,)
@@ -42,7 +44,7 @@ def room(path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: 
         def extract_features(self, view: View) -> list[Feature]:
             return []
 
-    return room_of(needs, Pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
+    return loaded_plugin(needs, Pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
 
 
 @pytest.fixture
@@ -57,39 +59,39 @@ def view() -> View:
 @pytest.mark.parametrize("key", ["post", "0", 0])
 def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
     own = room(network, {key: "pillar"})
-    eyes = Eyes([own])
-    found = eyes.see(own, view())
+    segmenters = SegmenterPool([own])
+    found = segmenters.see(own, view())
     assert [one.label for one in found] == ["pillar", "pillar"]
-    assert eyes.notes == ()
+    assert segmenters.notes == ()
 
 
 def test_a_class_that_is_missing_is_told_with_those_that_there_are(network: Path) -> None:
     with pytest.raises(ModelError, match=r"does not give `pillar`, .* gives post, bar: say with `class_names`"):
-        Eyes([room(network, {})])
+        SegmenterPool([room(network, {})])
 
 
 def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
     names = {"post": "pillar", "bar": "rail"}
     rooms = [room(network, names), room(network, names, "rail"), room(network, {"post": "column"}, "column")]
-    eyes = Eyes(rooms)
-    assert eyes.networks["pillar"] is eyes.networks["rail"]
-    assert eyes.networks["pillar"].classes == ("pillar", "rail")
-    assert eyes.networks["column"].classes == ("column",)
+    segmenters = SegmenterPool(rooms)
+    assert segmenters.networks["pillar"] is segmenters.networks["rail"]
+    assert segmenters.networks["pillar"].classes == ("pillar", "rail")
+    assert segmenters.networks["column"].classes == ("column",)
 
 
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = room(network, {"post": "pillar"})
-    eyes, seen = Eyes([own]), view()
-    eyes.look_ahead(own, seen)
-    segmenter = eyes.networks["pillar"]
+    segmenters, seen = SegmenterPool([own]), view()
+    segmenters.look_ahead(own, seen)
+    segmenter = segmenters.networks["pillar"]
     monkeypatch.setattr(segmenter, "_adapter", None)
-    assert len(eyes.see(own, seen)) == 2
+    assert len(segmenters.see(own, seen)) == 2
     assert np.array_equal(segmenter.probabilities(seen.image), segmenter.see(seen.image).maps)
 
 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(providers, "_available", lambda: ["CPUExecutionProvider"])
-    (note,) = Eyes([room(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
+    (note,) = SegmenterPool([room(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
     assert "tensorrt not in this onnxruntime" in note
     assert note.endswith("it runs on cpu")
 
@@ -106,7 +108,7 @@ def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytes
 def test_providers_of_the_site_file_reach_the_rooms(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
     (tmp_path / "site.yaml").write_text(SITE.format(given), encoding="utf-8")
     job = job_for(tmp_path / "site.yaml", None, tmp_path)
-    assert [own.providers for own in rooms_for(job, "A")] == [asked]
+    assert [own.providers for own in plugins_for(job, "A")] == [asked]
 
 
 def test_providers_from_the_environment_win(tmp_path: Path) -> None:

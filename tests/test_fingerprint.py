@@ -4,7 +4,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from savmap.jobs import cache_keys
-from savmap.plugin.manager import room_of
+from savmap.plugin.manager import loaded_plugin
 
 
 class Config(BaseModel):
@@ -20,7 +20,7 @@ class Reader:
 
 
 def test_a_library_that_a_plugin_names_counts_once_it_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    room = room_of("reader", Reader, Config())
+    room = loaded_plugin("reader", Reader, Config())
     without = cache_keys.code([room])
     installed = cache_keys.version
     monkeypatch.setattr(cache_keys, "version", lambda name: "1.0" if name == "a-reading-library" else installed(name))

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict
 from savmap.errors import PluginError, PluginFailedError, SiteError
 from savmap.plugin import hookspecs, manager
 from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import open_room, room_of
-from savmap.types import Panorama, SharedThing, Structure, View
+from savmap.plugin.manager import loaded_plugin, open_plugin
+from savmap.types import CrossRowLandmark, Panorama, Structure, View
 
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
 
@@ -54,21 +54,21 @@ def test_the_hooks_that_were_asked_for_exist() -> None:
 
 def test_a_misspelt_hook_is_refused() -> None:
     with pytest.raises(PluginError, match="made-up"):
-        room_of("made-up", plugin(extract_feature=lambda self, view: []), Config())
+        loaded_plugin("made-up", plugin(extract_feature=lambda self, view: []), Config())
 
 
 def test_a_plugin_that_raises_is_named() -> None:
     def extract_features(self: object, view: View) -> list[Any]:
         raise ZeroDivisionError("oh")
 
-    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
     with pytest.raises(PluginError, match=r"`made-up` failed in `extract_features`: ZeroDivisionError: oh"):
         room.extract(view=None, detections=[])
 
 
 @pytest.mark.parametrize("answer", [None, 3, ["x"]])
 def test_a_wrong_answer_is_named(answer: object) -> None:
-    room = room_of("made-up", plugin(extract_features=lambda self, view: answer), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: answer), Config())
     with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
         room.extract(view=None, detections=[])
 
@@ -91,7 +91,7 @@ def test_whatever_a_plugin_raises_is_one_line(
         raise error
 
     monkeypatch.setenv("SAVMAP_TRACE", traced)
-    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
     with pytest.raises(PluginFailedError) as caught:
         room.extract(view=None, detections=[])
     assert str(caught.value) == f"plugin `made-up` failed in `extract_features`: {says}"
@@ -111,7 +111,7 @@ class Odd:
 
 def test_a_trace_tells_of_odd_answers_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("SAVMAP_TRACE", "1")
-    room = room_of("made-up", plugin(extract_features=lambda self, view: Odd()), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: Odd()), Config())
     with pytest.raises(PluginError, match="returned Odd from `extract_features`, not list"):
         room.extract(view=object(), detections=[])
     assert capsys.readouterr().err.endswith("ms, Odd\n")
@@ -119,30 +119,30 @@ def test_a_trace_tells_of_odd_answers_too(monkeypatch: pytest.MonkeyPatch, capsy
 
 def test_a_trace_that_cannot_be_printed_is_in_nobodys_way(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("SAVMAP_TRACE", "1")
-    room = room_of("made-up", plugin(extract_features=lambda self, view: []), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: []), Config())
     with (tmp_path / "closed").open("w") as closed:
         monkeypatch.setattr("sys.stderr", closed)
     assert room.extract(view=None, detections=[]) == []
 
 
 def test_what_is_drawn_is_checked() -> None:
-    room = room_of("made-up", plugin(draw=lambda self, structures: ("line",)), Config())
+    room = loaded_plugin("made-up", plugin(draw=lambda self, structures: ("line",)), Config())
     with pytest.raises(PluginError, match="returned a tuple with a str from `draw`, not Drawing"):
         room.draw(structures=[], survey=None, deviations={})
 
 
 def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
-    assert room_of("made-up", plugin(), Config()).shared([]) == []
-    thing = SharedThing("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
-    assert room_of("made-up", plugin(shared=lambda self, structures: [thing]), Config()).shared([]) == [thing]
-    room = room_of("made-up", plugin(shared=lambda self, structures: ["post"]), Config())
+    assert loaded_plugin("made-up", plugin(), Config()).shared([]) == []
+    thing = CrossRowLandmark("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
+    assert loaded_plugin("made-up", plugin(shared=lambda self, structures: [thing]), Config()).shared([]) == [thing]
+    room = loaded_plugin("made-up", plugin(shared=lambda self, structures: ["post"]), Config())
     with pytest.raises(PluginError, match="a str from `shared`, not SharedThing"):
         room.shared([])
 
 
 def test_a_plugin_answers_for_itself_alone() -> None:
-    first = room_of("made-up", plugin(extract_features=lambda self, view: []), Config())
-    second = room_of("made-up", plugin(), Config())
+    first = loaded_plugin("made-up", plugin(extract_features=lambda self, view: []), Config())
+    second = loaded_plugin("made-up", plugin(), Config())
     assert first.extract(view=None, detections=[]) == []
     with pytest.raises(PluginError):
         second.extract(view=None, detections=[])
@@ -156,7 +156,7 @@ def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
         return []
 
     image = np.zeros((8, 16, 3), dtype=np.uint8)
-    room = room_of("made-up", plugin(extract_features=extract_features), Config())
+    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
     room.extract(None, [], Panorama(0, 0.0, image))
     room.extract(None, [])
     assert isinstance(given[0], Panorama)
@@ -166,14 +166,14 @@ def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
 
 def test_an_unknown_plugin_gets_the_nearest_name() -> None:
     with pytest.raises(PluginError, match="did you mean `shelves`"):
-        open_room("shelfs", {})
+        open_plugin("shelfs", {})
 
 
 def test_settings_are_strict() -> None:
     with pytest.raises(
         SiteError, match=r"site\.yaml: plugins\.shelves: unknown key `treshold`: did you mean `threshold`"
     ):
-        open_room("shelves", {"treshold": 1}, "site.yaml")
+        open_plugin("shelves", {"treshold": 1}, "site.yaml")
 
 
 def test_only_named_plugins_are_imported() -> None:
@@ -190,6 +190,6 @@ def test_structures_may_be_related_to_what_others_mapped() -> None:
     def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
         return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
 
-    assert room_of("made-up", plugin(), Config()).relate([point], {"rack": [point]}) == (point,)
-    (related,) = room_of("made-up", plugin(relate=relate), Config()).relate([point], {"rack": [point]})
+    assert loaded_plugin("made-up", plugin(), Config()).relate([point], {"rack": [point]}) == (point,)
+    (related,) = loaded_plugin("made-up", plugin(relate=relate), Config()).relate([point], {"rack": [point]})
     assert related.attributes == {"others": 1}

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from savmap.graph import KnownMarker, References, gauge
-from savmap.pipeline import measure, row
+from savmap.pipeline import measure
+from savmap.pipeline.row import Row
+from savmap.pipeline.row import marked as marker_notes
 from savmap.site.model import Site
 from savmap.site.preflight import tells_scale
 from savmap.types import FrameTable, RowFacts, Trajectory
@@ -20,8 +22,8 @@ MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 
 
 def test_every_frame_that_is_walked_through_is_looked_at() -> None:
-    walk = measure.Walk([], measure.Eyes([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
-    aimed = measure.PassAims("pass 1", Clip(Path("none")), {})
+    walk = measure.Walk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
+    aimed = measure.PassPlan("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
         walk._frame(panorama, walk._look(panorama, aimed), aimed)
@@ -32,9 +34,9 @@ def test_one_that_was_not_seen_is_noted() -> None:
     facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
     start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
     references = References(markers=(MARKER,))
-    seen = measure.Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
-    row = row.Row("A", (), references)
-    found, notes = row.marked(row, seen, start, gauge(facts, start, references))
+    seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
+    row = Row("A", (), references)
+    found, notes = marker_notes(row, seen, start, gauge(facts, start, references))
     assert not found
     assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
 

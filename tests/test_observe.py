@@ -13,10 +13,10 @@ from pydantic import BaseModel, ConfigDict
 from savmap.errors import PluginError
 from savmap.pipeline import measure
 from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import Room, room_of
-from savmap.plugin.segmenters import Eyes
-from savmap.types import Aim, Detection, Feature, View, ViewSpec
-from savmap.types.progress import Quiet
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
+from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
 from savmap.vision.flow import NoFlow
 from savmap.vision.markers import MarkerWatch
@@ -35,7 +35,7 @@ class Config(BaseModel):
     threshold: float = 0.01
 
 
-def room(name: str, extract: Extract) -> Room:
+def room(name: str, extract: Extract) -> LoadedPlugin:
     class Watcher:
         classes = ("light",)
         model = LAMPS
@@ -46,24 +46,24 @@ def room(name: str, extract: Extract) -> Room:
         def extract_features(self, view: View, detections: Any) -> list[Feature]:
             return extract(view, detections)
 
-    return room_of(name, Watcher, Config())
+    return loaded_plugin(name, Watcher, Config())
 
 
 @pytest.fixture
-def aimed(tmp_path: Path) -> measure.PassAims:
+def aimed(tmp_path: Path) -> measure.PassPlan:
     video = write_video(tmp_path / "a.mp4", evenly(24, 30))
-    return measure.PassAims("pass 1", Clip(video), {"one": Aim((AHEAD, UP)), "two": Aim((UP,))})
+    return measure.PassPlan("pass 1", Clip(video), {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,))})
 
 
 def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
 
-def walk_of(rooms: list[Room]) -> measure.Walk:
-    return measure.Walk(rooms, Eyes(rooms), Renderer(), MarkerWatch(()), NoFlow())
+def walk_of(rooms: list[LoadedPlugin]) -> measure.Walk:
+    return measure.Walk(rooms, SegmenterPool(rooms), Renderer(), MarkerWatch(()), NoFlow())
 
 
-def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassAims) -> None:
+def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassPlan) -> None:
     before = threads()
     asked: list[tuple[str, int, str, int]] = []
     seen: list[tuple[np.ndarray, np.ndarray]] = []
@@ -80,11 +80,11 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
 
     rooms = [room("one", watcher("one")), room("two", watcher("two"))]
     walk = walk_of(rooms)
-    walk.over("A", aimed, Quiet())
+    walk.over("A", aimed, SilentMonitor())
     views = [("one", "pass 1 / ahead"), ("one", "pass 1 / up"), ("two", "pass 1 / up")]
     here = threading.get_ident()
     assert asked == [(name, frame, view, here) for frame in range(12) for name, view in views]
-    renderer, network = Renderer(), Eyes(rooms).networks["one"]
+    renderer, network = Renderer(), SegmenterPool(rooms).networks["one"]
     alone = [renderer.render(one, spec) for one in panoramas(aimed.clip) for spec in aimed.watched]
     for (image, probability), view in zip(seen, alone, strict=True):
         assert np.array_equal(image, view.image)
@@ -92,7 +92,7 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
     assert threads() == before
 
 
-def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassAims) -> None:
+def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassPlan) -> None:
     seen: list[tuple[str, int]] = []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -100,14 +100,14 @@ def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassAims) -> None
         return []
 
     walk = walk_of([room("one", extract)])
-    seldom = replace(aimed, aims={"one": Aim((AHEAD, replace(UP, every=3)))})
-    walk.over("A", seldom, Quiet())
+    seldom = replace(aimed, aims={"one": ViewPlan((AHEAD, replace(UP, every=3)))})
+    walk.over("A", seldom, SilentMonitor())
     assert [frame for name, frame in seen if name.endswith("up")] == [0, 3, 6, 9]
     assert [frame for name, frame in seen if name.endswith("ahead")] == list(range(12))
     assert len(walk.stamps) == 12
 
 
-def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassAims) -> None:
+def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassPlan) -> None:
     before, frames = threads(), []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -118,12 +118,12 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassAims)
     with pytest.raises(
         PluginError, match=r"`one` failed in `extract_features` at frame 3 of pass 1 .*: ZeroDivisionError"
     ):
-        walk.over("A", aimed, Quiet())
+        walk.over("A", aimed, SilentMonitor())
     assert max(frames) == 3
     assert threads() == before
 
 
-def test_pictures_are_forgotten_when_they_are_done_with(aimed: measure.PassAims) -> None:
+def test_pictures_are_forgotten_when_they_are_done_with(aimed: measure.PassPlan) -> None:
     walk = walk_of([room("one", lambda view, detections: [])])
-    walk.over("A", aimed, Quiet())
-    assert not walk.eyes.networks["one"]._said
+    walk.over("A", aimed, SilentMonitor())
+    assert not walk.segmenters.networks["one"]._said

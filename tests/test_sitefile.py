@@ -108,13 +108,13 @@ def test_rows_of_one_drive_stand_together(extra: dict[str, object], expected: li
         "B": {"passes": [{"video": "two.mp4"}, {"video": "one.mp4", "side": "right"}]},
         "C": {"passes": [{"video": "one.mp4", "fps": 5.0}]},
     }
-    assert Site.model_validate({"rows": rows, **extra}).drives() == expected
+    assert Site.model_validate({"rows": rows, **extra}).joint_groups() == expected
 
 
 def test_a_pass_may_join_rows_that_share_none_themselves() -> None:
     passes = {"A": ["one.mp4"], "B": ["two.mp4"], "C": ["two.mp4", "one.mp4"]}
     rows = {name: {"passes": [{"video": video} for video in videos]} for name, videos in passes.items()}
-    assert Site.model_validate({"rows": rows}).drives() == [["A", "B", "C"]]
+    assert Site.model_validate({"rows": rows}).joint_groups() == [["A", "B", "C"]]
 
 
 def test_nothing_of_the_camera_is_estimated_unless_asked_for(tmp_path: Path) -> None:

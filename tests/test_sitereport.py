@@ -13,7 +13,7 @@ from savmap.cli import app
 from savmap.errors import OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.sitereport import drawings_of, report_files, rooms_of
+from savmap.sitereport import drawings_of, plugins_of_map, report_files
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
@@ -58,7 +58,7 @@ def survey(tmp_path: Path, name: str) -> Path:
 
 def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
     row = site.rows["A"]
-    rooms = rooms_of(site)
+    rooms = plugins_of_map(site)
     drawn = drawings_of([rooms[name] for name in row.structures], row, None)
     assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
 

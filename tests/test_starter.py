@@ -10,7 +10,7 @@ import yaml
 
 from savmap.errors import OutputError, VideoError
 from savmap.site.load import load_site
-from savmap.site.locations import Places
+from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.preflight import settings_problems
 from savmap.site.template import start, starter_text
@@ -41,7 +41,7 @@ def test_every_setting_that_is_not_in_use_may_be_used(tmp_path: Path) -> None:
     assert site.layout
     assert site.rows["A"].place
     assert site.rows["A"].passes[0].side == "left"
-    assert list(settings_problems(site, list(site.plugins), Places("site.yaml"))) == []
+    assert list(settings_problems(site, list(site.plugins), SourceMap("site.yaml"))) == []
 
 
 def test_videos_become_rows_with_their_times(tmp_path: Path) -> None:

@@ -4,9 +4,9 @@ import logging
 
 import numpy as np
 
-from savmap.jobs.tasks import warnings_told, with_notes
+from savmap.jobs.tasks import warnings_as_notes, with_notes
 from savmap.types import FrameTable, RowMap, Trajectory
-from savmap.types.progress import Notes
+from savmap.types.progress import NoteCollector
 
 
 def row() -> RowMap:
@@ -15,8 +15,8 @@ def row() -> RowMap:
 
 
 def test_warnings_of_plugins_become_notes() -> None:
-    heard = Notes()
-    with warnings_told(heard):
+    heard = NoteCollector()
+    with warnings_as_notes(heard):
         logging.getLogger("savmap_things.tracking").warning("row A: a %s too many", "thing")
         logging.getLogger("savmap").warning("told already")
         logging.getLogger("savmap_things.tracking").info("of no interest")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from savmap.jobs.executors import Beside, DiedError, Here
-from savmap.types.progress import Quiet
+from savmap.jobs.executors import Beside, Here, WorkerCrashedError
+from savmap.types.progress import SilentMonitor
 
 DIES_ONCE = """
 __import__("os").path.exists(mark) and "second time" or (open(mark, "w").close(), __import__("os")._exit(1))
@@ -15,7 +15,7 @@ __import__("os").path.exists(mark) and "second time" or (open(mark, "w").close()
 
 
 def test_here_works_in_order_and_takes_more_meanwhile() -> None:
-    here = Here(Quiet())
+    here = Here(SilentMonitor())
     here.submit("a", operator.mul, 2, 1)
     found = []
     for key, result in here.results():
@@ -38,7 +38,7 @@ def test_one_that_dies_is_told_and_the_others_are_done(jobs: int) -> None:
         if key == 0:
             beside.submit("late", operator.mul, 2, 50)
     assert {key: found[key] for key in (0, 1, 2, "late")} == {0: 0, 1: 2, 2: 4, "late": 100}
-    assert isinstance(found["bad"], DiedError)
+    assert isinstance(found["bad"], WorkerCrashedError)
     assert isinstance(found["wrong"], ValueError)
 
 

@@ -15,7 +15,7 @@ from savmap.assembly.matching import match
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
 from savmap.assembly.ties import Found, fits, path_tie, worst_of_each
 from savmap.graph.places import Places, solve_places
-from savmap.types import Floats, Placement, RowMap, SharedThing, SiteMap, Structure
+from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure
 
 SQUARE_DEG = 0.2
 ROUNDS = 3
@@ -24,8 +24,8 @@ REACH_M = 10.0
 OFF_SIGMA = 4.0
 BACK_DEG, LEAST_DEPTH_M, MOST_UNSURE_M = 10.0, 0.2, 0.8
 
-Ask = Callable[[str, Sequence[Structure]], Sequence[SharedThing]]
-Things = Mapping[str, Mapping[str, Sequence[SharedThing]]]
+Ask = Callable[[str, Sequence[Structure]], Sequence[CrossRowLandmark]]
+Things = Mapping[str, Mapping[str, Sequence[CrossRowLandmark]]]
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ def reached(
     return {name: places[name] for name in rows if name in places}
 
 
-def things_of(row: RowMap, ask: Ask) -> dict[str, list[SharedThing]]:
+def things_of(row: RowMap, ask: Ask) -> dict[str, list[CrossRowLandmark]]:
     """What a row shares with others, by plugin and kind."""
-    things: dict[str, list[SharedThing]] = {}
+    things: dict[str, list[CrossRowLandmark]] = {}
     for plugin, structures in row.structures.items():
         for thing in ask(plugin, structures):
             things.setdefault(f"{plugin} {thing.kind}", []).append(thing)
@@ -157,8 +157,8 @@ def _matches(things: Things, places: Places, tried: set[tuple[tuple[str, str], s
 
 
 def _near(
-    things_a: Mapping[str, Sequence[SharedThing]],
-    things_b: Mapping[str, Sequence[SharedThing]],
+    things_a: Mapping[str, Sequence[CrossRowLandmark]],
+    things_b: Mapping[str, Sequence[CrossRowLandmark]],
     a: Placement,
     b: Placement,
 ) -> bool:
@@ -169,12 +169,12 @@ def _near(
     return bool((np.maximum(low_a, low_b) <= np.minimum(high_a, high_b) + REACH_M + unsure).all())
 
 
-def _extent(things: Mapping[str, Sequence[SharedThing]], place: Placement) -> tuple[Floats, Floats]:
+def _extent(things: Mapping[str, Sequence[CrossRowLandmark]], place: Placement) -> tuple[Floats, Floats]:
     points = place.points(np.array([thing.place for own in things.values() for thing in own]))[:, [0, 2]]
     return points.min(axis=0), points.max(axis=0)
 
 
-def _can_share(one: SharedThing, other: SharedThing, a_from_b: Placement) -> bool:
+def _can_share(one: CrossRowLandmark, other: CrossRowLandmark, a_from_b: Placement) -> bool:
     """Whether rows that stand so can have things of this kind in common."""
     off = (a_from_b.heading_deg + 90) % 180 - 90
     if not {"x", "z"} <= set(one.axes) & set(other.axes) and abs(off) > BACK_DEG:

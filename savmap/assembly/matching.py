@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.types import Axis, Floats, Ints, Placement, SharedThing
+from savmap.types import Axis, CrossRowLandmark, Floats, Ints, Placement
 
 GATE = 4.0
 NEAR = 3.0
@@ -42,7 +42,7 @@ class Differences:
     shift: Floats
 
 
-def match(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Matching:
+def match(things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark], a_from_b: Placement) -> Matching:
     """Pairs of things of one kind."""
     found = differences(things_a, things_b, a_from_b)
     inverse, tight = _inverse(found.covariance), _inverse(found.shift)
@@ -66,12 +66,14 @@ def match(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_fr
     return Matching(best)
 
 
-def told_axes(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing]) -> tuple[Axis, ...]:
+def told_axes(things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark]) -> tuple[Axis, ...]:
     """The axes that all things of both rows tell."""
     return tuple(axis for axis in ("x", "y", "z") if all(axis in thing.axes for thing in (*things_a, *things_b)))
 
 
-def differences(things_a: Sequence[SharedThing], things_b: Sequence[SharedThing], a_from_b: Placement) -> Differences:
+def differences(
+    things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark], a_from_b: Placement
+) -> Differences:
     """How far things are from one another, and how well that is known."""
     told = [AXES[axis] for axis in told_axes(things_a, things_b)]
     turn = a_from_b.site_from_row[:3, :3]

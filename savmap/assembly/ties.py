@@ -8,7 +8,7 @@ import numpy as np
 from savmap.assembly.matching import AXES, LEAST_SIGMA_M
 from savmap.assembly.overlap import Overlap
 from savmap.graph.places import Places, PointTie, residual
-from savmap.types import Floats, Placement, SharedThing, Tie
+from savmap.types import CrossRowLandmark, Floats, Placement, Tie
 
 REJECT_SIGMA = 4.0
 COMMON = 0.25
@@ -21,8 +21,8 @@ class Found:
     a: str
     b: str
     kind: str
-    in_a: SharedThing
-    in_b: SharedThing
+    in_a: CrossRowLandmark
+    in_b: CrossRowLandmark
     a_from_b: Placement
 
     def __str__(self) -> str:

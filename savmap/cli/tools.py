@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import ModelError, PluginError, SavmapError, SiteError, told
+from savmap.errors import ModelError, PluginError, SavmapError, SiteError
 from savmap.plugin.manager import exporters, installed, lacking, load_class
 from savmap.site.job import prepare
 from savmap.types import ViewSpec
@@ -38,13 +38,13 @@ def _network(model: Path) -> str:
 
 def schema(name: str) -> str:
     """The JSON Schema of a kind of file: "site", with the settings of all installed plugins, or "map". Raises SiteError."""
-    from savmap.maps import schema
-    from savmap.site import schema
+    from savmap.maps.schema import schema_text as map_schema_text
+    from savmap.site.schema import schema_text
 
     if name == "map":
-        return schema.schema_text()
+        return map_schema_text()
     if name == "site":
-        return schema.schema_text(installed())
+        return schema_text(installed())
     raise SiteError(f"schema {name}: there is one for `site` and one for `map`")
 
 

@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from savmap.errors import VideoError
 from savmap.files.atomic import reason, sha256
 from savmap.maps.map_file import map_text
-from savmap.plugin.manager import Room
-from savmap.site.job import Job, rooms_for
+from savmap.plugin.manager import LoadedPlugin
+from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
 from savmap.types import SiteMap
 from savmap.vision.networks.providers import choose, runtime_version
@@ -26,31 +26,31 @@ ELSEWHERE = {"sim", "train", "report", "testing", "scaffold", "commands"}
 ENDS = 1 << 20
 
 
-def seen_print(job: Job, name: str) -> str:
+def measurement_key(job: Job, name: str) -> str:
     """Of what a row's pictures show: everything but what is used after they were looked at."""
     known = job.site.row_references(name)
     return _digest(
         row=name,
-        code=code(rooms_for(job, name)),
+        code=code(plugins_for(job, name)),
         passes=[_pass(one) for one in job.site.rows[name].passes],
-        rooms=[_room(room, pixels_only=True) for room in rooms_for(job, name)],
+        plugins=[_room(plugin, pixels_only=True) for plugin in plugins_for(job, name)],
         markers=[marker.model_dump(mode="json") for marker in known.markers],
         appearance=job.site.row_appearance(name),
         earlier=_file(job.earlier),
     )
 
 
-def solved_print(job: Job, seen: Mapping[str, str]) -> str:
+def solution_key(job: Job, seen: Mapping[str, str]) -> str:
     """Of the maps of rows that are solved together, from the fingerprints of what was seen of them."""
     return _digest(
         seen=dict(seen),
-        rooms={name: [_room(room, pixels_only=False) for room in rooms_for(job, name)] for name in seen},
+        plugins={name: [_room(plugin, pixels_only=False) for plugin in plugins_for(job, name)] for name in seen},
         references={name: job.site.row_references(name).model_dump(mode="json") for name in seen},
         calibration={name: job.site.row_calibration(name).model_dump(mode="json") for name in seen},
     )
 
 
-def drawn_print(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) -> str:
+def drawing_key(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) -> str:
     """Of a row's pictures."""
     return _digest(
         row=map_text(SiteMap({name: site_map.rows[name]}, site_map.made_by)),
@@ -59,13 +59,13 @@ def drawn_print(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) 
     )
 
 
-def code(rooms: Sequence[Room]) -> str:
+def code(plugins: Sequence[LoadedPlugin]) -> str:
     """Of the program, its plugins, and the libraries that count."""
-    plugins = sorted({_package_of(type(room.instance)) for room in rooms})
-    named = {name for room in rooms for name in getattr(room.instance, "libraries", ())}
+    packages = sorted({_package_of(type(plugin.instance)) for plugin in plugins})
+    named = {name for plugin in plugins for name in getattr(plugin.instance, "libraries", ())}
     return _digest(
         savmap=_sources(Path(__file__).parent),
-        plugins=[_sources(place) for place in plugins],
+        plugins=[_sources(place) for place in packages],
         libraries={
             **{name: _version(name) for name in sorted({*LIBRARIES, *named})},
             "onnxruntime": runtime_version(),
@@ -89,15 +89,15 @@ def _pass(one: Pass) -> dict[str, Any]:
     return {**one.model_dump(mode="json", exclude={"video"}), "video": list(_footage(one.video))}
 
 
-def _room(room: Room, pixels_only: bool) -> dict[str, Any]:
-    settings: BaseModel = room.config
-    later = set(getattr(room.instance, "after_pixels", ())) if pixels_only else set()
+def _room(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
+    settings: BaseModel = plugin.config
+    later = set(getattr(plugin.instance, "after_pixels", ())) if pixels_only else set()
     return {
-        "name": room.name,
-        "plugin": f"{type(room.instance).__module__}.{type(room.instance).__qualname__}",
+        "name": plugin.name,
+        "plugin": f"{type(plugin.instance).__module__}.{type(plugin.instance).__qualname__}",
         "settings": settings.model_dump(mode="json", exclude=later | {"model"}),
-        "model": _file(room.model_file),
-        "providers": choose(room.providers).names,
+        "model": _file(plugin.model_file),
+        "providers": choose(plugin.providers).names,
     }
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from savmap.errors import SavmapError, SiteError, VideoError
 from savmap.jobs.resource_estimate import needs
 from savmap.site import preflight
-from savmap.site.job import Job, plugins_of, rooms_for
+from savmap.site.job import Job, chosen_plugins, plugins_for
 from savmap.site.load import problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
 from savmap.site.preflight import Footage, placed, settings_problems
@@ -60,7 +60,7 @@ def _found(
     if site is None:
         yield f"{source}: the rest is checked once this is put right"
         return
-    names, note = plugins_of(site, plugins)
+    names, note = chosen_plugins(site, plugins)
     yield from [note] if note else []
     yield from of_job(Job(site, source, names, output, earlier, draft.places, note), pictures)
 
@@ -102,21 +102,21 @@ def _looked(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[Sa
 def _seen(job: Job, one: Footage, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems with the pictures of a pass, and a line with where its views are drawn."""
     from savmap.jobs.tasks import row_of
-    from savmap.pipeline.initial_poses import first_attitudes
+    from savmap.pipeline.initial_poses import initial_attitudes
     from savmap.pipeline.measure import clip_of
     from savmap.pipeline.preview import picture_name, preview
-    from savmap.plugin.segmenters import Eyes
-    from savmap.video.reader import scout_frames
+    from savmap.plugin.segmenters import SegmenterPool
+    from savmap.video.reader import preview_frames
 
     what = f"row {one.row}, {one.name}: {one.frames} frames"
     try:
         if pictures:
-            rooms, path = rooms_for(job, one.row), job.output / picture_name(one.row, one.name)
-            attitude = first_attitudes(row_of(job, one.row)).get(one.name)
-            keys = preview(one.name, one.one, rooms, Eyes(rooms), path, attitude).keys
+            plugins, path = plugins_for(job, one.row), job.output / picture_name(one.row, one.name)
+            attitude = initial_attitudes(row_of(job, one.row)).get(one.name)
+            keys = preview(one.name, one.one, plugins, SegmenterPool(plugins), path, attitude).keys
             what += f", views in {path}"
         else:
-            keys, _ = scout_frames(clip_of(one.one))
+            keys, _ = preview_frames(clip_of(one.one))
     except SavmapError as error:
         yield placed(error, job.places, one.location)
         return

@@ -11,8 +11,8 @@ from typing import Any
 
 from savmap.errors import SavmapError
 from savmap.jobs.cache_keys import code
-from savmap.jobs.executors import DiedError
-from savmap.site.job import Job, rooms_for
+from savmap.jobs.executors import WorkerCrashedError
+from savmap.site.job import Job, plugins_for
 from savmap.types.progress import Monitor
 
 ADDRESS = re.compile(r"\w+://\S+:\d+")
@@ -60,7 +60,7 @@ class Cluster:
             for future in self.done:
                 error = future.exception()
                 if isinstance(error, killed):
-                    error = DiedError(
+                    error = WorkerCrashedError(
                         "its worker ended without a word, time and again: out of memory, killed, or crashed"
                     )
                 yield self.keys.pop(future.key), error or future.result()
@@ -80,7 +80,7 @@ class Cluster:
 
 def code_of(job: Job) -> str:
     """Fingerprint of the code that would map a job here."""
-    return code(rooms_for(job, next(iter(job.site.rows))))
+    return code(plugins_for(job, next(iter(job.site.rows))))
 
 
 def _library() -> Any:

@@ -17,7 +17,7 @@ Piece = tuple[Callable[..., Any], tuple[Any, ...]]
 WATCH_S = 1.0
 
 
-class DiedError(Exception):
+class WorkerCrashedError(Exception):
     """The process that did a piece of work ended without a word."""
 
 
@@ -88,7 +88,10 @@ class Beside:
                     key, piece = under_way.pop(future)
                     error = future.exception()
                     if isinstance(error, BrokenProcessPool) and jobs == 1:
-                        yield key, DiedError("its process ended without a word: out of memory, killed, or crashed")
+                        yield (
+                            key,
+                            WorkerCrashedError("its process ended without a word: out of memory, killed, or crashed"),
+                        )
                         return
                     if isinstance(error, BrokenProcessPool):
                         self.suspects |= {key: piece, **dict(under_way.values())}

@@ -12,7 +12,7 @@ from savmap.errors import OutputError
 from savmap.jobs.scheduler import SOLVED
 from savmap.jobs.tasks import PER_MB, row_of
 from savmap.maps.run_record import read_log
-from savmap.site.job import Job, rooms_for
+from savmap.site.job import Job, plugins_for
 from savmap.site.preflight import Footage
 
 Item = TypeVar("Item")
@@ -20,7 +20,7 @@ FRAMES, WARM = 14, 4
 
 
 @dataclass
-class Taste:
+class ProbeMonitor:
     """A Monitor that lets only the first few frames of a pass through, and notes on the clock when each was asked for."""
 
     clock: list[float] = field(default_factory=list)
@@ -45,7 +45,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Needs:
+class ResourceEstimate:
     """What a run will take with one worker: frames, seconds of looking at them, seconds of solving where an earlier run tells,
     MB on disk for what is kept of the rows, MB of memory that were in use after a few frames."""
 
@@ -65,7 +65,7 @@ class Needs:
         yield f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
 
 
-def needs(job: Job, footage: Sequence[Footage]) -> Needs:
+def needs(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
     """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be looked at."""
     rates: dict[tuple[object, ...], Rate] = {}
     for one in footage:
@@ -75,7 +75,7 @@ def needs(job: Job, footage: Sequence[Footage]) -> Needs:
     own = [(one.frames, rates[_kind(job, one)]) for one in footage]
     frames = sum(count for count, _ in own)
     solving = _solve_rate(job.output)
-    return Needs(
+    return ResourceEstimate(
         frames,
         sum(rate.aim_s + count * rate.frame_s for count, rate in own),
         None if solving is None else solving * frames,
@@ -94,7 +94,7 @@ def duration(seconds: float) -> str:
 
 def _kind(job: Job, one: Footage) -> tuple[object, ...]:
     """What decides how long a frame takes."""
-    models = tuple(room.model for room in rooms_for(job, one.row))
+    models = tuple(plugin.model for plugin in plugins_for(job, one.row))
     extras = (job.site.row_appearance(one.row), bool(job.site.row_references(one.row).markers))
     return one.info.width, one.info.codec, one.info.rate_fps, one.one.fps, models, extras
 
@@ -104,10 +104,10 @@ def _rate(job: Job, one: Footage) -> Rate:
     from savmap.files.serialization import packed
     from savmap.pipeline.row import look
 
-    taste = Taste()
+    taste = ProbeMonitor()
     begin = time.perf_counter()
     row = replace(row_of(job, one.row), passes=(one.one,))
-    seen = packed(look(row, rooms_for(job, one.row), taste))
+    seen = packed(look(row, plugins_for(job, one.row), taste))
     warm = min(WARM, len(taste.clock) - 2)
     timed = taste.clock[warm:]
     return Rate(taste.clock[0] - begin, (timed[-1] - timed[0]) / (len(timed) - 1), len(seen) / (len(taste.clock) - 1))

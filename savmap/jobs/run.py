@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError, SiteError
 from savmap.files.atomic import sha256, write_text
 from savmap.jobs.cache import Store, file_name, locked
-from savmap.jobs.cache_keys import drawn_print
-from savmap.jobs.scheduler import Way, mapped_rows
-from savmap.jobs.tasks import warnings_told
+from savmap.jobs.cache_keys import drawing_key
+from savmap.jobs.scheduler import RunOptions, mapped_rows
+from savmap.jobs.tasks import warnings_as_notes
 from savmap.maps.run_record import RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.plugin.isolation import failures_gathered
 from savmap.site import preflight
-from savmap.site.job import Job, job_for, prepare, rooms_for, skips
-from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
+from savmap.site.job import Job, job_for, plugins_for, prepare, skips
+from savmap.sitereport import drawings_of, evaluation_of, plugins_of_map, report_for
 from savmap.types import RowMap, SiteMap
 from savmap.vision.networks.providers import runtime_version
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from savmap.report.drawing import Drawing
 
 
-def run(job: Job, way: Way | None = None) -> Iterator[str]:
+def run(job: Job, way: RunOptions | None = None) -> Iterator[str]:
     """Map all rows of a job into its folder; yields lines for the user.
 
     Everything that is given is checked first. What is worked out of each row is kept in the folder as soon as it is there; the other
@@ -39,7 +39,7 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
     from savmap.assembly import site_lines
     from savmap.cli.console import Console
 
-    way = way or Way()
+    way = way or RunOptions()
     preflight.require_ready(job)
     prepare(job.output)
     with locked(job.output), Console(job.output / "savmap.log") as console:
@@ -47,7 +47,7 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
             console.note(job.note)
         mapped = mapped_rows(job, way, console)
         failed = {name: str(error) for name, error in mapped.failed.items()}
-        with failures_gathered() as failures, warnings_told(console):
+        with failures_gathered() as failures, warnings_as_notes(console):
             site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed))
             for note in notes:
                 console.note(note)
@@ -70,10 +70,10 @@ def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
     from savmap.pipeline.measure import recordings
     from savmap.site.layout import placements
 
-    priors, rooms = placements(job.site), rooms_of(site_map, skips(job))
+    priors, plugins = placements(job.site), plugins_of_map(site_map, skips(job))
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
     try:
-        found = assembled(site_map, priors, footage, lambda plugin, own: rooms[plugin].shared(structures=own))
+        found = assembled(site_map, priors, footage, lambda plugin, own: plugins[plugin].shared(structures=own))
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)
     return found.site_map, found.notes
@@ -89,11 +89,11 @@ def _failures(job: Job, failed: Mapping[str, SavmapError]) -> str:
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
-    models = {f"model {room.name}": sha256(room.model_file) for room in rooms_for(job, first)}
+    models = {f"model {plugin.name}": sha256(plugin.model_file) for plugin in plugins_for(job, first)}
     return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
 
 
-def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterator[str]:
+def write_results(job: Job, site_map: SiteMap, log: RunLog, way: RunOptions) -> Iterator[str]:
     """Write the map, what was done for it, the resolved site, the report, and each row's two pictures; yields a line for each."""
     from savmap.maps.map_file import write_map
 
@@ -105,12 +105,12 @@ def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterato
     sheets = survey.rows if survey else {}
     store = Store(job.output, way.fresh)
     for name, row in site_map.rows.items():
-        print_ = drawn_print(site_map, name, sheets.get(name))
+        print_ = drawing_key(site_map, name, sheets.get(name))
         pictures = [job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan")]
         if store.kept(name, DRAWN, print_) is None or not all(picture.is_file() for picture in pictures):
-            rooms = rooms_for(job, name)
-            draw(drawings_of(rooms, row, sheets.get(name)), row, *pictures)
-            if not any(room.failure for room in rooms):
+            plugins = plugins_for(job, name)
+            draw(drawings_of(plugins, row, sheets.get(name)), row, *pictures)
+            if not any(plugin.failure for plugin in plugins):
                 store.keep(name, DRAWN, print_, b"")
         yield f"wrote {pictures[0]} and {pictures[1]}"
     report_for(site_map, job.output / "report.html", log, survey, _title(job.source), skips(job))
@@ -145,7 +145,7 @@ def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = No
     from savmap.report.plots import write_box_plot
 
     site_map = read_map(map_file)
-    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map, skip))
+    evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map, skip))
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
     return evaluation
@@ -168,14 +168,14 @@ def scores_table(evaluation: "Evaluation") -> str:
 def preview(job: Job) -> Iterator[str]:
     """Write pictures of the views that the aim chooses; yields a line for each."""
     from savmap.jobs.tasks import row_of
-    from savmap.pipeline.initial_poses import first_attitudes
+    from savmap.pipeline.initial_poses import initial_attitudes
     from savmap.pipeline.preview import previews
 
     prepare(job.output)
     yield from [job.note] if job.note else []
     for name, row in job.site.rows.items():
-        attitudes = first_attitudes(row_of(job, name))
-        for path in previews(name, row.passes, rooms_for(job, name), job.output, attitudes):
+        attitudes = initial_attitudes(row_of(job, name))
+        for path in previews(name, row.passes, plugins_for(job, name), job.output, attitudes):
             yield f"row {name}: wrote {path}"
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from savmap.errors import SavmapError
 from savmap.jobs import tasks
 from savmap.jobs.cache import Store
-from savmap.jobs.cache_keys import seen_print, solved_print
-from savmap.jobs.executors import Beside, DiedError, Here, Workers
+from savmap.jobs.cache_keys import measurement_key, solution_key
+from savmap.jobs.executors import Beside, Here, WorkerCrashedError, Workers
 from savmap.maps.map_file import map_of
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.plugin import trace
@@ -24,7 +24,7 @@ Key = tuple[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
-class Way:
+class RunOptions:
     """How a job is done: in so many processes (0: in this one; None: as fits the rows and this machine) or by the workers of the
     Dask scheduler at an address, and whether nothing that was kept is believed."""
 
@@ -32,7 +32,7 @@ class Way:
     fresh: bool = False
     cluster: str | None = None
 
-    def workers(self, job: Job, drives: int, monitor: Monitor) -> tuple[Workers, int]:
+    def workers(self, job: Job, joint_groups: int, monitor: Monitor) -> tuple[Workers, int]:
         """Who works on so many drives, and how many of them there are. Raises SavmapError where a cluster cannot."""
         if self.cluster is not None:
             from savmap.jobs.dask_executor import Cluster
@@ -41,7 +41,7 @@ class Way:
             return cluster, cluster.count
         jobs = self.jobs
         if jobs is None:
-            jobs = min(drives, max((os.cpu_count() or 1) // 2, 1)) if drives > 1 else 0
+            jobs = min(joint_groups, max((os.cpu_count() or 1) // 2, 1)) if joint_groups > 1 else 0
         return (Beside(jobs), jobs) if jobs else (Here(monitor), 1)
 
 
@@ -54,17 +54,17 @@ class Mapped:
     log: RunLog
 
 
-def mapped_rows(job: Job, way: Way, monitor: Monitor) -> Mapped:
+def mapped_rows(job: Job, way: RunOptions, monitor: Monitor) -> Mapped:
     """Map all rows. Raises the first row's error where none could be mapped."""
     begin = time.monotonic()
-    drives = drives_of(job)
-    workers, jobs = way.workers(job, len(drives), monitor)
-    rows = Rows(job, Store(job.output, way.fresh), workers, monitor, drives)
-    for drive in drives:
+    joint_groups = drives_of(job)
+    workers, jobs = way.workers(job, len(joint_groups), monitor)
+    rows = Rows(job, Store(job.output, way.fresh), workers, monitor, joint_groups)
+    for drive in joint_groups:
         rows.begin(drive)
     pieces = workers.results()
     if workers.monitor is None:
-        pieces = monitor.each(pieces, "rows seen and solved", len(job.site.rows) + len(drives))
+        pieces = monitor.each(pieces, "rows seen and solved", len(job.site.rows) + len(joint_groups))
     for key, result in pieces:
         rows.take(key, result)
     if not rows.texts:
@@ -73,13 +73,13 @@ def mapped_rows(job: Job, way: Way, monitor: Monitor) -> Mapped:
     maps = {name: map_of(rows.texts[name].decode(), name).rows[name] for name in order}
     for name, row in maps.items():
         if name not in rows.seconds:
-            tell_again(row, monitor)
+            log_lines(row, monitor)
     done = {name: rows.told(name, maps.get(name)) for name in job.site.rows}
     failed = {name: rows.failed[name] for name in job.site.rows if name in rows.failed}
     return Mapped(maps, failed, RunLog(rows=done, wall_s=round(time.monotonic() - begin, 2), jobs=jobs))
 
 
-def tell_again(row: RowMap, monitor: Monitor) -> None:
+def log_lines(row: RowMap, monitor: Monitor) -> None:
     """The notes of a row that was kept from an earlier run."""
     for key, text in row.report.items():
         if key.startswith(tasks.NOTE):
@@ -88,7 +88,7 @@ def tell_again(row: RowMap, monitor: Monitor) -> None:
 
 def drives_of(job: Job) -> Sequence[tuple[str, ...]]:
     """Rows by name in groups that are solved together; each alone where its camera path is known."""
-    groups = job.site.drives() if job.earlier is None else [[name] for name in job.site.rows]
+    groups = job.site.joint_groups() if job.earlier is None else [[name] for name in job.site.rows]
     return [tuple(names) for names in groups]
 
 
@@ -101,7 +101,7 @@ class Rows:
     store: Store
     workers: Workers
     monitor: Monitor
-    drives: Sequence[tuple[str, ...]]
+    joint_groups: Sequence[tuple[str, ...]]
     prints: dict[str, str] = field(default_factory=dict)
     solved_prints: dict[tuple[str, ...], str] = field(default_factory=dict)
     seen: dict[str, bytes] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Rows:
 
     def begin(self, drive: tuple[str, ...]) -> None:
         """Take what was kept of a drive, and have the rest worked out."""
-        self.prints |= {name: seen_print(self.job, name) for name in drive}
+        self.prints |= {name: measurement_key(self.job, name) for name in drive}
         if self._take_kept(drive):
             return
         for name in drive:
@@ -130,7 +130,7 @@ class Rows:
         done = result if isinstance(result, tasks.Done) else _lost(names, result)
         for line in done.notes:
             self.monitor.note(line)
-        trace.tell_again(done.logged)
+        trace.log_lines(done.logged)
         for name, content in done.content.items():
             self.lacking.setdefault(name, {}).update(done.lacking.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
@@ -144,7 +144,7 @@ class Rows:
                 self._keep(name, SOLVED, self._solved_print(names), content)
                 self.texts[name] = content
         if stage == SEEN:
-            self._solve_if_seen(next(drive for drive in self.drives if names[0] in drive))
+            self._solve_if_seen(next(drive for drive in self.joint_groups if names[0] in drive))
 
     def told(self, name: str, row: RowMap | None) -> RowRun:
         """What was done with a row, for run.json."""
@@ -185,7 +185,7 @@ class Rows:
 
     def _solved_print(self, names: tuple[str, ...]) -> str:
         if names not in self.solved_prints:
-            self.solved_prints[names] = solved_print(self.job, {name: self.prints[name] for name in names})
+            self.solved_prints[names] = solution_key(self.job, {name: self.prints[name] for name in names})
         return self.solved_prints[names]
 
     def _submit(self, key: Key, do: Callable[..., tasks.Done], what: object) -> None:
@@ -201,6 +201,6 @@ class Rows:
 
 
 def _lost(names: tuple[str, ...], error: BaseException) -> tasks.Done:
-    if not isinstance(error, DiedError):
+    if not isinstance(error, WorkerCrashedError):
         raise error
     return tasks.Done({name: tasks.Failure(SavmapError(str(error))) for name in names})

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError, SiteError, told
+from savmap.errors import SavmapError, SiteError
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
-from savmap.site.job import Job, rooms_for
+from savmap.site.job import Job, plugins_for
 from savmap.types import RowMap, SiteMap, Trajectory
-from savmap.types.progress import Monitor, Notes
+from savmap.types.progress import Monitor, NoteCollector
 
 if TYPE_CHECKING:
     from savmap.pipeline.row import Row
@@ -55,11 +55,11 @@ def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:
     lacking: dict[str, Mapping[str, str]] = {}
 
     def seen(notes: Monitor) -> dict[str, bytes | Failure]:
-        rooms = rooms_for(job, name)
+        plugins = plugins_for(job, name)
         try:
-            found = look(row_of(job, name), rooms, notes)
+            found = look(row_of(job, name), plugins, notes)
         except SavmapError as error:
-            raise because(error, failed(rooms)) from error
+            raise because(error, failed(plugins)) from error
         lacking[name] = found.failed
         return {name: packed(found)}
 
@@ -70,19 +70,20 @@ def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -
     """Maps of rows that share passes, each as the text of a map file, from what was seen of them."""
     from savmap.files.serialization import unpacked
     from savmap.maps.map_file import map_text
-    from savmap.pipeline.measure import Observations
+    from savmap.pipeline.measure import RowMeasurements
     from savmap.pipeline.row import map_rows
 
     lacking: dict[str, Mapping[str, str]] = {}
 
     def mapped(notes: Monitor) -> dict[str, bytes | Failure]:
         rows = [
-            (row_of(job, name), rooms_for(job, name), unpacked(content, Observations)) for name, content in seen.items()
+            (row_of(job, name), plugins_for(job, name), unpacked(content, RowMeasurements))
+            for name, content in seen.items()
         ]
-        heard = Notes()
-        with warnings_told(heard):
+        heard = NoteCollector()
+        with warnings_as_notes(heard):
             found = map_rows(rows, notes)
-        lacking.update({row.name: {**observed.failed, **failed(rooms)} for row, rooms, observed in rows})
+        lacking.update({row.name: {**observed.failed, **failed(plugins)} for row, plugins, observed in rows})
         return {
             name: map_text(SiteMap({name: with_notes(own, heard.lines)}, {})).encode()
             if isinstance(own, RowMap)
@@ -100,13 +101,13 @@ def _done(
 
     Linear algebra runs in one thread: sums then do not depend on how many cores a machine has.
     """
-    notes = Notes()
+    notes = NoteCollector()
     begin = time.monotonic()
     logged: Sequence[str] = ()
     content: Mapping[str, bytes | Failure]
     talk = monitor or notes
     try:
-        with threadpool_limits(1, "blas"), warnings_told(talk), trace.about(names, keep=monitor is None) as logged:
+        with threadpool_limits(1, "blas"), warnings_as_notes(talk), trace.about(names, keep=monitor is None) as logged:
             content = work(talk)
     except SavmapError as error:
         content = {name: Failure(error) for name in names}
@@ -131,7 +132,7 @@ class _Telling(logging.Handler):
 
 
 @contextmanager
-def warnings_told(monitor: Monitor) -> Iterator[None]:
+def warnings_as_notes(monitor: Monitor) -> Iterator[None]:
     """While this lasts, what plugins and libraries log as a warning goes to the user and the log as a note."""
     handler = _Telling(monitor)
     logging.getLogger().addHandler(handler)
@@ -157,8 +158,8 @@ def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
     """The map of one of the job's rows, by itself. Raises SavmapError's kinds."""
     from savmap.pipeline.row import look, map_rows
 
-    row, rooms = row_of(job, name), rooms_for(job, name)
-    (found,) = map_rows([(row, rooms, look(row, rooms, monitor))], monitor)
+    row, plugins = row_of(job, name), plugins_for(job, name)
+    (found,) = map_rows([(row, plugins, look(row, plugins, monitor))], monitor)
     if isinstance(found, SavmapError):
         raise found
     return found

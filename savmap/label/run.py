@@ -16,10 +16,10 @@ from savmap.label.choose import chosen, ranks
 from savmap.label.formats import LabelledPicture, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
-from savmap.pipeline.measure import PassAims, aim_pass, clip_of, pass_names
-from savmap.plugin.manager import Room
-from savmap.plugin.segmenters import Eyes
-from savmap.site.job import Job, job_for, prepare, rooms_for
+from savmap.pipeline.measure import PassPlan, clip_of, pass_names, plan_pass
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.job import Job, job_for, plugins_for, prepare
 from savmap.site.overrides import Override
 from savmap.types import View, ViewSpec
 from savmap.types.progress import Monitor
@@ -51,8 +51,8 @@ class Recording:
     it."""
 
     row: str
-    room: Room
-    aimed: PassAims
+    room: LoadedPlugin
+    aimed: PassPlan
     specs: Sequence[ViewSpec]
     frames: int
     every: int = 1
@@ -110,7 +110,7 @@ def plugin_of(job: Job, source: Path, plugin: str | None) -> str:
 def require_footage(job: Job) -> None:
     """Raise PluginError or SiteError for plugins and settings, VideoError for a recording or time range, that cannot be used."""
     for name, row in job.site.rows.items():
-        rooms_for(job, name)
+        plugins_for(job, name)
         for clip in map(clip_of, row.passes):
             time_range(clip, probe(clip.path, clip.images_fps).duration_s)
 
@@ -120,12 +120,12 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
     is, and another not. Raises StructureError where it wants none of any."""
     renderer, found = Renderer(), list[Recording]()
     for row, content in job.site.rows.items():
-        rooms = rooms_for(job, row)
-        eyes = Eyes(rooms)
+        rooms = plugins_for(job, row)
+        segmenters = SegmenterPool(rooms)
         room = next(one for one in rooms if one.name == plugin)
         for name, one in zip(pass_names(content.passes), content.passes, strict=True):
             monitor.note(f"row {row}, {name}: aiming the views")
-            aimed, _ = aim_pass(name, one, rooms, eyes, renderer, None)
+            aimed, _ = plan_pass(name, one, rooms, segmenters, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
             frames = expected_frames(aimed.clip, probe(aimed.clip.path))
             found.append(Recording(row, room, aimed, specs, frames))
@@ -140,12 +140,12 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
 
 def watchers_of(recordings: Sequence[Recording]) -> list[Watcher]:
     """Each recording's: rows may have networks of their own. Recordings with one network share it."""
-    eyes: dict[object, Eyes] = {}
+    segmenters: dict[object, SegmenterPool] = {}
     found = []
     for room in (one.room for one in recordings):
         network = room.model, tuple(sorted(room.class_names.items())), room.providers
-        eyes[network] = eyes.get(network) or Eyes([room])
-        found.append(Watcher(eyes[network].networks[room.name], room.classes))
+        segmenters[network] = segmenters.get(network) or SegmenterPool([room])
+        found.append(Watcher(segmenters[network].networks[room.name], room.classes))
     return found
 
 

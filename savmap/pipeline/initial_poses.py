@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import published_start
-from savmap.pipeline.measure import Observations
+from savmap.pipeline.measure import RowMeasurements
 from savmap.types import Floats, Trajectory
 from savmap.vision.attitude import attitudes
 
@@ -19,7 +19,7 @@ HEIGHT_M = 2.5
 DISTANCE_M = 1.5
 
 
-def first_path(row: "Row", seen: Observations) -> Trajectory:
+def initial_path(row: "Row", seen: RowMeasurements) -> Trajectory:
     """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
     SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
     if row.path is not None:
@@ -44,7 +44,7 @@ def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
     return path
 
 
-def attitudes_of(seen: Observations) -> Floats:
+def attitudes_of(seen: RowMeasurements) -> Floats:
     """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
     missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
     if missing:
@@ -56,6 +56,6 @@ def attitudes_of(seen: Observations) -> Floats:
     return attitudes(edges, seen.facts.views, first)
 
 
-def first_attitudes(row: "Row") -> Mapping[str, Floats]:
+def initial_attitudes(row: "Row") -> Mapping[str, Floats]:
     """What an earlier map says of the attitude at the start of the row's (only) pass."""
     return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from savmap.files.atomic import write_bytes
 from savmap.jobs.cache import file_name
-from savmap.pipeline.measure import aim_pass, pass_names
-from savmap.plugin.manager import Room
-from savmap.plugin.segmenters import Eyes
+from savmap.pipeline.measure import pass_names, plan_pass
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
 from savmap.types import Floats, Panorama, ViewSpec
-from savmap.vision.view_planning import Scout
+from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
 TILE_WIDTH = 480
@@ -45,31 +45,31 @@ def _tile(panorama: Panorama, spec: ViewSpec, renderer: Renderer, height: int) -
 
 
 def previews(
-    row: str, passes: Sequence[Pass], rooms: Sequence[Room], folder: Path, attitudes: Mapping[str, Floats]
+    row: str, passes: Sequence[Pass], plugins: Sequence[LoadedPlugin], folder: Path, attitudes: Mapping[str, Floats]
 ) -> Iterator[Path]:
     """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written. `attitudes`:
     world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
-    eyes = Eyes(rooms)
+    segmenters = SegmenterPool(plugins)
     for name, one in zip(pass_names(passes), passes, strict=True):
         path = folder / picture_name(row, name)
-        preview(name, one, rooms, eyes, path, attitudes.get(name))
+        preview(name, one, plugins, segmenters, path, attitudes.get(name))
         yield path
 
 
 def preview(
     name: str,
     one: Pass,
-    rooms: Sequence[Room],
-    eyes: Eyes,
+    plugins: Sequence[LoadedPlugin],
+    segmenters: SegmenterPool,
     path: Path,
     attitude: Floats | None = None,
-) -> Scout:
+) -> PassPreview:
     """Write the picture of one pass; gives what was looked at to choose the views. Raises SavmapError's kinds."""
     renderer = Renderer()
-    aimed, scout = aim_pass(name, one, rooms, eyes, renderer, attitude)
-    picture = overview(scout.keys, list(dict.fromkeys(aimed.views().values())), renderer)
+    aimed, pass_preview = plan_pass(name, one, plugins, segmenters, renderer, attitude)
+    picture = overview(pass_preview.keys, list(dict.fromkeys(aimed.views().values())), renderer)
     write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
-    return scout
+    return pass_preview
 
 
 def picture_name(row: str, name: str) -> str:

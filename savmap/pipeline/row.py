@@ -21,9 +21,9 @@ from savmap.graph import (
     solve,
     solve_rows,
 )
-from savmap.pipeline.initial_poses import first_attitudes, first_path
-from savmap.pipeline.measure import Observations, observe, pass_names
-from savmap.plugin.manager import Room
+from savmap.pipeline.initial_poses import initial_attitudes, initial_path
+from savmap.pipeline.measure import RowMeasurements, observe, pass_names
+from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass
 from savmap.types import Flow, RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor
@@ -67,8 +67,8 @@ class Posed:
     """A row as a problem for the graph, and what it was made of."""
 
     row: Row
-    rooms: Sequence[Room]
-    seen: Observations
+    plugins: Sequence[LoadedPlugin]
+    seen: RowMeasurements
     followed: Followed
     problem: Problem
 
@@ -80,19 +80,23 @@ class Posed:
         return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
 
 
-def look(row: Row, rooms: Sequence[Room], monitor: Monitor) -> Observations:
+def look(row: Row, plugins: Sequence[LoadedPlugin], monitor: Monitor) -> RowMeasurements:
     """What is seen of a row: the only walk over its pixels. Raises SavmapError's kinds with what is wrong and what to do."""
     markers = row.references.markers if row.path is None else ()
     wanted = [(marker.dictionary, marker.number) for marker in markers]
-    return observe(row.name, row.passes, rooms, monitor, first_attitudes(row), wanted, row.appearance)
+    return observe(row.name, row.passes, plugins, monitor, initial_attitudes(row), wanted, row.appearance)
 
 
-def map_rows(rows: Sequence[tuple[Row, Sequence[Room], Observations]], monitor: Monitor) -> list[RowMap | SavmapError]:
+def map_rows(
+    rows: Sequence[tuple[Row, Sequence[LoadedPlugin], RowMeasurements]], monitor: Monitor
+) -> list[RowMap | SavmapError]:
     """Maps of rows from what was seen of them, solved together where they are seen in the same frames. A row that cannot be mapped
     comes back as its error, and the others are mapped without it."""
-    tried = [attempt(pose, row, rooms, seen, monitor) for row, rooms, seen in rows]
+    tried = [attempt(pose, row, plugins, seen, monitor) for row, plugins, seen in rows]
     posed = [one for one in tried if isinstance(one, Posed)]
-    everywhere = {room.name for one in posed for room in one.rooms}.difference(*(one.seen.found_face for one in posed))
+    everywhere = {plugin.name for one in posed for plugin in one.plugins}.difference(
+        *(one.seen.locators for one in posed)
+    )
     if len(posed) > 1:
         monitor.note(f"rows {' and '.join(one.row.name for one in posed)} share a pass: solving them together")
     solutions = iter(solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere))
@@ -107,18 +111,18 @@ def attempt(step: Callable[..., Result], *arguments: object) -> Result | SavmapE
         return error
 
 
-def pose(row: Row, rooms: Sequence[Room], seen: Observations, monitor: Monitor) -> Posed:
+def pose(row: Row, plugins: Sequence[LoadedPlugin], seen: RowMeasurements, monitor: Monitor) -> Posed:
     """From what was seen of a row to its factor graph."""
     references = row.references if row.path is None else References()
-    start = first_path(row, seen)
+    start = initial_path(row, seen)
     frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
-    sound = [room for room in face_first(rooms, seen) if room.name not in seen.failed]
+    sound = [plugin for plugin in face_first(plugins, seen) if plugin.name not in seen.failed]
     followed = follow(row, sound, seen, start, frames)
     for note in followed.notes:
         monitor.note(note)
     problem = merge(frames, *followed.every)
     monitor.note(f"row {row.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
-    return Posed(row, rooms, seen, followed, problem)
+    return Posed(row, plugins, seen, followed, problem)
 
 
 def finished(one: Posed, solution: Solution | SolveError, monitor: Monitor) -> RowMap:
@@ -127,11 +131,13 @@ def finished(one: Posed, solution: Solution | SolveError, monitor: Monitor) -> R
         raise solution
     for warning in solution.warnings:
         monitor.note(f"row {one.row.name}: {warning}")
-    structures = described(one.rooms, one.seen, one.followed, solution)
+    structures = described(one.plugins, one.seen, one.followed, solution)
     return row_map(one.row, one.seen, one.followed, solution, structures)
 
 
-def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
+def follow(
+    row: Row, plugins: Sequence[LoadedPlugin], seen: RowMeasurements, start: Trajectory, frames: Frames
+) -> Followed:
     """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
     it, and says which points of no structure may be believed; one of these rooms that finds no structure is left out of
     the map with a note."""
@@ -139,19 +145,19 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
     constraints: dict[str, Constraints] = {}
     markers, notes = marked(row, seen, start, frames)
     path, attitudes = row.path, start.world_from_rig[:, :3, :3]
-    for room in rooms:
+    for plugin in plugins:
         if path is None and constraints:
             path = (vouched if seen.flows else located)(merge(frames, *constraints.values(), *markers))
         try:
-            own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
+            own = plugin.track(features=seen.features[plugin.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
             if not constraints:
                 raise
-            notes.append(f"row {row.name}: nothing of `{room.name}` is mapped: {error}")
+            notes.append(f"row {row.name}: nothing of `{plugin.name}` is mapped: {error}")
             continue
-        bound = room.constrain(tracks=own, facts=seen.facts, start=path or start)
-        if room.failure is None:
-            tracks[room.name], constraints[room.name] = own, bound
+        bound = plugin.constrain(tracks=own, facts=seen.facts, start=path or start)
+        if plugin.failure is None:
+            tracks[plugin.name], constraints[plugin.name] = own, bound
     if row.path is not None or not seen.flows:
         return Followed(tracks, constraints, markers, tuple(notes), {})
     motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
@@ -169,7 +175,7 @@ def vouched(problem: Problem) -> Trajectory:
 
 
 def marked(
-    row: Row, seen: Observations, start: Trajectory, frames: Frames
+    row: Row, seen: RowMeasurements, start: Trajectory, frames: Frames
 ) -> tuple[tuple[Constraints, ...], list[str]]:
     """Constraints of the markers that were seen, and a note for each of the others."""
     found, missed = marker_constraints(seen.marks.tracks, seen.marks.views, frames.references.markers, start)
@@ -178,29 +184,31 @@ def marked(
 
 
 def described(
-    rooms: Sequence[Room], seen: Observations, followed: Followed, solution: Solution
+    plugins: Sequence[LoadedPlugin], seen: RowMeasurements, followed: Followed, solution: Solution
 ) -> dict[str, tuple[Structure, ...]]:
     """Structures of every room, which may say how they stand to the others'; none of a room that found nothing."""
     alone = {
-        room.name: tuple(room.describe(tracks=followed.tracks[room.name], facts=seen.facts, solution=solution))
-        if room.name in followed.tracks
+        plugin.name: tuple(plugin.describe(tracks=followed.tracks[plugin.name], facts=seen.facts, solution=solution))
+        if plugin.name in followed.tracks
         else ()
-        for room in rooms
+        for plugin in plugins
     }
     return {
-        room.name: room.relate(alone[room.name], {name: own for name, own in alone.items() if name != room.name})
-        for room in rooms
+        plugin.name: plugin.relate(
+            alone[plugin.name], {name: own for name, own in alone.items() if name != plugin.name}
+        )
+        for plugin in plugins
     }
 
 
-def face_first(rooms: Sequence[Room], seen: Observations) -> list[Room]:
+def face_first(plugins: Sequence[LoadedPlugin], seen: RowMeasurements) -> list[LoadedPlugin]:
     """Rooms that found the face come first: what they see locates the camera for the others."""
-    return sorted(rooms, key=lambda room: room.name not in seen.found_face)
+    return sorted(plugins, key=lambda plugin: plugin.name not in seen.locators)
 
 
 def row_map(
     row: Row,
-    seen: Observations,
+    seen: RowMeasurements,
     followed: Followed,
     solution: Solution,
     structures: Mapping[str, tuple[Structure, ...]],

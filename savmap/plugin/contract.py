@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from savmap.errors import SavmapError
-from savmap.plugin.manager import Room, room_of
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import Detection, Feature, FrameTable, Panorama, RowFacts, View, ViewSpec
 
 SPEC = ViewSpec("contract", yaw_deg=0.0, hfov_deg=90.0, width=160, height=120)
@@ -21,7 +21,7 @@ def check_plugin(plugin_class: Any, require_model: bool = True) -> None:
     """
     problems = list(_declaration(plugin_class))
     if not problems:
-        room = room_of(plugin_class.name, plugin_class, plugin_class.Config())
+        room = loaded_plugin(plugin_class.name, plugin_class, plugin_class.Config())
         problems += [problem for clause in CLAUSES for problem in clause(room)]
         if require_model:
             problems += _network(room)
@@ -48,12 +48,12 @@ def _declaration(plugin_class: Any) -> Iterator[str]:
         yield "`scale_settings` must name settings of `Config`"
 
 
-def _sees_nothing(room: Room) -> Iterator[str]:
+def _sees_nothing(room: LoadedPlugin) -> Iterator[str]:
     """A view without detections gives no features."""
     yield from _problem(lambda: room.extract(view=_view(), detections=[]) == [], "extract_features([]) must give []")
 
 
-def _features_fit(room: Room) -> Iterator[str]:
+def _features_fit(room: LoadedPlugin) -> Iterator[str]:
     """Whatever a mask looks like, features are of this frame and view and of a class of the plugin."""
     features: list[Feature] = []
     for seed in range(4):
@@ -67,7 +67,7 @@ def _features_fit(room: Room) -> Iterator[str]:
         yield "features must carry their view's frame and name, and a class of the plugin"
 
 
-def _tracks_nothing(room: Room) -> Iterator[str]:
+def _tracks_nothing(room: LoadedPlugin) -> Iterator[str]:
     """Without features, tracking gives nothing or says so with a SavmapError of its own."""
     facts = RowFacts("contract", FrameTable(np.arange(5.0), ("pass 1",) * 5), {SPEC.name: SPEC}, {"pass 1": 0})
     try:
@@ -80,12 +80,12 @@ def _tracks_nothing(room: Room) -> Iterator[str]:
         yield "track([]) must give no tracks"
 
 
-def _shares_nothing(room: Room) -> Iterator[str]:
+def _shares_nothing(room: LoadedPlugin) -> Iterator[str]:
     """Without structures, nothing is shared with other rows."""
     yield from _problem(lambda: room.shared([]) == [], "shared([]) must give []")
 
 
-def _network(room: Room) -> list[str]:
+def _network(room: LoadedPlugin) -> list[str]:
     from savmap.vision.networks.segmenter import Segmenter
 
     try:
@@ -100,7 +100,12 @@ def _network(room: Room) -> list[str]:
     ]
 
 
-CLAUSES: tuple[Callable[[Room], Iterator[str]], ...] = (_sees_nothing, _features_fit, _tracks_nothing, _shares_nothing)
+CLAUSES: tuple[Callable[[LoadedPlugin], Iterator[str]], ...] = (
+    _sees_nothing,
+    _features_fit,
+    _tracks_nothing,
+    _shares_nothing,
+)
 
 
 def _problem(holds: Callable[[], bool], otherwise: str) -> Iterator[str]:

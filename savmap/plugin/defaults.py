@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import Detection, SharedThing, Structure, View
+from savmap.types import CrossRowLandmark, Detection, Structure, View
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -27,7 +27,7 @@ def relate(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookimpl(trylast=True)
-def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Nothing is seen from other rows."""
     return []
 

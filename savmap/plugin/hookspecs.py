@@ -13,18 +13,18 @@ import numpy as np
 import pluggy
 
 from savmap.types import (
-    Aim,
+    CrossRowLandmark,
     Detection,
     Feature,
     Floats,
     Panorama,
     RowFacts,
-    SharedThing,
     SiteMap,
     Structure,
     Track,
     Trajectory,
     View,
+    ViewPlan,
 )
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from savmap.report.drawing import Drawing
     from savmap.sim.scene import SceneParts, Site
     from savmap.vision.networks.segmenter import Segmenter
-    from savmap.vision.view_planning import Manual, Scout
+    from savmap.vision.view_planning import Manual, PassPreview
 
 Exporter = Callable[[SiteMap, Path], None]
 hookspec = pluggy.HookspecMarker("savmap")
@@ -45,12 +45,12 @@ hookimpl = pluggy.HookimplMarker("savmap")
 
 @hookspec(firstresult=True)
 def render_views(
-    scout: "Scout",
+    pass_preview: "PassPreview",
     see: Callable[[View], list[Detection]],
     side: Literal["left", "right"] | None,
     manual: Mapping[str, "Manual"],
     attitude: Floats | None,
-) -> Aim:
+) -> ViewPlan:
     """View rendering: the views of one pass that this plugin wants to look at.
 
     `scout` has key frames of the pass, `see` runs the plugin's network on a view, `side` is the hand that the site file
@@ -97,7 +97,7 @@ def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Struct
 
 
 @hookspec(firstresult=True)
-def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both see them in one
     place. Default: none."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
-from savmap.plugin.manager import Room
+from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Structure
 
 log = logging.getLogger("savmap")
@@ -17,7 +17,7 @@ _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", d
 
 
 @dataclass(frozen=True)
-class ContainedRoom(Room):
+class IsolatedPlugin(LoadedPlugin):
     """A room for one row, or for none in particular, whose plugin is asked no more once it failed."""
 
     row: str = ""
@@ -63,12 +63,12 @@ def left_out(failure: str) -> str:
     return f"{failure}; all else is mapped without it"
 
 
-def contained(rooms: Sequence[Room], row: str = "") -> Sequence[Room]:
+def contained(rooms: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
     """The same rooms, each kept from harming the others."""
-    return [ContainedRoom(**{own.name: getattr(room, own.name) for own in fields(room)}, row=row) for room in rooms]
+    return [IsolatedPlugin(**{own.name: getattr(room, own.name) for own in fields(room)}, row=row) for room in rooms]
 
 
-def failed(rooms: Sequence[Room]) -> dict[str, str]:
+def failed(rooms: Sequence[LoadedPlugin]) -> dict[str, str]:
     """By room: how its plugin failed, if it did."""
     return {room.name: str(room.failure) for room in rooms if room.failure is not None}
 
@@ -94,8 +94,8 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
 def nothing(expected: type, room: str) -> Any:
     """The answer of a hook that says there is nothing."""
     from savmap.graph import Constraints, observe
-    from savmap.types import Aim
+    from savmap.types import ViewPlan
 
     if expected is Constraints:
         return Constraints(room, {}, observe([], {}, {}), (), {})
-    return Aim(()) if expected is Aim else expected()
+    return ViewPlan(()) if expected is ViewPlan else expected()

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 from pydantic import BaseModel
 
-from savmap.errors import PluginError, PluginFailedError, SavmapError, told
+from savmap.errors import PluginError, PluginFailedError, SavmapError
 from savmap.files.validation import validated
 from savmap.plugin import defaults, hookspecs, trace
-from savmap.types import Aim, Detection, Feature, Panorama, SharedThing, Structure, Track, View
+from savmap.types import CrossRowLandmark, Detection, Feature, Panorama, Structure, Track, View, ViewPlan
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -58,12 +58,12 @@ def _is_there(package: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Room:
+class LoadedPlugin:
     """One plugin at work: its instance, its config, the manager that asks it (and the defaults) alone, and the execution
     providers that its network is to run on (none: the automatic choice)."""
 
     name: str
-    plugin: Any
+    instance: Any
     config: BaseModel
     manager: pluggy.PluginManager = field(repr=False)
     providers: tuple[str, ...] = ()
@@ -71,12 +71,12 @@ class Room:
     @property
     def classes(self) -> tuple[str, ...]:
         """Segmentation classes that the plugin's network must give."""
-        return tuple(self.plugin.classes)
+        return tuple(self.instance.classes)
 
     @property
     def model(self) -> Path:
         """The network's file: the config's `model` if set, else the one that comes with the plugin."""
-        return Path(getattr(self.config, "model", None) or self.plugin.model)
+        return Path(getattr(self.config, "model", None) or self.instance.model)
 
     @property
     def model_file(self) -> Path:
@@ -132,8 +132,8 @@ class Room:
         answer: list[Any] = self.ask(hook, list, item, **arguments)
         return answer
 
-    def render_views(self, **arguments: Any) -> Aim:
-        answer: Aim = self.ask("render_views", Aim, **arguments)
+    def render_views(self, **arguments: Any) -> ViewPlan:
+        answer: ViewPlan = self.ask("render_views", ViewPlan, **arguments)
         return answer
 
     def detect(self, **arguments: Any) -> list[Detection]:
@@ -171,8 +171,8 @@ class Room:
     ) -> tuple[Structure, ...]:
         return tuple(self.ask_list("relate", Structure, structures=structures, others=others))
 
-    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
-        return self.ask_list("shared", SharedThing, structures=structures)
+    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+        return self.ask_list("shared", CrossRowLandmark, structures=structures)
 
 
 def _place(arguments: Mapping[str, Any]) -> str:
@@ -180,19 +180,21 @@ def _place(arguments: Mapping[str, Any]) -> str:
     return f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
 
 
-def open_room(name: str, config: Mapping[str, Any], where: str = "options", providers: tuple[str, ...] = ()) -> Room:
+def open_plugin(
+    name: str, config: Mapping[str, Any], where: str = "options", providers: tuple[str, ...] = ()
+) -> LoadedPlugin:
     """A room for an installed plugin.
 
     Raises PluginError for an unknown or broken plugin, SiteError for a config it does not take.
     """
     plugin_class = load_class(name)
     settings = validated(plugin_class.Config, config, f"{where}: plugins.{name}")
-    return room_of(name, plugin_class, settings, providers)
+    return loaded_plugin(name, plugin_class, settings, providers)
 
 
-def room_of(
+def loaded_plugin(
     name: str, plugin_class: Callable[[Any], Any], settings: BaseModel, providers: tuple[str, ...] = ()
-) -> Room:
+) -> LoadedPlugin:
     """A room for a plugin's class and its validated config. Raises PluginError for a hook that does not exist."""
     try:
         plugin = plugin_class(settings)
@@ -206,14 +208,14 @@ def room_of(
         raise
     except Exception as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {told(error)}") from error
-    return Room(name, plugin, settings, manager, providers)
+    return LoadedPlugin(name, plugin, settings, manager, providers)
 
 
-def open_rooms(
+def open_plugins(
     names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str, providers: tuple[str, ...] = ()
-) -> Sequence[Room]:
+) -> Sequence[LoadedPlugin]:
     """Rooms for the named plugins, in that order, each once."""
-    return [open_room(name, configs(name), where, providers) for name in dict.fromkeys(names)]
+    return [open_plugin(name, configs(name), where, providers) for name in dict.fromkeys(names)]
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:
@@ -223,7 +225,7 @@ def exporters() -> dict[str, hookspecs.Exporter]:
     """
     found = dict(defaults.exporters())
     for name in installed():
-        *own, _ = open_room(name, {}).ask("exporters", list)
+        *own, _ = open_plugin(name, {}).ask("exporters", list)
         for answer in own:
             if not isinstance(answer, Mapping) or not all(callable(write) for write in answer.values()):
                 raise PluginError(f"plugin `{name}` returned no functions by name from `exporters`")

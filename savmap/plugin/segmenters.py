@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import ModelError
-from savmap.plugin.manager import Room
+from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Detection, View
 from savmap.vision.networks.adapter import Sight
 from savmap.vision.networks.segmenter import Segmenter, few
@@ -19,36 +19,37 @@ log = logging.getLogger("savmap")
 Wish = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
-class Eyes:
+class SegmenterPool:
     """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once.
 
     `notes`: a line for each network that does not run on the processor, or not where it was asked to.
     """
 
-    def __init__(self, rooms: Sequence[Room]) -> None:
-        wishes = {room.name: _wish(room) for room in rooms}
+    def __init__(self, plugins: Sequence[LoadedPlugin]) -> None:
+        wishes = {plugin.name: _wish(plugin) for plugin in plugins}
         networks = {
-            wish: _network(wish, [room for room in rooms if wishes[room.name] == wish]) for wish in wishes.values()
+            wish: _network(wish, [plugin for plugin in plugins if wishes[plugin.name] == wish])
+            for wish in wishes.values()
         }
-        self.networks = {room.name: networks[wishes[room.name]] for room in rooms}
+        self.networks = {plugin.name: networks[wishes[plugin.name]] for plugin in plugins}
         self.notes = tuple(dict.fromkeys(line for network in networks.values() for line in _notes(network)))
-        for room in rooms:
-            network = self.networks[room.name]
-            missing = sorted(set(room.classes) - set(network.classes))
+        for plugin in plugins:
+            network = self.networks[plugin.name]
+            missing = sorted(set(plugin.classes) - set(network.classes))
             if missing:
                 raise ModelError(
-                    f"{room.model}: the network does not give `{missing[0]}`, which `{room.name}` needs; it gives "
+                    f"{plugin.model}: the network does not give `{missing[0]}`, which `{plugin.name}` needs; it gives "
                     f"{few(network.names)}: say with `class_names` which of them it is"
                 )
 
-    def see(self, room: Room, view: View) -> list[Detection]:
+    def see(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
         """What a room detects in a view."""
-        return room.detect(view=view, segmenter=self.networks[room.name])
+        return plugin.detect(view=view, segmenter=self.networks[plugin.name])
 
-    def look_ahead(self, room: Room, view: View) -> None:
+    def look_ahead(self, plugin: LoadedPlugin, view: View) -> None:
         """Ask the network now about what the room will detect; nothing where the room has its own way to detect."""
-        if not hasattr(room.instance, "detect"):
-            self.networks[room.name].see(view.image)
+        if not hasattr(plugin.instance, "detect"):
+            self.networks[plugin.name].see(view.image)
 
 
 class OnceSegmenter(Segmenter):
@@ -66,15 +67,15 @@ class OnceSegmenter(Segmenter):
         return self._said[id(image)]
 
 
-def _wish(room: Room) -> Wish:
-    return room.model, tuple(sorted(room.class_names.items())), room.providers
+def _wish(plugin: LoadedPlugin) -> Wish:
+    return plugin.model, tuple(sorted(plugin.class_names.items())), plugin.providers
 
 
-def _network(wish: Wish, rooms: Sequence[Room]) -> OnceSegmenter:
+def _network(wish: Wish, plugins: Sequence[LoadedPlugin]) -> OnceSegmenter:
     path, class_names, providers = wish
-    wanted = {name for room in rooms for name in room.classes}
+    wanted = {name for plugin in plugins for name in plugin.classes}
     network = OnceSegmenter(path, 1, dict(class_names), wanted, providers)
-    log.info("network of %s: %s", " and ".join(room.name for room in rooms), network)
+    log.info("network of %s: %s", " and ".join(plugin.name for plugin in plugins), network)
     return network
 
 

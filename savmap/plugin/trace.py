@@ -12,7 +12,6 @@ from typing import Any
 
 import pluggy
 
-from savmap.errors import told
 from savmap.types import View
 
 VARIABLE = "SAVMAP_TRACE"
@@ -51,7 +50,7 @@ def tell(line: str) -> None:
     log.info("trace: %s", line)
 
 
-def tell_again(lines: Sequence[str]) -> None:
+def log_lines(lines: Sequence[str]) -> None:
     """Lines that another process had no log for: into this one's."""
     for line in lines:
         log.info("%s", line)

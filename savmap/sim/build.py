@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.plugin.manager import installed, open_room
+from savmap.plugin.manager import installed, open_plugin
 from savmap.sim.goods import fill
 from savmap.sim.hall import hall_boxes
 from savmap.sim.primitives import Box
@@ -49,7 +49,7 @@ def _part(scene: Scene, name: str, makers: Mapping[str, SceneMaker], site: Site)
 def _installed(name: str) -> SceneMaker:
     """The `scene` hook of an installed plugin, or the function of a module `savmap_NAME.scene` that is there without being installed."""
     if name in installed():
-        room = open_room(name, {})
+        room = open_plugin(name, {})
         return lambda section, rng, site: room.ask("scene", SceneParts, section=section, rng=rng, site=site)
     try:
         make: SceneMaker = importlib.import_module(f"savmap_{name}.scene").scene

@@ -28,7 +28,7 @@ from savmap.sim.shade import Renderer, renderer
 from savmap.sim.site import site_of
 from savmap.sim.truth import poses, references
 from savmap.types import ViewSpec
-from savmap.types.progress import Monitor, Quiet
+from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.image_folder import write_picture
 
 
@@ -50,7 +50,7 @@ def simulate(
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as partial:
-            _write(built, Path(partial), monitor or Quiet(), masks, workers)
+            _write(built, Path(partial), monitor or SilentMonitor(), masks, workers)
             return _moved(Path(partial), folder)
     except OutputError as error:
         raise OutputError(str(error).replace(partial, str(folder))) from error

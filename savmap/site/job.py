@@ -9,9 +9,9 @@ from typing import Any
 from savmap.errors import OutputError, PluginError, SiteError
 from savmap.files.atomic import reason
 from savmap.plugin.isolation import contained
-from savmap.plugin.manager import Room, installed, lacking, load_class, open_rooms
+from savmap.plugin.manager import LoadedPlugin, installed, lacking, load_class, open_plugins
 from savmap.site.load import draft_of, read_draft, site_of
-from savmap.site.locations import Places
+from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.overrides import Override
 
@@ -31,7 +31,7 @@ class Job:
     plugins: Sequence[str]
     output: Path
     earlier: Path | None = None
-    places: Places = field(default_factory=lambda: Places("options"))
+    places: SourceMap = field(default_factory=lambda: SourceMap("options"))
     note: str = ""
 
 
@@ -51,9 +51,9 @@ def job_for(
     """
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
-        draft = draft_of(content, Places(str(source)), Path(), overrides)
+        draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
         site = site_of(draft)
-        names, note = plugins_of(site, plugins)
+        names, note = chosen_plugins(site, plugins)
         return Job(site, source, names, output, earlier, draft.places, note)
     if camera_height_m is not None or side is not None:
         raise SiteError(
@@ -61,11 +61,11 @@ def job_for(
         )
     draft = read_draft(source, overrides)
     site = site_of(draft)
-    names, note = plugins_of(site, plugins)
+    names, note = chosen_plugins(site, plugins)
     return Job(site, source, names, output, earlier, draft.places, note)
 
 
-def plugins_of(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
+def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
     """The plugins of a job: those that are named, else those of the site, else all installed ones that have what they need, with
     a line that says so. Raises SiteError where an option names none, PluginError for an installed one that cannot be imported, or
     where there is none."""
@@ -98,11 +98,11 @@ def _in_metres(height: float) -> str:
     return f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
 
 
-def rooms_for(job: Job, row: str) -> Sequence[Room]:
+def plugins_for(job: Job, row: str) -> Sequence[LoadedPlugin]:
     """The job's plugins, each with its settings for one row."""
     site = job.site
-    rooms = open_rooms(job.plugins, lambda plugin: site.row_config(row, plugin), str(job.source), site.providers)
-    return contained(rooms, row) if skips(job) else rooms
+    plugins = open_plugins(job.plugins, lambda plugin: site.row_config(row, plugin), str(job.source), site.providers)
+    return contained(plugins, row) if skips(job) else plugins
 
 
 def skips(job: Job) -> bool:

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from savmap.errors import SiteError
 from savmap.files.urls import beside
 from savmap.files.validation import Location
 from savmap.site.layout import misplaced, with_places
-from savmap.site.locations import Places, explained, given_twice, lines_of
+from savmap.site.locations import SourceMap, explained, given_twice, lines_of
 from savmap.site.model import LayoutSection, Pass, Row, Site
 from savmap.site.overrides import Override, applied
 
@@ -24,7 +24,7 @@ class Draft:
     """What a site file holds, with overrides applied, before it is checked; `folder` is what relative paths are relative to."""
 
     content: Mapping[str, Any]
-    places: Places
+    places: SourceMap
     folder: Path
     doubles: Problems = ()
 
@@ -53,19 +53,19 @@ def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in given_twice(node)
     )
-    return draft_of(content, Places(str(path), lines_of(node)), path.parent, overrides, doubles)
+    return draft_of(content, SourceMap(str(path), lines_of(node)), path.parent, overrides, doubles)
 
 
 def draft_of(
     content: Mapping[str, Any],
-    places: Places,
+    places: SourceMap,
     folder: Path,
     overrides: Iterable[Override] = (),
     doubles: Problems = (),
 ) -> Draft:
     """A draft with overrides applied. Raises SiteError where one does not fit."""
     changed, overridden = applied(content, overrides)
-    return Draft(changed, Places(places.where, places.lines, overridden), folder, doubles)
+    return Draft(changed, SourceMap(places.where, places.lines, overridden), folder, doubles)
 
 
 def problems_in(draft: Draft) -> Problems:

@@ -162,7 +162,7 @@ class Site(Strict):
     def _empty_sections(cls, value: object) -> object:
         return _emptied(value)
 
-    def drives(self) -> list[list[str]]:
+    def joint_groups(self) -> list[list[str]]:
         """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
         groups = list[list[str]]()
         for name, row in self.rows.items():

@@ -24,16 +24,16 @@ from savmap.files.validation import Location
 from savmap.maps.survey import read_survey
 from savmap.pipeline.measure import MIN_FRAMES, clip_of, pass_names
 from savmap.plugin.manager import load_class
-from savmap.plugin.segmenters import Eyes
-from savmap.site.job import Job, prepare, rooms_for
-from savmap.site.locations import Places, explained
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.job import Job, plugins_for, prepare
+from savmap.site.locations import SourceMap, explained
 from savmap.site.model import Pass, Site
 from savmap.video.clip import VideoInfo, time_range
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.markers import MarkerWatch
 
 
-def settings_problems(site: Site, plugins: Sequence[str], places: Places) -> Iterator[SavmapError]:
+def settings_problems(site: Site, plugins: Sequence[str], places: SourceMap) -> Iterator[SavmapError]:
     """What is wrong with the plugins that are named, and with their settings for all rows and for each; each once."""
     told = set[str]()
     for name in dict.fromkeys(plugins):
@@ -43,7 +43,7 @@ def settings_problems(site: Site, plugins: Sequence[str], places: Places) -> Ite
                 yield problem
 
 
-def _of_plugin(site: Site, name: str, places: Places) -> Iterator[SavmapError]:
+def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError]:
     try:
         config = load_class(name).Config
     except PluginError as error:
@@ -100,7 +100,7 @@ def require_ready(job: Job) -> None:
             raise problem
 
 
-def placed(error: SavmapError, places: Places, location: Location) -> SavmapError:
+def placed(error: SavmapError, places: SourceMap, location: Location) -> SavmapError:
     """An error with the place in the site file that it comes from put before it."""
     place = places.of(location)
     return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
@@ -111,18 +111,18 @@ def networks(job: Job) -> Iterator[SavmapError | str]:
     on what it runs."""
     tried = set[tuple[str, Path, str]]()
     for row in job.site.rows:
-        for room in rooms_for(job, row):
-            key = (room.name, room.model, str(room.class_names))
+        for plugin in plugins_for(job, row):
+            key = (plugin.name, plugin.model, str(plugin.class_names))
             if key in tried:
                 continue
             tried.add(key)
             try:
-                network = Eyes([room]).networks[room.name]
-                yield f"network of {room.name}: {network}"
+                network = SegmenterPool([plugin]).networks[plugin.name]
+                yield f"network of {plugin.name}: {network}"
                 yield from [network.note] if network.note else []
             except ModelError as error:
-                own = "model" in job.site.rows[row].plugins.get(room.name, {})
-                at = ("plugins", room.name, "model")
+                own = "model" in job.site.rows[row].plugins.get(plugin.name, {})
+                at = ("plugins", plugin.name, "model")
                 yield placed(error, job.places, ("rows", row, *at) if own else at)
 
 
@@ -173,9 +173,9 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
 
 def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
     """What plugins cannot read of a row's survey."""
-    for room in rooms_for(job, row):
+    for plugin in plugins_for(job, row):
         try:
-            room.evaluate(structures=(), survey=entry)
+            plugin.evaluate(structures=(), survey=entry)
         except OutputError as error:
             yield placed(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
         except SavmapError:

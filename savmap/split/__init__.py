@@ -12,7 +12,7 @@ from savmap.split.records import PassFound
 from savmap.split.settings import Settings
 from savmap.split.sheet import THUMB_WIDTH, check_picture, clock, contact_sheet, stamps_of, write_picture
 from savmap.split.sitetext import add_to_site, check_new, new_site
-from savmap.types.progress import Monitor, Quiet
+from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.clip import VideoInfo
 from savmap.video.reader import probe
 
@@ -68,7 +68,7 @@ def find(
     if info.codec == "images":
         raise VideoError(f"{recording}: is a folder of pictures; only a video is split into passes")
     report = GlanceReport() if report is None else report
-    monitor = monitor or Quiet()
+    monitor = monitor or SilentMonitor()
     motions = _look(info, coarse_stamps(info, settings.every_s), settings, report, monitor, "looking for passes")
     if len(motions) < 2:
         raise VideoError(

@@ -6,15 +6,15 @@ at integer coordinates.
 """
 
 from savmap.types.common import Axis, Floats, Ints, Place
-from savmap.types.pictures import Aim, Detection, Feature, Flow, Panorama, View, ViewSpec
+from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import (
+    CrossRowLandmark,
     FrameTable,
     Placement,
     ReferenceUse,
     RowFacts,
     RowMap,
-    SharedThing,
     SiteMap,
     Structure,
     Tie,
@@ -23,8 +23,8 @@ from savmap.types.rows import (
 )
 
 __all__ = [
-    "Aim",
     "Axis",
+    "CrossRowLandmark",
     "Detection",
     "Feature",
     "FilmedPanorama",
@@ -39,13 +39,13 @@ __all__ = [
     "ReferenceUse",
     "RowFacts",
     "RowMap",
-    "SharedThing",
     "SiteMap",
     "Structure",
     "Tie",
     "Track",
     "Trajectory",
     "View",
+    "ViewPlan",
     "ViewSpec",
     "panorama_of",
 ]

@@ -73,7 +73,7 @@ class ViewSpec:
 
 
 @dataclass(frozen=True)
-class Aim:
+class ViewPlan:
     """What a plugin wants to look at in one pass: its views, and, if it knows the face, the first attitude of the rig
     world_from_rig (3, 3) and which way the camera goes along the face (+1: towards +x, -1: towards -x, 0: not known).
 

@@ -20,7 +20,7 @@ class Monitor(Protocol):
         ...
 
 
-class Quiet:
+class SilentMonitor:
     """Shows nothing; notes go to the log alone."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
@@ -30,7 +30,7 @@ class Quiet:
         log.info(line)
 
 
-class Notes(Quiet):
+class NoteCollector(SilentMonitor):
     """Keeps its lines for whoever wants them."""
 
     def __init__(self) -> None:

@@ -99,7 +99,7 @@ class Structure:
 
 
 @dataclass(frozen=True)
-class SharedThing:
+class CrossRowLandmark:
     """A mapped thing that another row may have mapped too: its structure's id, its kind (within which one may be taken for
     another), its place (3,) m in the row's frame with covariance (3, 3), and the row's axes along which both rows see it in one
     place. `behind_m`: shared only by rows back to back with their faces no further apart than that; None: by any rows."""

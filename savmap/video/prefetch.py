@@ -10,7 +10,7 @@ Item = TypeVar("Item")
 
 
 @contextmanager
-def ahead(items: Iterable[Item], depth: int) -> Generator[Iterator[Item], None, None]:
+def prefetch(items: Iterable[Item], depth: int) -> Generator[Iterator[Item], None, None]:
     """The same items, made by a thread while others are in use: `depth` at most that nobody has taken yet.
 
     What making them raises is raised where the item would have come. When the block is left the thread has ended and,

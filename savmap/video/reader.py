@@ -14,7 +14,7 @@ from savmap.video.clip import Clip, DecodeReport, Image, Picture, Source, VideoI
 from savmap.video.decode import decode_at, decode_file, key_times, probe_file
 from savmap.video.image_folder import probe_folder, read_at, read_folder
 
-__all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "probe", "scout_frames"]
+__all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "preview_frames", "probe"]
 
 TICK_TOLERANCE = 0.2
 
@@ -80,7 +80,7 @@ def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple
         yield stamp, image
 
 
-def scout_frames(
+def preview_frames(
     clip: Clip, keys: int = 9, pairs: int = 3, max_height: int = 2048
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.

@@ -8,7 +8,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.types import View, ViewSpec
-from savmap.vision.view_planning import Face, Manual, Scout, tilted
+from savmap.vision.view_planning import Face, Manual, PassPreview, tilted
 
 AUTOMATIC = Manual()
 Extent = Callable[[View], tuple[float, float] | None]
@@ -46,7 +46,12 @@ NOTHING = _Seen(-80.0, 80.0, False, False)
 
 
 def fit_height(
-    scout: Scout, face: Face, extent: Extent, manual: Manual = AUTOMATIC, name: str = "face", margin: float = 0.05
+    pass_preview: PassPreview,
+    face: Face,
+    extent: Extent,
+    manual: Manual = AUTOMATIC,
+    name: str = "face",
+    margin: float = 0.05,
 ) -> Fitted:
     """The view at the face that shows its whole height in all key frames at the smallest field of view.
 
@@ -59,7 +64,7 @@ def fit_height(
     spec = manual.over(tilted(face, 0.0, FIRST_HFOV_DEG, name))
     whole: list[tuple[bool, float, ViewSpec]] = []
     for _ in range(MOST_ROUNDS):
-        seen = _look(scout, face, spec, extent)
+        seen = _look(pass_preview, face, spec, extent)
         following = manual.over(_covering(face, seen or NOTHING, spec, margin))
         settled = _change(following, spec) < SETTLED_DEG
         if seen and not (seen.cut_low or seen.cut_high):
@@ -76,8 +81,8 @@ def fit_height(
     return Fitted(min(whole, key=lambda tried: tried[:2])[2])
 
 
-def _look(scout: Scout, face: Face, spec: ViewSpec, extent: Extent) -> _Seen | None:
-    found = [rows for view in scout.views(spec) if (rows := extent(view)) is not None]
+def _look(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: Extent) -> _Seen | None:
+    found = [rows for view in pass_preview.views(spec) if (rows := extent(view)) is not None]
     if not found:
         return None
     top, bottom = np.array(found, dtype=np.float64).T
@@ -106,7 +111,7 @@ def _change(a: ViewSpec, b: ViewSpec) -> float:
 
 
 def fit_count(
-    scout: Scout,
+    pass_preview: PassPreview,
     spec: ViewSpec,
     count: Count,
     at_least: int = 2,
@@ -122,7 +127,7 @@ def fit_count(
         return Fitted(manual.over(spec))
     for hfov in np.arange(smallest_deg, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
-        if _enough(scout, candidate, count, at_least, share):
+        if _enough(pass_preview, candidate, count, at_least, share):
             wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)
             return Fitted(replace(candidate, hfov_deg=wider))
     return Fitted(
@@ -130,11 +135,11 @@ def fit_count(
     )
 
 
-def _enough(scout: Scout, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:
+def _enough(pass_preview: PassPreview, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:
     """Whether enough key frames show enough; stops at the first that decides it."""
-    may_fail = int(np.floor((1 - share) * len(scout.keys) + 1e-9))
-    for panorama in scout.keys:
-        may_fail -= count(scout.renderer.render(panorama, spec)) < at_least
+    may_fail = int(np.floor((1 - share) * len(pass_preview.keys) + 1e-9))
+    for panorama in pass_preview.keys:
+        may_fail -= count(pass_preview.renderer.render(panorama, spec)) < at_least
         if may_fail < 0:
             return False
     return True

@@ -65,7 +65,16 @@ def _in_view(view: View) -> tuple[Floats, Floats]:
     return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
 
 
-__all__ = ["Face", "Manual", "Scout", "ceiling_view", "choose_face", "face_candidates", "manhattan", "travel_direction"]
+__all__ = [
+    "Face",
+    "Manual",
+    "PassPreview",
+    "ceiling_view",
+    "choose_face",
+    "face_candidates",
+    "manhattan",
+    "travel_direction",
+]
 
 Side = Literal["left", "right"]
 Score = Callable[[ViewSpec, Panorama], float]
@@ -106,7 +115,7 @@ class Manual:
 
 
 @dataclass(frozen=True)
-class Scout:
+class PassPreview:
     """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
     rig_from_manhattan (3, 3). `frames`: roughly how many frames of the pass will be used; 0: not known."""
 
@@ -123,7 +132,7 @@ class Scout:
         pairs: Sequence[tuple[Panorama, Panorama]] = (),
         renderer: Renderer | None = None,
         frames: int = 0,
-    ) -> "Scout":
+    ) -> "PassPreview":
         """Find the building's axes in the key frames. StructureError where none stand out."""
         renderer = renderer or Renderer()
         return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer), frames)
@@ -182,19 +191,19 @@ def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
     return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
 
 
-def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: float = 100.0) -> Face:
+def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = None, hfov_deg: float = 100.0) -> Face:
     """The level direction that faces the structure best.
 
     `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
     camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
     faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
     """
-    specs = face_candidates(scout.rig_from_manhattan, hfov_deg)
-    travels = [way for spec in specs[::4] for way in travel_directions(scout.pairs, spec, scout.renderer)]
+    specs = face_candidates(pass_preview.rig_from_manhattan, hfov_deg)
+    travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
     ways = list(zip(specs, travels, strict=True))
     wanted = {"left": 1, "right": -1}.get(side or "", 0)
     across = [(spec, travel) for spec, travel in ways if travel and wanted in (0, travel)]
-    best = max((_scored(scout, score, *way) for way in across or ways), key=lambda face: face.score)
+    best = max((_scored(pass_preview, score, *way) for way in across or ways), key=lambda face: face.score)
     if best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"
         raise StructureError(
@@ -203,8 +212,8 @@ def choose_face(scout: Scout, score: Score, side: Side | None = None, hfov_deg: 
     return best
 
 
-def _scored(scout: Scout, score: Score, spec: ViewSpec, travel: int) -> Face:
-    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _some(scout.keys)])))
+def _scored(pass_preview: PassPreview, score: Score, spec: ViewSpec, travel: int) -> Face:
+    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _some(pass_preview.keys)])))
 
 
 def _some(keys: Sequence[Panorama]) -> list[Panorama]:

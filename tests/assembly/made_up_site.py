@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from savmap.types import Floats, FrameTable, Placement, RowMap, SharedThing, SiteMap, Structure, Trajectory
+from savmap.types import CrossRowLandmark, Floats, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 LENGTH_M, AISLE_M, PITCH_M = 30.0, 3.0, 4.2
 DEEPEST_M = 1.6
@@ -100,12 +100,12 @@ def row(
     )
 
 
-def ask(plugin: str, structures: Sequence[Structure]) -> list[SharedThing]:
+def ask(plugin: str, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Lamps are shared whole, uprights along x with the other face of the rack."""
     return [
-        SharedThing(own.id, own.label, own.vertices[0], own.covariances[0])
+        CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0])
         if own.label == "lamp"
-        else SharedThing(own.id, own.label, own.vertices[0], own.covariances[0], ("x",), DEEPEST_M)
+        else CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0], ("x",), DEEPEST_M)
         for own in structures
     ]
 

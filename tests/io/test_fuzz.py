@@ -17,9 +17,9 @@ import broken_things  # noqa: E402
 import fuzz_walk  # noqa: E402
 
 from savmap.errors import VideoError  # noqa: E402
-from savmap.video.clip import Clip, DecodeReport
-from savmap.video.decode import BELIEVED_AFTER, in_order
-from savmap.video.reader import panoramas, probe, scout_frames
+from savmap.video.clip import Clip, DecodeReport  # noqa: E402
+from savmap.video.decode import BELIEVED_AFTER, in_order  # noqa: E402
+from savmap.video.reader import panoramas, preview_frames, probe  # noqa: E402
 
 SLOW = {"40 GB of nothing", "enormous pictures"}
 KINDS = {**broken.BYTEWISE, **broken_headers.HEADERS, **broken_streams.STREAMS, **broken_things.THINGS}
@@ -78,7 +78,7 @@ def test_absurd_sizes_are_refused_before_any_memory_is_taken(tmp_path: Path) -> 
 
 
 def test_one_frame_is_found_by_scouting(tmp_path: Path) -> None:
-    keys, pairs = scout_frames(Clip(broken.encode(tmp_path / "a.mp4", count=1)))
+    keys, pairs = preview_frames(Clip(broken.encode(tmp_path / "a.mp4", count=1)))
     assert (len(keys), len(pairs)) == (1, 0)
 
 

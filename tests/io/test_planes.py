@@ -10,7 +10,7 @@ from made_up_video import evenly, picture, write_video
 
 from savmap.types import FilmedPanorama, Planes
 from savmap.video.decode import picture_of, rgb_from_yuv
-from savmap.video.reader import Clip, panoramas, scout_frames
+from savmap.video.reader import Clip, panoramas, preview_frames
 
 BT601, BT709, SMPTE240 = 5, 1, 7
 
@@ -89,5 +89,5 @@ def test_a_video_s_panoramas_make_their_picture_when_asked(tmp_path: Path) -> No
 
 def test_shrunk_key_frames_stay_planes(tmp_path: Path) -> None:
     path = write_video(tmp_path / "a.mp4", evenly(60, 30))
-    keys, _ = scout_frames(Clip(path), keys=3, pairs=1, max_height=60)
+    keys, _ = preview_frames(Clip(path), keys=3, pairs=1, max_height=60)
     assert all(isinstance(key, FilmedPanorama) and key.planes.blue.shape == (16, 32) for key in keys)

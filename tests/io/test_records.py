@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from savmap.files.serialization import packed, unpacked
-from savmap.pipeline.measure import Observations
+from savmap.pipeline.measure import RowMeasurements
 from savmap.types import Axis, Feature, FrameTable, RowFacts, ViewSpec
 from savmap.vision.markers import Marks
 
 
-def seen() -> Observations:
+def seen() -> RowMeasurements:
     rng = np.random.default_rng(3)
     features = [
         Feature(k, "pass 1 / face", "upright", "left", k, rng.normal(size=(2, 2)), rng.normal(size=(2, 2, 2)), "y", 0.1)
@@ -34,16 +34,16 @@ def seen() -> Observations:
         "A/1", FrameTable(np.array([0.1, 1 / 3]), ("pass 1",) * 2), {"up": ViewSpec("up", 0.5)}, {"pass 1": 1}
     )
     attitudes = {"pass 1": np.asfortranarray(rng.normal(size=(3, 3)))}
-    return Observations(
+    return RowMeasurements(
         facts, {"racks": features, "lamps": [odd]}, attitudes, frozenset({"racks"}), ("a note",), Marks({}, {})
     )
 
 
 def test_what_is_packed_comes_back_to_the_last_bit() -> None:
     before = seen()
-    after = unpacked(packed(before), Observations)
+    after = unpacked(packed(before), RowMeasurements)
     assert after.facts.views == before.facts.views
-    assert (after.found_face, after.notes, after.facts.name) == (before.found_face, before.notes, "A/1")
+    assert (after.locators, after.notes, after.facts.name) == (before.locators, before.notes, "A/1")
     np.testing.assert_array_equal(after.facts.frames.stamps_s, before.facts.frames.stamps_s)
     np.testing.assert_array_equal(after.attitudes["pass 1"], before.attitudes["pass 1"])
     for room, own in before.features.items():
@@ -84,14 +84,14 @@ def test_damaged_bytes_are_refused(damage: str) -> None:
     flipped = bytearray(whole)
     flipped[len(whole) // 2] ^= 64
     contents = {"cut": whole[:-20], "flipped": bytes(flipped), "empty": b"", "other": packed(ViewSpec("up", 0.0))}
-    with pytest.raises(ValueError, match="not a stored Observations"):
-        unpacked(contents[damage], Observations)
+    with pytest.raises(ValueError, match="not a stored RowMeasurements"):
+        unpacked(contents[damage], RowMeasurements)
 
 
 def test_bytes_make_nothing_but_records() -> None:
     tree = json.dumps({"record": ["savmap.files.serialization", "packed", ["y"]]}).encode()
     with pytest.raises(ValueError, match="not a record"):
-        unpacked(zlib.compress(len(tree).to_bytes(8, "little") + tree), Observations)
+        unpacked(zlib.compress(len(tree).to_bytes(8, "little") + tree), RowMeasurements)
 
 
 def test_what_is_no_record_cannot_be_packed() -> None:

@@ -12,7 +12,7 @@ from made_up_video import evenly, picture, write_video
 
 from savmap.errors import VideoError
 from savmap.video import decode
-from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe, scout_frames
+from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_nothing_decodable(video: Path) -> None:
     with pytest.raises(VideoError, match="can be decoded"):
         list(panoramas(Clip(video)))
     with pytest.raises(VideoError, match="can be decoded"):
-        scout_frames(Clip(video))
+        preview_frames(Clip(video))
 
 
 def test_missing_empty_and_no_video(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_folder_errors(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["video", "folder"])
 def test_scouting_takes_key_frames_and_close_pairs(tmp_path: Path, video: Path, kind: str) -> None:
     path = video if kind == "video" else write_pictures(tmp_path / "pictures", 60)
-    keys, pairs = scout_frames(Clip(path), keys=6, pairs=2, max_height=32)
+    keys, pairs = preview_frames(Clip(path), keys=6, pairs=2, max_height=32)
     stamps = np.array([key.stamp_s for key in keys])
     assert np.allclose(stamps, 2 * (np.arange(6) + 0.5) / 6, atol=0.04)
     assert [b.stamp_s - a.stamp_s for a, b in pairs] == pytest.approx([1 / 15, 1 / 15], abs=0.02)
@@ -241,7 +241,7 @@ def test_scouting_decodes_key_frames_alone_where_they_are_close(
             yield frame
 
     monkeypatch.setattr(decode, "_frames", counted)
-    keys, pairs = scout_frames(Clip(path))
+    keys, pairs = preview_frames(Clip(path))
     stamps = np.array([key.stamp_s for key in keys])
     assert np.allclose(np.round(stamps * 3), stamps * 3, atol=0.01)
     assert np.abs(stamps - 200 / 30 * (np.arange(9) + 0.5) / 9).max() <= 0.2

@@ -28,11 +28,11 @@ from savmap.label.run import (
     watchers_of,
     worth_and_looks,
 )
-from savmap.pipeline.measure import PassAims
+from savmap.pipeline.measure import PassPlan
 from savmap.site.job import Job
 from savmap.site.model import Pass, Row, Site
-from savmap.types import Aim, ViewSpec
-from savmap.types.progress import Quiet
+from savmap.types import ViewPlan, ViewSpec
+from savmap.types.progress import SilentMonitor
 from savmap.video.clip import Clip
 
 SPEC = ViewSpec("pass 1 / face", 0.0, width=64, height=48)
@@ -63,16 +63,16 @@ def recording(tmp_path: Path) -> Recording:
         panorama = np.full((64, 128, 3), 40 * (number % 4) + 110, np.uint8)
         panorama[:, 50 + number : 58 + number] = 30
         cv2.imwrite(str(folder / f"{number:03d}.png"), panorama)
-    return Recording("A", ROOM, PassAims("pass 1", Clip(folder, fps=30.0), {}), [SPEC], FRAMES, 2)
+    return Recording("A", ROOM, PassPlan("pass 1", Clip(folder, fps=30.0), {}), [SPEC], FRAMES, 2)
 
 
 def written(recording: Recording, folder: Path, count: int = 3) -> list[str]:
     watcher = Watcher(Dark(), ["post"])  # type: ignore[arg-type]
-    candidates = list(looked(0, [recording], watcher, Quiet()))
+    candidates = list(looked(0, [recording], watcher, SilentMonitor()))
     assert [one.frame for one in candidates] == list(range(0, FRAMES, 2))
     assert all(0 <= one.disagreement <= 1 and one.doubt >= 0 for one in candidates)
     picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, [recording]), count)]
-    return list(write_set(folder, ["post"], pictures(picked, [recording], [watcher], Quiet())))
+    return list(write_set(folder, ["post"], pictures(picked, [recording], [watcher], SilentMonitor())))
 
 
 def digest(folder: Path) -> str:
@@ -141,7 +141,7 @@ def test_rows_whose_names_come_to_the_same_keep_their_own_pictures(recording: Re
     rows = [replace(recording, row=name) for name in ("3/A", "3-A", "3 A")]
     watcher = Watcher(Dark(), ["post"])  # type: ignore[arg-type]
     picked = [Candidate(number, SPEC, 4, 0.0, np.zeros(1)) for number in range(3)]
-    names = [one.name for one in pictures(picked, rows, [watcher] * 3, Quiet())]
+    names = [one.name for one in pictures(picked, rows, [watcher] * 3, SilentMonitor())]
     assert names == [f"{more}3-A-pass-1-face-00004" for more in ("", "x-", "x-x-")]
 
 
@@ -155,30 +155,30 @@ def test_all_recordings_are_as_far_from_one_another(recording: Recording) -> Non
 def test_no_more_views_are_looked_at_than_six_for_each_that_is_wanted(
     recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def aimed(name: str, one: Pass, *_: object) -> tuple[PassAims, None]:
+    def aimed(name: str, one: Pass, *_: object) -> tuple[PassPlan, None]:
         views = (SPEC,) if one.start_s == 0 else ()
-        return PassAims(name, recording.aimed.clip, {"posts": Aim(views)}), None
+        return PassPlan(name, recording.aimed.clip, {"posts": ViewPlan(views)}), None
 
-    monkeypatch.setattr("savmap.label.run.rooms_for", lambda *_: [ROOM])
-    monkeypatch.setattr("savmap.label.run.Eyes", lambda _: None)
-    monkeypatch.setattr("savmap.label.run.aim_pass", aimed)
+    monkeypatch.setattr("savmap.label.run.plugins_for", lambda *_: [ROOM])
+    monkeypatch.setattr("savmap.label.run.SegmenterPool", lambda _: None)
+    monkeypatch.setattr("savmap.label.run.plan_pass", aimed)
     monkeypatch.setattr("savmap.label.run.probe", lambda *_: None)
     passes = tuple(Pass(video=tmp_path, start_s=start, end_s=9.0) for start in (0.0, 5.0))
     job = Job(Site(rows={"A": Row(passes=passes)}), tmp_path, ["posts"], tmp_path)
     for frames, every in ((60, 1), (61, 2), (119, 2), (121, 3)):
         monkeypatch.setattr("savmap.label.run.expected_frames", lambda *_, frames=frames: frames)
-        (only,) = aimed_recordings(job, "posts", 10, Quiet())
+        (only,) = aimed_recordings(job, "posts", 10, SilentMonitor())
         assert only.every == every
 
 
 def test_each_row_is_looked_at_with_its_own_network(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[Path] = []
 
-    def eyes(rooms: Sequence[Any]) -> SimpleNamespace:
+    def segmenters(rooms: Sequence[Any]) -> SimpleNamespace:
         opened.append(rooms[0].model)
         return SimpleNamespace(networks={"posts": rooms[0].model})
 
-    monkeypatch.setattr("savmap.label.run.Eyes", eyes)
+    monkeypatch.setattr("savmap.label.run.SegmenterPool", segmenters)
     rooms = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
     watchers = watchers_of([replace(recording, room=room) for room in rooms])  # type: ignore[arg-type]
     assert [str(one.segmenter) for one in watchers] == ["a", "b", "a"]

@@ -14,7 +14,7 @@ from savmap.pipeline.preview import overview
 from savmap.types import Panorama, View, ViewSpec
 from savmap.vision.field_of_view import LARGEST_HFOV_DEG, fit_count, fit_height
 from savmap.vision.travel import travel_directions
-from savmap.vision.view_planning import Manual, Scout, ceiling_view, choose_face, face_candidates
+from savmap.vision.view_planning import Manual, PassPreview, ceiling_view, choose_face, face_candidates
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
 
@@ -28,17 +28,17 @@ def turned(yaw: float, pitch: float, roll: float) -> np.ndarray:
 
 
 @lru_cache
-def scout(yaw: float, pitch: float, roll: float, step: float = 0.07) -> Scout:
+def pass_preview(yaw: float, pitch: float, roll: float, step: float = 0.07) -> PassPreview:
     """A pass from x = 2 to x = 10 (or back, for a negative step)."""
     places = np.linspace(2, 10, 4)[:: 1 if step > 0 else -1]
     rig = turned(yaw, pitch, roll)
     keys = [hall(x, rig, i) for i, x in enumerate(places)]
     pairs = [(keys[i], hall(places[i] + step, rig, i)) for i in (1, 3)]
-    return Scout.look(keys, pairs)
+    return PassPreview.look(keys, pairs)
 
 
 def redness(spec: ViewSpec, panorama: Panorama) -> float:
-    return float(red(scout(*TURNS[0]).renderer.render(panorama, spec).image).mean())
+    return float(red(pass_preview(*TURNS[0]).renderer.render(panorama, spec).image).mean())
 
 
 def extent(view: View) -> tuple[float, float] | None:
@@ -57,7 +57,7 @@ def degrees_between(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.mark.parametrize("turn", TURNS, ids=str)
 def test_face_is_found_whichever_way_the_camera_is_turned(turn: tuple[float, float, float]) -> None:
-    face = choose_face(scout(*turn), redness)
+    face = choose_face(pass_preview(*turn), redness)
     assert degrees_between(face.rig_from_world, turned(*turn)) < 0.5
     assert np.allclose(face.world_from_rig, face.rig_from_world.T)
     assert face.travel == 1
@@ -65,7 +65,7 @@ def test_face_is_found_whichever_way_the_camera_is_turned(turn: tuple[float, flo
 
 @pytest.mark.parametrize(("step", "travel", "side"), [(0.07, 1, "left"), (-0.07, -1, "right")])
 def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side: str) -> None:
-    pass_ = scout(*TURNS[0], step)
+    pass_ = pass_preview(*TURNS[0], step)
     assert choose_face(pass_, redness).travel == travel
     assert degrees_between(choose_face(pass_, redness, side).rig_from_world, LEVEL) < 0.5
     other = choose_face(pass_, lambda spec, panorama: 1.0, "right" if side == "left" else "left")
@@ -80,13 +80,13 @@ def test_only_directions_that_may_be_the_face_are_looked_at() -> None:
         looked.append(spec.yaw_deg)
         return 1.0
 
-    face = choose_face(scout(*TURNS[0]), score, "left")
+    face = choose_face(pass_preview(*TURNS[0]), score, "left")
     assert set(looked) == {face.spec.yaw_deg}
 
 
 def test_direction_of_travel_past_a_face_with_nothing_behind() -> None:
     """Half of the sphere is bare: no corner to follow across the aisle."""
-    whole = scout(*TURNS[0])
+    whole = pass_preview(*TURNS[0])
     half = whole.keys[0].image.shape[1] // 2
     columns = (np.arange(2 * half) + half // 2) % (2 * half) < half
 
@@ -98,8 +98,10 @@ def test_direction_of_travel_past_a_face_with_nothing_behind() -> None:
 
 
 def test_a_standing_camera_has_no_direction_of_travel() -> None:
-    still = scout(*TURNS[0])
-    still = Scout(still.keys, tuple((key, key) for key in still.keys[:2]), still.renderer, still.rig_from_manhattan)
+    still = pass_preview(*TURNS[0])
+    still = PassPreview(
+        still.keys, tuple((key, key) for key in still.keys[:2]), still.renderer, still.rig_from_manhattan
+    )
     face = choose_face(still, redness, "left")
     assert face.travel == 0
     assert degrees_between(face.rig_from_world, LEVEL) < 0.5
@@ -114,12 +116,12 @@ def test_candidates_are_level_and_turn_to_the_right() -> None:
 
 def test_no_face() -> None:
     with pytest.raises(StructureError, match="on the left"):
-        choose_face(scout(*TURNS[0]), lambda spec, panorama: 0.0, "left")
+        choose_face(pass_preview(*TURNS[0]), lambda spec, panorama: 0.0, "left")
 
 
 @pytest.mark.parametrize("turn", TURNS[:3], ids=str)
 def test_whole_height_at_the_smallest_field_of_view(turn: tuple[float, float, float]) -> None:
-    pass_ = scout(*turn)
+    pass_ = pass_preview(*turn)
     fitted = fit_height(pass_, choose_face(pass_, redness), extent, margin=0.05)
     assert fitted.warning is None
     for view in pass_.views(fitted.spec):
@@ -135,7 +137,7 @@ def test_whole_height_at_the_smallest_field_of_view(turn: tuple[float, float, fl
 
 
 def test_manual_values_win() -> None:
-    pass_ = scout(*TURNS[0])
+    pass_ = pass_preview(*TURNS[0])
     face = choose_face(pass_, redness)
     level = fit_height(pass_, face, extent, Manual(pitch_deg=0.0, width=800, height=800), "level")
     assert (level.spec.pitch_deg, level.spec.width, level.spec.height, level.spec.name) == (0, 800, 800, "level")
@@ -147,7 +149,7 @@ def test_manual_values_win() -> None:
 
 
 def test_a_height_that_fits_nowhere() -> None:
-    pass_ = scout(*TURNS[0])
+    pass_ = pass_preview(*TURNS[0])
     fitted = fit_height(pass_, choose_face(pass_, redness), lambda view: (0.0, view.spec.height - 1.0))
     assert fitted.spec.hfov_deg == LARGEST_HFOV_DEG
     assert "whole height" in (fitted.warning or "")
@@ -155,14 +157,14 @@ def test_a_height_that_fits_nowhere() -> None:
 
 @pytest.mark.parametrize("manual", [Manual(), Manual(hfov_deg=100)], ids=["free", "fixed"])
 def test_a_structure_that_is_never_seen(manual: Manual) -> None:
-    pass_ = scout(*TURNS[0])
+    pass_ = pass_preview(*TURNS[0])
     with pytest.raises(StructureError, match="no structure is seen in"):
         fit_height(pass_, choose_face(pass_, redness), lambda view: None, manual)
 
 
 @pytest.mark.parametrize("turn", TURNS[:2], ids=str)
 def test_ceiling_shows_two_lamps_at_the_smallest_field_of_view(turn: tuple[float, float, float]) -> None:
-    pass_ = scout(*turn)
+    pass_ = pass_preview(*turn)
     ceiling = ceiling_view(choose_face(pass_, redness))
     assert (
         degrees_between(turned(*turn).T @ ceiling.rig_from_view, np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])) < 0.5
@@ -175,11 +177,11 @@ def test_ceiling_shows_two_lamps_at_the_smallest_field_of_view(turn: tuple[float
 
 
 def test_overview_has_a_tile_a_view_and_frame() -> None:
-    pass_ = scout(*TURNS[0])
+    pass_ = pass_preview(*TURNS[0])
     picture = overview(pass_.keys, face_candidates(LEVEL)[:2], pass_.renderer, columns=3)
     assert picture.shape == (2 * 360, 3 * 480, 3)
 
 
 def test_no_building_in_a_blank_picture() -> None:
     with pytest.raises(StructureError, match="no building directions"):
-        Scout.look([Panorama(0, 0.0, np.full((256, 512, 3), 90, np.uint8))])
+        PassPreview.look([Panorama(0, 0.0, np.full((256, 512, 3), 90, np.uint8))])

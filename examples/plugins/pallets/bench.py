@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.jobs import run
-from savmap.jobs.scheduler import Way
+from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.sim.scene import load_scene
@@ -63,7 +63,7 @@ def main() -> None:
         folder = (given.keep or Path(scratch)) / given.scene.stem
         if not (folder / "site.yaml").is_file():
             simulate(load_scene(given.scene), folder)
-        list(run.run(job_for(folder / "site.yaml", ["shelves", "pallets"], folder / "out"), Way(fresh=True)))
+        list(run.run(job_for(folder / "site.yaml", ["shelves", "pallets"], folder / "out"), RunOptions(fresh=True)))
         print(run.scores_table(run.evaluate_files(folder / "out" / "map.json", folder / "survey.json")))
         print("\n".join(table(folder / "out" / "map.json", folder / "survey.json")))
 

@@ -10,7 +10,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.errors import SolveError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Feature,
+    Floats,
+    RowFacts,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+    ViewPlan,
+)
 
 
 class Settings(BaseModel):
@@ -45,11 +56,15 @@ class Lights:
 
     @hookimpl
     def render_views(
-        self, scout: Any, see: Callable[[View], list[Detection]], manual: Mapping[str, Any], attitude: Floats | None
-    ) -> Aim:
+        self,
+        pass_preview: Any,
+        see: Callable[[View], list[Detection]],
+        manual: Mapping[str, Any],
+        attitude: Floats | None,
+    ) -> ViewPlan:
         from savmap_lights.aim import aim_at_ceiling
 
-        return aim_at_ceiling(scout, see, manual, attitude, self.config.every)
+        return aim_at_ceiling(pass_preview, see, manual, attitude, self.config.every)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -81,7 +96,7 @@ class Lights:
         return describe(tracks, solution, self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_lights.shared import shared
 
         return shared(structures)

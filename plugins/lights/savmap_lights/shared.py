@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from savmap.types import SharedThing, Structure
+from savmap.types import CrossRowLandmark, Structure
 
 
-def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Every lamp's centre; its vertices' errors are taken for common to all of them."""
     return [
-        SharedThing(own.id, own.label, own.vertices.mean(axis=0), np.asarray(own.covariances.mean(axis=0)))
+        CrossRowLandmark(own.id, own.label, own.vertices.mean(axis=0), np.asarray(own.covariances.mean(axis=0)))
         for own in structures
         if own.label == "light"
     ]

@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from savmap.types import Aim, Detection, Feature, Panorama, View, ViewSpec
+from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.field_of_view import Fitted, fit_count, fit_height
 from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, Scout, choose_face, tilted
+from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, tilted
 
 See = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
@@ -26,33 +26,39 @@ HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
 def aim_at_face(
-    scout: Scout, see: See, extract: Extract, side: Literal["left", "right"] | None, manual: Mapping[str, Manual]
-) -> Aim:
+    pass_preview: PassPreview,
+    see: See,
+    extract: Extract,
+    side: Literal["left", "right"] | None,
+    manual: Mapping[str, Manual],
+) -> ViewPlan:
     """The view "face" of a pass, the attitude and the direction of travel that go with it."""
 
     see = remembering(see)
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
-        view = scout.renderer.render(panorama, spec)
+        view = pass_preview.renderer.render(panorama, spec)
         return face_likeness(extract(view, see(view)), view.spec)
 
-    face: Face = choose_face(scout, score, side)
+    face: Face = choose_face(pass_preview, score, side)
     by_hand = manual.get("face", Manual())
-    whole = fit_height(scout, face, lambda view: extent(see(view)), manual=by_hand, name="face")
+    whole = fit_height(pass_preview, face, lambda view: extent(see(view)), manual=by_hand, name="face")
     if whole.warning and by_hand == Manual():
-        return Aim(halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",))
-    wide = widened(scout, whole.spec, lambda view: uprights(extract(view, see(view))), by_hand)
+        return ViewPlan(
+            halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",)
+        )
+    wide = widened(pass_preview, whole.spec, lambda view: uprights(extract(view, see(view))), by_hand)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
-    return Aim((wide.spec,), face.world_from_rig, face.travel, notes)
+    return ViewPlan((wide.spec,), face.world_from_rig, face.travel, notes)
 
 
-def apart(scout: Scout, spec: ViewSpec) -> int:
+def apart(pass_preview: PassPreview, spec: ViewSpec) -> int:
     """In each of how many frames the view is looked at: four or two where a long pass is so slow that little moves between.
 
     Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
     """
-    step = parallax_rad(scout.pairs, spec, scout.renderer)
-    return scout.apart(LARGEST_STEP_RAD / step if step else np.inf)
+    step = parallax_rad(pass_preview.pairs, spec, pass_preview.renderer)
+    return pass_preview.apart(LARGEST_STEP_RAD / step if step else np.inf)
 
 
 def remembering(see: See) -> See:
@@ -78,12 +84,12 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
     return tuple(tilted(face, pitch, HALF_HFOV_DEG, name) for name, pitch in HALVES.items())
 
 
-def widened(scout: Scout, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
+def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
     """The view, or the narrowest wider one that shows two uprights in most key frames."""
-    shown = [count(view) for view in scout.views(spec)]
+    shown = [count(view) for view in pass_preview.views(spec)]
     if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOSTLY:
         return Fitted(spec)
-    return fit_count(scout, spec, count, share=MOSTLY, smallest_deg=spec.hfov_deg)
+    return fit_count(pass_preview, spec, count, share=MOSTLY, smallest_deg=spec.hfov_deg)
 
 
 def uprights(features: Sequence[Feature]) -> int:

@@ -11,17 +11,17 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
-    Aim,
+    CrossRowLandmark,
     Detection,
     Feature,
     Floats,
     Panorama,
     RowFacts,
-    SharedThing,
     Structure,
     Track,
     Trajectory,
     View,
+    ViewPlan,
 )
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
@@ -93,15 +93,15 @@ class Shelves:
     @hookimpl
     def render_views(
         self,
-        scout: Any,
+        pass_preview: Any,
         see: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
         manual: Mapping[str, Any],
-    ) -> Aim:
+    ) -> ViewPlan:
         from savmap_shelves.aim import aim_at_face, apart
 
-        aim = aim_at_face(scout, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
-        every = self.config.every or apart(scout, aim.views[0])
+        aim = aim_at_face(pass_preview, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
+        every = self.config.every or apart(pass_preview, aim.views[0])
         return replace(aim, views=tuple(replace(view, every=every) for view in aim.views))
 
     @hookimpl
@@ -139,7 +139,7 @@ class Shelves:
         return describe(tracks, solution, room=self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.shared import shared
 
         return shared(structures)

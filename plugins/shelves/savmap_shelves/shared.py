@@ -4,17 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from savmap.types import SharedThing, Structure
+from savmap.types import CrossRowLandmark, Structure
 
 DEEPEST_RACK_M = 1.6
 FRAME_SIGMA_M = 0.005
 
 
-def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Every upright's centre line, along x: a frame's two uprights are at one x to `FRAME_SIGMA_M`. Its edges' errors are taken for
     common to both."""
     return [
-        SharedThing(
+        CrossRowLandmark(
             own.id,
             own.label,
             own.vertices.mean(axis=0),

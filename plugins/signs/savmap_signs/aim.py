@@ -6,8 +6,8 @@ The cart's motion brings every sign of a face before a view; what a view must ha
 from collections.abc import Mapping
 
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
-from savmap.types import Aim, Floats, ViewSpec
-from savmap.vision.view_planning import LEVEL, Manual, Scout
+from savmap.types import Floats, ViewPlan, ViewSpec
+from savmap.vision.view_planning import LEVEL, Manual, PassPreview
 from savmap_signs.reading import advice
 from savmap_signs.settings import Settings
 
@@ -16,15 +16,17 @@ FACE = (("signs upper", 0.0, PITCH_DEG), ("signs lower", 0.0, -PITCH_DEG))
 ALONG = (("signs ahead", 90.0, PITCH_DEG), ("signs behind", -90.0, PITCH_DEG))
 
 
-def aim_at_signs(scout: Scout, manual: Mapping[str, Manual], attitude: Floats | None, config: Settings) -> Aim:
+def aim_at_signs(
+    pass_preview: PassPreview, manual: Mapping[str, Manual], attitude: Floats | None, config: Settings
+) -> ViewPlan:
     """The views of a pass. `attitude`: world_from_rig (3, 3) of its first key frame, if known."""
-    every = config.every or scout.apart()
-    rig_from_world = attitude.T if attitude is not None else scout.rig_from_manhattan
+    every = config.every or pass_preview.apart()
+    rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
     wanted = FACE + ALONG if config.along else FACE
     specs = [_spec(name, rig_from_world, yaw, pitch, every) for name, yaw, pitch in wanted]
     note = advice() if config.read else None
     views = tuple(manual[one.name].over(one) if one.name in manual else one for one in specs)
-    return Aim(views, notes=(note,) if note else ())
+    return ViewPlan(views, notes=(note,) if note else ())
 
 
 def _spec(name: str, rig_from_world: Floats, yaw: float, pitch: float, every: int) -> ViewSpec:

@@ -8,7 +8,7 @@ import numpy as np
 
 from savmap.errors import SolveError
 from savmap.plugin.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View
+from savmap.types import Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View, ViewPlan
 from savmap_signs.settings import Settings
 
 
@@ -28,11 +28,15 @@ class Signs:
 
     @hookimpl
     def render_views(
-        self, scout: Any, see: Callable[[View], list[Detection]], manual: Mapping[str, Any], attitude: Floats | None
-    ) -> Aim:
+        self,
+        pass_preview: Any,
+        see: Callable[[View], list[Detection]],
+        manual: Mapping[str, Any],
+        attitude: Floats | None,
+    ) -> ViewPlan:
         from savmap_signs.aim import aim_at_signs
 
-        return aim_at_signs(scout, manual, attitude, self.config)
+        return aim_at_signs(pass_preview, manual, attitude, self.config)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:

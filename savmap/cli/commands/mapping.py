@@ -37,13 +37,13 @@ def map_(
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
     not done again."""
     from savmap.jobs import run
-    from savmap.jobs.scheduler import Way
+    from savmap.jobs.scheduler import RunOptions
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
     overrides = overrides_of(sets or [], os.environ)
     job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
-    for line in run.preview(job) if preview else run.run(job, Way(jobs, fresh, cluster)):
+    for line in run.preview(job) if preview else run.run(job, RunOptions(jobs, fresh, cluster)):
         typer.echo(line)
 
 

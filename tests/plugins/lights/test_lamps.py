@@ -11,7 +11,7 @@ from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
 from savmap.graph import gauge, merge, solve
 from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Trajectory, View, ViewSpec
-from savmap.vision.view_planning import Scout
+from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 from savmap_lights.aim import aim_at_ceiling
 from savmap_lights.constraints import constrain
@@ -139,8 +139,8 @@ def test_lamps_seen_in_every_third_frame_are_as_well_supported() -> None:
 )
 def test_a_long_pass_looks_up_less_often(frames: int, given: int | None, every: int) -> None:
     panorama = Panorama(0, 0.0, np.zeros((64, 128, 3), np.uint8))
-    scout = Scout((panorama,), (), Renderer(), np.eye(3), frames)
-    assert aim_at_ceiling(scout, lambda view: [], {}, None, given).views[0].every == every
+    pass_preview = PassPreview((panorama,), (), Renderer(), np.eye(3), frames)
+    assert aim_at_ceiling(pass_preview, lambda view: [], {}, None, given).views[0].every == every
 
 
 def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:

@@ -9,7 +9,7 @@ import pytest
 from savmap.geometry import pinhole
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
 from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, Scout
+from savmap.vision.view_planning import Face, Manual, PassPreview
 from savmap.vision.views import Renderer
 from savmap_shelves.aim import apart, halves, remembering, uprights, widened
 
@@ -17,9 +17,9 @@ SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
 
 @pytest.fixture
-def scout() -> Scout:
+def pass_preview() -> PassPreview:
     keys = tuple(Panorama(k, k / 10, np.zeros((32, 64, 3), dtype=np.uint8)) for k in range(5))
-    return Scout(keys, (), Renderer(), np.eye(3))
+    return PassPreview(keys, (), Renderer(), np.eye(3))
 
 
 def turned_pair(angle_rad: float) -> tuple[Panorama, Panorama]:
@@ -33,22 +33,24 @@ def turned_pair(angle_rad: float) -> tuple[Panorama, Panorama]:
     ("angle_rad", "frames", "every"),
     [(0.024, 855, 4), (0.024, 250, 2), (0.024, 150, 1), (0.045, 855, 2), (0.15, 855, 1)],
 )
-def test_a_slow_pass_is_looked_at_less_often(scout: Scout, angle_rad: float, frames: int, every: int) -> None:
-    slow = replace(scout, pairs=(turned_pair(angle_rad),), frames=frames)
+def test_a_slow_pass_is_looked_at_less_often(
+    pass_preview: PassPreview, angle_rad: float, frames: int, every: int
+) -> None:
+    slow = replace(pass_preview, pairs=(turned_pair(angle_rad),), frames=frames)
     assert angle_rad * 0.9 < parallax_rad(slow.pairs, SPEC, slow.renderer) < angle_rad * 1.4
     assert apart(slow, SPEC) == every
 
 
-def test_a_pass_whose_motion_is_not_seen_is_looked_at_in_every_frame(scout: Scout) -> None:
-    assert apart(replace(scout, frames=855), SPEC) == 1
-    assert apart(replace(scout, pairs=(scout.keys[:2],), frames=855), SPEC) == 1  # type: ignore[arg-type]
+def test_a_pass_whose_motion_is_not_seen_is_looked_at_in_every_frame(pass_preview: PassPreview) -> None:
+    assert apart(replace(pass_preview, frames=855), SPEC) == 1
+    assert apart(replace(pass_preview, pairs=(pass_preview.keys[:2],), frames=855), SPEC) == 1  # type: ignore[arg-type]
 
 
 def two_from(hfov_deg: float, view: View) -> int:
     return 2 if view.spec.hfov_deg >= hfov_deg else 1
 
 
-def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(scout: Scout) -> None:
+def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(pass_preview: PassPreview) -> None:
     looked = []
 
     def see(view: View) -> list[Detection]:
@@ -57,28 +59,28 @@ def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(scout: Scout) -
 
     seen = remembering(see)
     for hfov in (70.0, 80.0, 70.0, 90.0, 100.0, 110.0, 70.0):
-        for view in scout.views(replace(SPEC, hfov_deg=hfov)):
+        for view in pass_preview.views(replace(SPEC, hfov_deg=hfov)):
             assert seen(view) == []
-    assert looked == [hfov for hfov in (70, 80, 90, 100, 110, 70) for _ in scout.keys]
+    assert looked == [hfov for hfov in (70, 80, 90, 100, 110, 70) for _ in pass_preview.keys]
 
 
-def test_a_view_that_shows_one_upright_at_a_time_is_widened(scout: Scout) -> None:
-    fitted = widened(scout, SPEC, lambda view: two_from(100.0, view), Manual())
+def test_a_view_that_shows_one_upright_at_a_time_is_widened(pass_preview: PassPreview) -> None:
+    fitted = widened(pass_preview, SPEC, lambda view: two_from(100.0, view), Manual())
     assert fitted.warning is None
     assert 100.0 <= fitted.spec.hfov_deg <= 106.0
     assert (fitted.spec.yaw_deg, fitted.spec.pitch_deg) == (SPEC.yaw_deg, SPEC.pitch_deg)
 
 
-def test_a_view_that_mostly_shows_two_stays(scout: Scout) -> None:
-    assert widened(scout, SPEC, lambda view: 1 + (view.frame != 2), Manual()).spec == SPEC
+def test_a_view_that_mostly_shows_two_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 1 + (view.frame != 2), Manual()).spec == SPEC
 
 
-def test_a_field_of_view_given_by_hand_stays(scout: Scout) -> None:
-    assert widened(scout, SPEC, lambda view: 0, Manual(hfov_deg=70.0)).spec == SPEC
+def test_a_field_of_view_given_by_hand_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 0, Manual(hfov_deg=70.0)).spec == SPEC
 
 
-def test_no_view_is_wide_enough(scout: Scout) -> None:
-    assert "fewer than 2" in (widened(scout, SPEC, lambda view: 0, Manual()).warning or "")
+def test_no_view_is_wide_enough(pass_preview: PassPreview) -> None:
+    assert "fewer than 2" in (widened(pass_preview, SPEC, lambda view: 0, Manual()).warning or "")
 
 
 def test_two_views_reach_from_80_below_to_80_above_and_neither_sees_the_zenith_or_nadir() -> None:

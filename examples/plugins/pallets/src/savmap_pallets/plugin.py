@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.errors import SolveError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View
+from savmap.types import Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View, ViewPlan
 
 Metres = Annotated[float, Field(gt=0.05, lt=5)]
 
@@ -56,10 +56,10 @@ class Pallets:
         return np.array([long, high, wide])
 
     @hookimpl
-    def render_views(self, scout: Any, manual: Mapping[str, Any], attitude: Floats | None) -> Aim:
+    def render_views(self, pass_preview: Any, manual: Mapping[str, Any], attitude: Floats | None) -> ViewPlan:
         from savmap_pallets.aim import aim_at_floor
 
-        return aim_at_floor(scout, manual, attitude, self.config.hfov_deg, self.config.every)
+        return aim_at_floor(pass_preview, manual, attitude, self.config.hfov_deg, self.config.every)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:

@@ -2,9 +2,8 @@
 
 from importlib.metadata import entry_points
 
-from savmap_pillars.plugin import Pillars
-
 from savmap.plugin.contract import check_plugin
+from savmap_pillars.plugin import Pillars
 
 
 def test_the_contract_holds() -> None:

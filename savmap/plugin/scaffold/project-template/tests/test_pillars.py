@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from savmap_pillars.plugin import Known, Pillars, Settings
-from savmap_pillars.scene import random_section
 
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.pinhole import project
@@ -14,6 +12,8 @@ from savmap.sim.scene import Goods, Hall, Look, RowFrame, Site
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.view_planning import LEVEL
+from savmap_pillars.plugin import Known, Pillars, Settings
+from savmap_pillars.scene import random_section
 
 SPEC = ViewSpec("pass 1 / pillars", 0.0, hfov_deg=110.0, width=640, height=480)
 FRAMES = 12

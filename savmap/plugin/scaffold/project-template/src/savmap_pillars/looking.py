@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation
-from savmap.types import Aim, Detection, Feature, Floats, Panorama, View, ViewSpec
+from savmap.types import Detection, Feature, Floats, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.field_of_view import fit_height
-from savmap.vision.view_planning import LEVEL, Face, Manual, Scout, choose_face
+from savmap.vision.view_planning import LEVEL, Face, Manual, PassPreview, choose_face
 
 VIEW = "pillars"
 HFOV_DEG = 110.0
@@ -19,23 +19,23 @@ BORDER_PX = 2
 
 
 def aim(
-    scout: Scout,
+    pass_preview: PassPreview,
     see: Callable[[View], list[Detection]],
     side: Literal["left", "right"] | None,
     manual: Mapping[str, Manual],
     attitude: Floats | None,
-) -> Aim:
+) -> ViewPlan:
     """The view at the face that shows pillars from foot to top, as narrow as may be.
 
     attitude: world_from_rig (3, 3) of the first key frame, where an earlier plugin found the face; else the level direction that
     shows most of pillars. The face itself is not claimed to be known. Without views, and with a note, where no pillar is seen.
     """
     try:
-        face = face_at(attitude) if attitude is not None else _face_with_most(scout, see, side)
-        fitted = fit_height(scout, face, lambda view: rows_of(see(view)), manual.get(VIEW, Manual()), VIEW)
+        face = face_at(attitude) if attitude is not None else _face_with_most(pass_preview, see, side)
+        fitted = fit_height(pass_preview, face, lambda view: rows_of(see(view)), manual.get(VIEW, Manual()), VIEW)
     except StructureError as error:
-        return Aim((), notes=(f"pillars: {error}",))
-    return Aim((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
+        return ViewPlan((), notes=(f"pillars: {error}",))
+    return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
 
 
 def face_at(world_from_rig: Floats) -> Face:
@@ -44,12 +44,12 @@ def face_at(world_from_rig: Floats) -> Face:
 
 
 def _face_with_most(
-    scout: Scout, see: Callable[[View], list[Detection]], side: Literal["left", "right"] | None
+    pass_preview: PassPreview, see: Callable[[View], list[Detection]], side: Literal["left", "right"] | None
 ) -> Face:
     def share(spec: ViewSpec, panorama: Panorama) -> float:
-        return float(sum(detection.mask.mean() for detection in see(scout.renderer.render(panorama, spec))))
+        return float(sum(detection.mask.mean() for detection in see(pass_preview.renderer.render(panorama, spec))))
 
-    return choose_face(scout, share, side)
+    return choose_face(pass_preview, share, side)
 
 
 def rows_of(detections: Sequence[Detection]) -> tuple[float, float] | None:

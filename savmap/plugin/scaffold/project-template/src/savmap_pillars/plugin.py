@@ -10,7 +10,18 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.errors import SolveError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
-from savmap.types import Aim, Detection, Feature, Floats, RowFacts, SharedThing, Structure, Track, Trajectory, View
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Feature,
+    Floats,
+    RowFacts,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+    ViewPlan,
+)
 
 
 class Known(BaseModel):
@@ -55,15 +66,15 @@ class Pillars:
     @hookimpl
     def render_views(
         self,
-        scout: Any,
+        pass_preview: Any,
         see: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
         manual: Mapping[str, Any],
         attitude: Floats | None,
-    ) -> Aim:
+    ) -> ViewPlan:
         from savmap_pillars.looking import aim
 
-        return aim(scout, see, side, manual, attitude)
+        return aim(pass_preview, see, side, manual, attitude)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -97,7 +108,7 @@ class Pillars:
         return describe(tracks, solution, self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[SharedThing]:
+    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_pillars.scoring import shared
 
         return shared(structures)

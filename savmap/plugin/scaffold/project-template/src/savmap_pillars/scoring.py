@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from savmap.evaluation import Distances, Score
 from savmap.files.validation import checked
 from savmap.report.drawing import Drawing
-from savmap.types import Floats, SharedThing, Structure
+from savmap.types import CrossRowLandmark, Floats, Structure
 
 GATE_M = 0.5
 OFF_M = 0.05
@@ -29,9 +29,9 @@ class Surveyed(BaseModel):
         return np.array(self.pillars, dtype=np.float64).reshape(-1, 2, 3)
 
 
-def shared(structures: Sequence[Structure]) -> list[SharedThing]:
+def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Every pillar's foot: the row across the aisle sees it at the same place."""
-    return [SharedThing(own.id, own.label, own.vertices[0], own.covariances[0]) for own in structures]
+    return [CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0]) for own in structures]
 
 
 def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
