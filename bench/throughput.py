@@ -122,7 +122,7 @@ def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None
 
 def map_here(site: Path, target: Path) -> None:
     """Map a site in this process and write what each stage took."""
-    from savmap.jobs import run
+    from savmap.jobs import run, tasks
     from savmap.jobs.scheduler import RunOptions
     from savmap.maps.map_file import read_map
     from savmap.pipeline import measure

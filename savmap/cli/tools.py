@@ -69,7 +69,7 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
     except SavmapError:
         raise
     except Exception as error:
-        raise PluginError(f"exporter `{name}` failed: {told(error)}") from error
+        raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error
     yield f"wrote {output}"
 
 

@@ -143,7 +143,7 @@ def warnings_as_notes(monitor: Monitor) -> Iterator[None]:
 
 
 def _unexpected(error: Exception) -> Failure:
-    text = f"unexpected {told(error)}; please report it with savmap.log"
+    text = f"unexpected {format_error(error)}; please report it with savmap.log"
     return Failure(SavmapError(text), traceback.format_exc())
 
 

@@ -41,7 +41,9 @@ def load_class(name: str) -> Any:
     try:
         return points[name].load()
     except Exception as error:
-        raise PluginError(f"plugin `{name}` ({points[name].value}) cannot be imported: {told(error)}") from error
+        raise PluginError(
+            f"plugin `{name}` ({points[name].value}) cannot be imported: {format_error(error)}"
+        ) from error
 
 
 def lacking(plugin_class: Any) -> tuple[str, ...]:
@@ -110,7 +112,7 @@ class LoadedPlugin:
         except SavmapError:
             raise
         except Exception as error:
-            what = f"failed in `{hook}`{_place(arguments)}: {told(error)}"
+            what = f"failed in `{hook}`{_place(arguments)}: {format_error(error)}"
             raise PluginFailedError(self.name, hook, what) from error
         if not isinstance(answer, expected):
             given = type(answer).__name__
@@ -207,7 +209,7 @@ def loaded_plugin(
     except SavmapError:
         raise
     except Exception as error:
-        raise PluginError(f"plugin `{name}` cannot be set up: {told(error)}") from error
+        raise PluginError(f"plugin `{name}` cannot be set up: {format_error(error)}") from error
     return LoadedPlugin(name, plugin, settings, manager, providers)
 
 
@@ -242,5 +244,5 @@ def register_commands(app: Any) -> None:
         try:
             add(app)
         except Exception as error:
-            what = f"failed in `register_commands`: {told(error)}"
+            what = f"failed in `register_commands`: {format_error(error)}"
             raise PluginFailedError(name, "register_commands", what) from error

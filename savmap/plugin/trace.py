@@ -95,7 +95,7 @@ def _place(arguments: Mapping[str, Any]) -> str:
 
 def _answer(outcome: pluggy.Result[Any]) -> str:
     if outcome.exception is not None:
-        return f"raised {told(outcome.exception)}"
+        return f"raised {format_error(outcome.exception)}"
     answer = outcome.get_result()
     if isinstance(answer, list | tuple):
         kinds = sorted({type(one).__name__ for one in answer})
