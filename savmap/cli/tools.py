@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import ModelError, PluginError, SavmapError, SiteError
+from savmap.errors import ModelError, PluginError, SavmapError, SiteError, format_error
 from savmap.plugin.manager import exporters, installed, lacking, load_class
 from savmap.site.job import prepare
 from savmap.types import ViewSpec

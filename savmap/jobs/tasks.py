@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError, SiteError
+from savmap.errors import SavmapError, SiteError, format_error
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for

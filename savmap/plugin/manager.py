@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 from pydantic import BaseModel
 
-from savmap.errors import PluginError, PluginFailedError, SavmapError
+from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
 from savmap.plugin import defaults, hookspecs, trace
 from savmap.types import CrossRowLandmark, Detection, Feature, Panorama, Structure, Track, View, ViewPlan

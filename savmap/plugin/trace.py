@@ -12,6 +12,7 @@ from typing import Any
 
 import pluggy
 
+from savmap.errors import format_error
 from savmap.types import View
 
 VARIABLE = "SAVMAP_TRACE"
