@@ -9,7 +9,7 @@ from savmap.jobs import run
 from savmap.site.job import job_for
 from savmap.types import SiteMap
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
 def test_a_plugin_that_fails_at_the_end_costs_the_rows_places_alone(

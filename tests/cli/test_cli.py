@@ -9,7 +9,7 @@ import pytest
 
 from savmap.cli.app import main
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
 def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:

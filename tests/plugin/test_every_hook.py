@@ -40,7 +40,7 @@ from savmap.types import (
 HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
 }
-DOCS = (Path(__file__).parent.parent / "docs" / "hooks.md").read_text(encoding="utf-8")
+DOCS = (Path(__file__).parents[2] / "docs" / "hooks.md").read_text(encoding="utf-8")
 SPEC = ViewSpec("view", 0.0, width=16, height=12)
 VIEW = View(SPEC, 3, 0.1, np.zeros((12, 16, 3), np.uint8))
 FACTS = RowFacts("A", FrameTable(np.arange(2.0), ("pass 1",) * 2), {"view": SPEC}, {"pass 1": 1})

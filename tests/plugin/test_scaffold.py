@@ -16,7 +16,7 @@ from savmap.plugin.scaffold import new_plugin
 from savmap.plugin.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
 from savmap.vision.networks.segmenter import Segmenter
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from savmap.vision.flow import NoFlow
 from savmap.vision.markers import MarkerWatch, Marks
 from savmap.vision.views import Renderer
 
-from .stages.test_markers import HEIGHT, TAG, corners_at, marked
+from ..vision.test_markers import HEIGHT, TAG, corners_at, marked
 
 MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 

@@ -12,7 +12,7 @@ from savmap.files.urls import is_url, where
 from savmap.video.reader import probe
 
 upath = pytest.importorskip("upath")
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
 

@@ -6,11 +6,12 @@ import av
 import numpy as np
 import pytest
 from av.video.reformatter import VideoReformatter
-from made_up_video import evenly, picture, write_video
 
 from savmap.types import FilmedPanorama, Planes
 from savmap.video.decode import picture_of, rgb_from_yuv
 from savmap.video.reader import Clip, panoramas, preview_frames
+
+from .made_up_video import evenly, picture, write_video
 
 BT601, BT709, SMPTE240 = 5, 1, 7
 

@@ -13,7 +13,7 @@ from savmap.site.load import read_draft, site_of
 from savmap.site.preflight import settings_problems
 from savmap.site.schema import schema_text
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "docs" / "site.schema.json"
 EXAMPLE = yaml.safe_load((ROOT / "examples" / "aisle-dev" / "site.yaml").read_text(encoding="utf-8"))
 OURS = [path.name for path in (ROOT / "plugins").iterdir()]

@@ -8,11 +8,12 @@ import av
 import cv2
 import numpy as np
 import pytest
-from made_up_video import evenly, picture, write_video
 
 from savmap.errors import VideoError
 from savmap.video import decode
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
+
+from .made_up_video import evenly, picture, write_video
 
 
 @pytest.fixture

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 from av.codec.hwaccel import HWAccel
-from made_up_video import evenly, write_video
 
 from savmap.errors import VideoError
 from savmap.video import decode
 from savmap.video.reader import Clip, panoramas
+
+from .made_up_video import evenly, write_video
 
 BUILT_WITH = ["cuda", "vaapi", "drm", "qsv"]
 

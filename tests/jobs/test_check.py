@@ -21,7 +21,7 @@ from savmap.video.clip import Clip
 from savmap.vision.markers import Marks
 from savmap.vision.view_planning import PassPreview
 
-from .io.made_up_video import evenly, write_video
+from ..video.made_up_video import evenly, write_video
 
 GOOD = """\
 plugins:

@@ -22,9 +22,9 @@ from savmap.vision.flow import NoFlow
 from savmap.vision.markers import MarkerWatch
 from savmap.vision.views import Renderer
 
-from .io.made_up_video import evenly, write_video
+from ..video.made_up_video import evenly, write_video
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
 AHEAD, UP = ViewSpec("ahead", 10.0, width=96, height=64), ViewSpec("up", 0.0, 80.0, width=96, height=64)
 Extract = Callable[[View, list[Detection]], list[Feature]]

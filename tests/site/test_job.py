@@ -9,7 +9,7 @@ from savmap.jobs import run
 from savmap.jobs.check import check
 from savmap.site.job import job_for
 
-VIDEO = Path(__file__).parent.parent / "examples" / "aisle-dev" / "aisle-dev.mp4"
+VIDEO = Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4"
 SITE = "rows: {{A: {{passes: [{{video: {}}}]}}}}\n"
 
 

@@ -17,7 +17,7 @@ from savmap.site.overrides import overrides_of
 from savmap.types import Feature, View, ViewSpec
 from savmap.vision.networks import providers
 
-from .stages.made_up_networks import SIDE, picture, yolo
+from ..vision.made_up_networks import SIDE, picture, yolo
 
 LEFT, RIGHT = (16.0, 32.0, 32.0, 64.0), (48.0, 32.0, 32.0, 64.0)
 SITE = "providers: {}\nplugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: a.mp4}}]}}}}\n"

@@ -14,7 +14,7 @@ from savmap.jobs.scheduler import RunOptions, mapped_rows
 from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 KILLS = 5
 
 
