@@ -3,7 +3,7 @@
     python bench/appearance.py SITE.yaml ... [--sigmas 1] [--keep DIR] [-o bench/results/appearance.json]
 
 The first row of each site of simulated footage is seen once and solved without such points, then with them, as `appearance`
-of the site file has it (`savmap.stages.flow`, `savmap.graph.appearance`), for each standard deviation that they are believed to,
+of the site file has it (`savmap.vision.flow`, `savmap.graph.appearance`), for each standard deviation that they are believed to,
 px. Printed: mean absolute errors, cm: of all measures, of the uprights' widths, of the gaps between them, of their edges along x;
 root mean square errors, mm: of the camera's places after rotation and translation, of its steps along x from frame to
 frame. Besides: how many elements are missing or spurious, and the share of points that are left out.

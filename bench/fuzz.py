@@ -88,7 +88,7 @@ def commanded(kind: str, number: int, seed: int) -> str:
     """`savmap map` on one file; what is wrong with how it ends, or nothing."""
     with tempfile.TemporaryDirectory() as folder:
         path = made(kind, number, seed, Path(folder) / "in")
-        main = "from savmap.cli import main; main()"
+        main = "from savmap.cli.app import main; main()"
         options = ["--camera-height", "3.05", "--plugins", "shelves", "-o", str(Path(folder) / "out")]
         try:
             ended = subprocess.run(

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from savmap.cli import app
+from savmap.cli.app import app
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
 

@@ -1,4 +1,4 @@
-"""What a pass of video is, and what is known of it: the records of `savmap.io.video`."""
+"""What a pass of video is, and what is known of it: the records of `savmap.video.reader`."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

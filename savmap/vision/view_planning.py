@@ -1,7 +1,7 @@
 """Automatic aim (paper, "Rendering views"): which way a row's views look, whichever way the camera is turned.
 
 `Scout.look` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
-faces the structure, `fit_height` and `fit_count` (savmap.stages.fit) the smallest field of view that shows enough. What
+faces the structure, `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field of view that shows enough. What
 the structure looks like is for the caller to say, by functions it gives.
 """
 

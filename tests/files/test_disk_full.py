@@ -28,7 +28,7 @@ from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 from savmap.video.image_folder import write_picture
 
 FULL = Path("/dev/full")
-MAIN = "from savmap.cli import main; main()"
+MAIN = "from savmap.cli.app import main; main()"
 NOISE = np.random.default_rng(2).integers(0, 255, (64, 128, 3), np.uint8)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from savmap.cli import app
+from savmap.cli.app import app
 from savmap.errors import SiteError
 from savmap.files.atomic import write_text
 from savmap.files.urls import is_url, where

@@ -34,7 +34,7 @@ def site(folder: Path, **more: Any) -> Path:
 
 def savmap(path: Path, *options: str) -> "subprocess.Popen[str]":
     """`savmap map` of the site beside its file, shelves alone, in two processes."""
-    command = [sys.executable, "-c", "from savmap.cli import main; main()"]
+    command = [sys.executable, "-c", "from savmap.cli.app import main; main()"]
     arguments = ["map", str(path), "--plugins", "shelves", "-o", str(path.parent / "out"), *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen([*command, *arguments], text=True, start_new_session=True, **pipes)

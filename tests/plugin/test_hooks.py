@@ -136,7 +136,7 @@ def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> N
     thing = CrossRowLandmark("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
     assert loaded_plugin("made-up", plugin(shared=lambda self, structures: [thing]), Config()).shared([]) == [thing]
     room = loaded_plugin("made-up", plugin(shared=lambda self, structures: ["post"]), Config())
-    with pytest.raises(PluginError, match="a str from `shared`, not SharedThing"):
+    with pytest.raises(PluginError, match="a str from `shared`, not CrossRowLandmark"):
         room.shared([])
 
 
@@ -177,7 +177,7 @@ def test_settings_are_strict() -> None:
 
 
 def test_only_named_plugins_are_imported() -> None:
-    code = "import sys; from savmap.rooms import open_room; open_room('shelves', {}); print(*sys.modules)"
+    code = "import sys; from savmap.plugin.manager import open_plugin; open_plugin('shelves', {}); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
     assert {name for name in manager.installed() if f"savmap_{name}" in loaded} == {"shelves"}
 

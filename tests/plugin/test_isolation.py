@@ -36,9 +36,9 @@ from savmap.errors import StructureError
 from savmap.evaluation import Score
 from savmap.geometry.pinhole import project
 from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
-from savmap.hookspecs import hookimpl
-from savmap.stages.aim import LEVEL
-from savmap.types import Aim, Detection, Feature, Structure, Track, ViewSpec
+from savmap.plugin.hookspecs import hookimpl
+from savmap.vision.view_planning import LEVEL
+from savmap.types import ViewPlan, Detection, Feature, Structure, Track, ViewSpec
 
 POINTS = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0) for y in (0.5, 1.3, 2.2)])
 
@@ -66,12 +66,12 @@ class Good:
             raise RuntimeError("oh")
 
     @hookimpl
-    def render_views(self, scout, see):
+    def render_views(self, pass_preview, see):
         self.may("render_views")
-        if self.config.looks and not see(scout.renderer.render(scout.keys[0], ViewSpec("first", 0.0))):
+        if self.config.looks and not see(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
             raise StructureError("nothing is seen")
         spec = ViewSpec(self.name, 0.0, hfov_deg=110.0, width=160, height=120)
-        return Aim((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
+        return ViewPlan((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
 
     @hookimpl
     def detect(self, view):
@@ -334,7 +334,7 @@ def test_calls_are_traced_in_other_processes_too(place: Path, tmp_path: Path) ->
     command = [
         sys.executable,
         "-c",
-        "from savmap.cli import main; main()",
+        "from savmap.cli.app import main; main()",
         "map",
         str(path),
         "-o",

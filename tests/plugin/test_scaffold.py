@@ -10,7 +10,7 @@ import onnx
 import pytest
 from typer.testing import CliRunner
 
-from savmap.cli import app
+from savmap.cli.app import app
 from savmap.errors import OutputError, SiteError
 from savmap.plugin.scaffold import new_plugin
 from savmap.plugin.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
