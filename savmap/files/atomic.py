@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.files.urls import is_url
@@ -118,3 +119,8 @@ def _remove(path: Path) -> None:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a number")
+
+
+def file_name(row: str) -> str:
+    """A row's name as (part of) the name of a file."""
+    return quote(row, safe=" ()+,=@") or "_"

@@ -1,6 +1,6 @@
-"""What was worked out of each row, kept in the output folder, so that a second run does only what changed.
+"""The cache: what was worked out of each row, kept in the output folder, so that a second run does only what changed.
 
-A stage's file holds the fingerprint of what made it (see `fingerprint`), a digest of its content, and the content. It is written
+A stage's file holds the key of what made it (see `cache_keys`), a digest of its content, and the content. It is written
 whole or not at all, by one process alone; one that does not fit, or is damaged, is made again.
 """
 
@@ -14,10 +14,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
+from typing import Any, Generic, Protocol, TypeVar
 
 from savmap.errors import OutputError
-from savmap.files.atomic import reason, write_bytes
+from savmap.files.atomic import file_name, reason, write_bytes
+from savmap.files.serialization import packed, unpacked
 from savmap.files.urls import is_url
 
 log = logging.getLogger("savmap")
@@ -25,37 +26,80 @@ FOLDER = "stages"
 LEFT_BEHIND = re.compile(r"\..+\.\d+\.part|\.savmap-\w{8}")
 
 
-def file_name(row: str) -> str:
-    """A row's name as (part of) the name of a file."""
-    return quote(row, safe=" ()+,=@") or "_"
+Record = TypeVar("Record")
+
+
+class StoredRecord(Generic[Record]):
+    """A record with its bytes for the cache, either of which is made of the other when it is first asked for. It goes from process to
+    process as bytes."""
+
+    def __init__(self, kind: type[Record], record: Record | None = None, content: bytes | None = None) -> None:
+        self._kind, self._record, self._content = kind, record, content
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return StoredRecord, (self._kind, None, self.content)
+
+    @property
+    def record(self) -> Record:
+        """The record. ValueError where the bytes are not one."""
+        if self._record is None:
+            self._record = unpacked(self.content, self._kind)
+        return self._record
+
+    @property
+    def content(self) -> bytes:
+        """The bytes."""
+        if self._content is None:
+            self._content = packed(self._record)
+        return self._content
+
+
+class RowCache(Protocol):
+    """What earlier runs worked out of each row, by stage and by the key of what it was made of (see `cache_keys`)."""
+
+    def load(self, row: str, stage: str, key: str) -> bytes | None:
+        """What a stage of a row gave when it was made of the same; None where there is no such thing."""
+        ...
+
+    def save(self, row: str, stage: str, key: str, content: bytes) -> None:
+        """Keep what a stage of a row gave. Raises OutputError where it cannot be written."""
+        ...
+
+
+class NoCache:
+    """Keeps nothing."""
+
+    def load(self, row: str, stage: str, key: str) -> None:
+        """None."""
+
+    def save(self, row: str, stage: str, key: str, content: bytes) -> None:
+        """Nothing."""
 
 
 @dataclass(frozen=True)
-class Store:
-    """Stages of all rows in a folder. `fresh`: nothing that was kept is believed."""
+class FolderCache:
+    """A cache in an output folder. `fresh`: what an earlier run kept is not used."""
 
     folder: Path
     fresh: bool = False
 
-    def kept(self, row: str, stage: str, fingerprint: str) -> bytes | None:
-        """What a stage of a row gave when it was made of the same things; None where there is no such thing."""
+    def load(self, row: str, stage: str, key: str) -> bytes | None:
         try:
             content = b"" if self.fresh else self._path(row, stage).read_bytes()
         except OSError:
             return None
         head, _, body = content.partition(b"\n")
-        return body if head == _head(fingerprint, body) else None
+        return body if head == _head(key, body) else None
 
-    def keep(self, row: str, stage: str, fingerprint: str, content: bytes) -> None:
-        """Keep what a stage of a row gave. Raises OutputError where it cannot be written."""
-        write_bytes(self._path(row, stage), _head(fingerprint, content) + b"\n" + content)
+    def save(self, row: str, stage: str, key: str, content: bytes) -> None:
+        write_bytes(self._path(row, stage), _head(key, content) + b"\n" + content)
 
     def _path(self, row: str, stage: str) -> Path:
         return self.folder / FOLDER / file_name(row) / stage
 
 
-def _head(fingerprint: str, body: bytes) -> bytes:
-    return f"savmap-stage {fingerprint} {hashlib.sha256(body).hexdigest()}".encode()
+def _head(key: str, body: bytes) -> bytes:
+    return f"savmap-stage {key} {hashlib.sha256(body).hexdigest()}".encode()
 
 
 @contextmanager

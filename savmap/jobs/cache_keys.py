@@ -1,4 +1,4 @@
-"""Fingerprints of what a row's stages are made of: footage, settings, networks, code. Same fingerprint, same result."""
+"""Cache keys: digests of what a row's stages are made of (footage, settings, networks, code). Same key, same result."""
 
 import hashlib
 import inspect
@@ -14,48 +14,52 @@ from pydantic import BaseModel
 
 from savmap.errors import VideoError
 from savmap.files.atomic import reason, sha256
-from savmap.maps.map_file import map_text
+from savmap.files.serialization import packed
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
-from savmap.types import SiteMap
+from savmap.types import RowMap
 from savmap.vision.networks.providers import choose, runtime_version
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
-ELSEWHERE = {"sim", "train", "report", "testing", "scaffold", "commands"}
+SAVMAP = Path(__file__).parents[1]
+NO_MAP = {"sim", "train", "label", "split", "report", "demo", "cli", "contract.py", "scaffold"}
+"""Parts of savmap that have no influence on a map."""
 ENDS = 1 << 20
 
 
-def measurement_key(job: Job, name: str) -> str:
-    """Of what a row's pictures show: everything but what is used after they were looked at."""
-    known = job.site.row_references(name)
-    return _digest(
-        row=name,
-        code=code(plugins_for(job, name)),
-        passes=[_pass(one) for one in job.site.rows[name].passes],
-        plugins=[_room(plugin, pixels_only=True) for plugin in plugins_for(job, name)],
-        markers=[marker.model_dump(mode="json") for marker in known.markers],
-        appearance=job.site.row_appearance(name),
+def measurement_key(job: Job, row: str) -> str:
+    """Of what is measured in a row's pictures: everything but what is used after that."""
+    references = job.site.row_references(row)
+    plugins = plugins_for(job, row)
+    return digest(
+        row=row,
+        code=code(plugins),
+        passes=[_pass(row_pass) for row_pass in job.site.rows[row].passes],
+        plugins=[_plugin(plugin, pixels_only=True) for plugin in plugins],
+        markers=[marker.model_dump(mode="json") for marker in references.markers],
+        appearance=job.site.row_appearance(row),
         earlier=_file(job.earlier),
     )
 
 
-def solution_key(job: Job, seen: Mapping[str, str]) -> str:
-    """Of the maps of rows that are solved together, from the fingerprints of what was seen of them."""
-    return _digest(
-        seen=dict(seen),
-        plugins={name: [_room(plugin, pixels_only=False) for plugin in plugins_for(job, name)] for name in seen},
-        references={name: job.site.row_references(name).model_dump(mode="json") for name in seen},
-        calibration={name: job.site.row_calibration(name).model_dump(mode="json") for name in seen},
+def solution_key(job: Job, measurement_keys: Mapping[str, str]) -> str:
+    """Of the maps of rows that are solved together, from the keys of their measurements by row."""
+    rows = list(measurement_keys)
+    return digest(
+        measured=dict(measurement_keys),
+        plugins={row: [_plugin(plugin, pixels_only=False) for plugin in plugins_for(job, row)] for row in rows},
+        references={row: job.site.row_references(row).model_dump(mode="json") for row in rows},
+        calibration={row: job.site.row_calibration(row).model_dump(mode="json") for row in rows},
     )
 
 
-def drawing_key(site_map: SiteMap, name: str, survey: Mapping[str, Any] | None) -> str:
+def drawing_key(row: RowMap, survey: Mapping[str, Any] | None) -> str:
     """Of a row's pictures."""
-    return _digest(
-        row=map_text(SiteMap({name: site_map.rows[name]}, site_map.made_by)),
+    return digest(
+        row=hashlib.sha256(packed(row)).hexdigest(),
         survey=dict(survey) if survey is not None else None,
-        code=[_sources(Path(__file__).parent), _sources(Path(__file__).parent / "report")],
+        code=[_sources(SAVMAP), _sources(SAVMAP / "report")],
     )
 
 
@@ -63,8 +67,8 @@ def code(plugins: Sequence[LoadedPlugin]) -> str:
     """Of the program, its plugins, and the libraries that count."""
     packages = sorted({_package_of(type(plugin.instance)) for plugin in plugins})
     named = {name for plugin in plugins for name in getattr(plugin.instance, "libraries", ())}
-    return _digest(
-        savmap=_sources(Path(__file__).parent),
+    return digest(
+        savmap=_sources(SAVMAP),
         plugins=[_sources(place) for place in packages],
         libraries={
             **{name: _version(name) for name in sorted({*LIBRARIES, *named})},
@@ -81,15 +85,16 @@ def _version(library: str) -> str:
         return ""
 
 
-def _digest(**parts: Any) -> str:
+def digest(**parts: Any) -> str:
+    """SHA-256 of parts that JSON can hold, or that can be told apart by their text."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _pass(one: Pass) -> dict[str, Any]:
-    return {**one.model_dump(mode="json", exclude={"video"}), "video": list(_footage(one.video))}
+def _pass(row_pass: Pass) -> dict[str, Any]:
+    return {**row_pass.model_dump(mode="json", exclude={"video"}), "video": list(_footage(row_pass.video))}
 
 
-def _room(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
+def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
     settings: BaseModel = plugin.config
     later = set(getattr(plugin.instance, "after_pixels", ())) if pixels_only else set()
     return {
@@ -104,9 +109,9 @@ def _room(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
 def _footage(path: Path) -> Iterator[tuple[str, int, int, str]]:
     """Name, size, time of change and a digest of both ends, of a video or of all files of a folder of pictures."""
     try:
-        for own in sorted(path.iterdir()) if path.is_dir() else [path]:
-            facts = own.stat()
-            yield own.name, facts.st_size, facts.st_mtime_ns, _ends(own) if own.is_file() else ""
+        for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+            facts = file.stat()
+            yield file.name, facts.st_size, facts.st_mtime_ns, _ends(file) if file.is_file() else ""
     except OSError as error:
         raise VideoError(f"{path}: cannot be read: {reason(error)}") from error
 
@@ -142,6 +147,5 @@ def _package_of(kind: type) -> Path:
 def _sources(place: Path) -> str:
     """Digest of a package's Python files, but for parts that make no map."""
     files = [place] if place.is_file() else sorted(place.rglob("*.py"))
-    own = [(file, file.relative_to(place).parts) for file in files]
-    chosen = [(str(Path(*parts)), sha256(file)) for file, parts in own if not parts or parts[0] not in ELSEWHERE]
-    return _digest(files=chosen)
+    parts = [(file, file.relative_to(place).parts) for file in files]
+    return digest(files=[(str(Path(*names)), sha256(file)) for file, names in parts if not NO_MAP.intersection(names)])

@@ -19,7 +19,7 @@ ADDRESS = re.compile(r"\w+://\S+:\d+")
 CONNECT_S = 15
 
 
-class Cluster:
+class DaskExecutor:
     """A Dask scheduler's workers. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`."""
 
     monitor: Monitor | None = None
@@ -47,10 +47,10 @@ class Cluster:
         """Workers at the moment."""
         return len(self.client.scheduler_info(n_workers=-1)["workers"])
 
-    def submit(self, key: Hashable, work: Callable[..., Any], *arguments: Any) -> None:
+    def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
-            future = self.client.submit(work, *arguments, pure=False)
+            future = self.client.submit(function, *arguments, pure=False)
         self.keys[future.key] = key
         self.done.add(future)
 

@@ -1,126 +1,273 @@
-"""Who does the work: this process, or processes beside it, of which one may die without taking the others' work with it."""
+"""Who runs a job's tasks: this process, or other processes, of which one may end without taking the others' tasks with it."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from typing import Any, Protocol
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol, TypeVar
 
+from savmap.plugin import activity
 from savmap.types.progress import Monitor
 
-Piece = tuple[Callable[..., Any], tuple[Any, ...]]
-WATCH_S = 1.0
+Item = TypeVar("Item")
+Task = tuple[Callable[..., Any], tuple[Any, ...]]
+POLL_S = 0.25
+PARENT_POLL_S = 1.0
+ENDED = "its process ended without a word: out of memory, killed, or crashed"
 
 
 class WorkerCrashedError(Exception):
-    """The process that did a piece of work ended without a word."""
+    """The process that did a task ended without a result, or was ended because a hook took too long. `plugin`, `hook`: what was at work
+    in it, if a hook was."""
+
+    def __init__(self, what: str, plugin: str = "", hook: str = "") -> None:
+        super().__init__(what)
+        self.plugin, self.hook = plugin, hook
 
 
-class Workers(Protocol):
-    """Takes pieces of work, and gives their results in the order in which they are done. `monitor`: what the work may talk to, where
-    it is done in this very process."""
+class TaskExecutor(Protocol):
+    """Takes tasks, and gives their results in the order in which they are done. `monitor`: an argument for tasks that shows what they do
+    to the user while they do it; None where that is not possible."""
 
     monitor: Monitor | None
 
-    def submit(self, key: Hashable, work: Callable[..., Any], *arguments: Any) -> None:
-        """Take a piece of work."""
+    def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
+        """Take a task."""
         ...
 
     def results(self) -> Iterator[tuple[Any, Any]]:
-        """Key and result of each piece, also of those submitted meanwhile; a result is an exception where the work ended
+        """Key and result of each task, also of those submitted meanwhile; a result is an exception where the task ended
         with one."""
         ...
 
 
-class Here:
-    """This process does it, one piece after another, when its result is asked for."""
+class SerialExecutor:
+    """Runs tasks in this process, one after another, when their results are asked for."""
 
     def __init__(self, monitor: Monitor) -> None:
         self.monitor: Monitor | None = monitor
-        self.waiting: list[tuple[Hashable, Piece]] = []
+        self.waiting: list[tuple[Hashable, Task]] = []
 
-    def submit(self, key: Hashable, work: Callable[..., Any], *arguments: Any) -> None:
-        self.waiting.append((key, (work, arguments)))
+    def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
+        self.waiting.append((key, (function, arguments)))
 
     def results(self) -> Iterator[tuple[Any, Any]]:
         while self.waiting:
-            key, (work, arguments) = self.waiting.pop(0)
-            yield key, work(*arguments)
+            key, (function, arguments) = self.waiting.pop(0)
+            yield key, function(*arguments)
 
 
-class Beside:
-    """Processes beside this one, so many at a time. Where one dies, all that were at work are suspected and tried again, each alone;
-    the one that dies alone has `DiedError` for a result."""
+class ProcessExecutor:
+    """Runs tasks in other processes, so many at a time.
 
-    monitor: Monitor | None = None
+    If a process ends without a result, all tasks under way are tried again, each alone; one that ends its process then has
+    `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. With one process, what tasks
+    tell their monitor is shown by `shown` meanwhile.
+    """
 
-    def __init__(self, jobs: int) -> None:
-        self.jobs = jobs
-        self.waiting: dict[Hashable, Piece] = {}
-        self.suspects: dict[Hashable, Piece] = {}
+    def __init__(self, processes: int, timeout_s: float = float("inf"), shown: Monitor | None = None) -> None:
+        self.processes, self.timeout_s, self.shown = processes, timeout_s, shown
+        self.monitor: Monitor | None = ForwardedMonitor() if shown is not None and processes == 1 else None
+        self.waiting: dict[Hashable, Task] = {}
+        self.suspects: dict[Hashable, Task] = {}
 
-    def submit(self, key: Hashable, work: Callable[..., Any], *arguments: Any) -> None:
-        self.waiting[key] = (work, arguments)
+    def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
+        self.waiting[key] = (function, arguments)
 
     def results(self) -> Iterator[tuple[Any, Any]]:
         while self.waiting or self.suspects:
-            yield from self._shift(self.waiting, self.jobs)
+            yield from self._run(self.waiting, self.processes)
             while self.suspects:
                 key = next(iter(self.suspects))
                 alone = {key: self.suspects.pop(key)}
-                yield from self._shift(alone, 1)
+                yield from self._run(alone, 1)
 
-    def _shift(self, waiting: dict[Hashable, Piece], jobs: int) -> Iterator[tuple[Any, Any]]:
-        """Work through what is waiting until it is done or a process dies; at most `jobs` pieces are under way."""
-        with _pool(jobs) as pool:
-            under_way: dict[Future[Any], tuple[Hashable, Piece]] = {}
+    def _run(self, waiting: dict[Hashable, Task], processes: int) -> Iterator[tuple[Any, Any]]:
+        """Run what is waiting until it is done or a process ends; at most `processes` tasks are under way."""
+        with _pool(processes, self.timeout_s, self.shown if self.monitor else None) as (pool, board):
+            under_way: dict[Future[Any], tuple[Hashable, Task]] = {}
             while waiting or under_way:
-                while waiting and len(under_way) < jobs:
+                while waiting and len(under_way) < processes:
                     key = next(iter(waiting))
-                    work, arguments = waiting.pop(key)
-                    under_way[pool.submit(work, *arguments)] = (key, (work, arguments))
+                    function, arguments = waiting.pop(key)
+                    under_way[pool.submit(_call, str(key), function, *arguments)] = (key, (function, arguments))
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    key, piece = under_way.pop(future)
+                    key, task = under_way.pop(future)
                     error = future.exception()
-                    if isinstance(error, BrokenProcessPool) and jobs == 1:
-                        yield (
-                            key,
-                            WorkerCrashedError("its process ended without a word: out of memory, killed, or crashed"),
-                        )
-                        return
                     if isinstance(error, BrokenProcessPool):
-                        self.suspects |= {key: piece, **dict(under_way.values())}
+                        yield from self._after_crash(board, {key: task, **dict(under_way.values())}, processes)
                         return
                     yield key, error or future.result()
 
+    def _after_crash(
+        self, board: "_Board", under_way: dict[Hashable, Task], processes: int
+    ) -> Iterator[tuple[Any, Any]]:
+        """Errors of the tasks that are known to have ended their process; the others are suspects."""
+        for key, task in under_way.items():
+            error = board.timeouts.get(str(key)) or (board.crash() if processes == 1 else None)
+            if error is None:
+                self.suspects[key] = task
+            else:
+                yield key, error
+
+
+class ForwardedMonitor:
+    """A Monitor for tasks in another process: what it is told is shown by the monitor of the process that waits for them."""
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        _worker.send("each", doing, total)
+        try:
+            for item in items:
+                yield item
+                _worker.send("step")
+        finally:
+            _worker.send("end")
+
+    def note(self, line: str) -> None:
+        _worker.send("note", line)
+
+
+class _Slot(ctypes.Structure):
+    """What one process is at: its task, and the hook that is at work in it since a time of the monotonic clock."""
+
+    _fields_ = (
+        ("pid", ctypes.c_long),
+        ("task", ctypes.c_char * 256),
+        ("plugin", ctypes.c_char * 128),
+        ("hook", ctypes.c_char * 64),
+        ("begin_s", ctypes.c_double),
+    )
+
+
+class _Board:
+    """The slots of a pool's processes, in memory that they share with this one, and a thread that ends processes in which a hook takes
+    too long."""
+
+    def __init__(self, context: Any, processes: int, timeout_s: float) -> None:
+        self.slots = context.Array(_Slot, processes, lock=False)
+        self.claimed = context.Value("i", 0)
+        self.timeout_s = timeout_s
+        self.timeouts: dict[str, WorkerCrashedError] = {}
+        self.closed = threading.Event()
+        self.thread = threading.Thread(target=self._watch, name="savmap-timeouts", daemon=True)
+
+    def crash(self) -> WorkerCrashedError:
+        """The error of a pool's only process that has ended."""
+        plugin, hook = self.slots[0].plugin.decode(), self.slots[0].hook.decode()
+        return WorkerCrashedError(f"ended the process in `{hook}`" if plugin else ENDED, plugin, hook)
+
+    def _watch(self) -> None:
+        while not self.closed.wait(POLL_S):
+            for slot in self.slots:
+                plugin, hook, begin_s = slot.plugin.decode(), slot.hook.decode(), slot.begin_s
+                if plugin and time.monotonic() - begin_s > self.timeout_s:
+                    what = f"did not return from `{hook}` within {self.timeout_s:g} s (plugin_timeout_s)"
+                    self.timeouts[slot.task.decode()] = WorkerCrashedError(what, plugin, hook)
+                    with suppress(ProcessLookupError):
+                        os.kill(slot.pid, signal.SIGKILL)
+
+
+class _Worker:
+    """This process, where it is one of a pool's: its slot, and the way to the monitor."""
+
+    slot: Any
+    events: Any
+    sending = threading.Lock()
+
+    def begin(self, board: Any, claimed: Any, events: Any) -> None:
+        with claimed.get_lock():
+            self.slot = board[claimed.value % len(board)]
+            claimed.value += 1
+        self.slot.pid = os.getpid()
+        self.events = events
+        activity.set_sink(self.tell)
+
+    def send(self, *event: object) -> None:
+        """Send an event to the monitor. A monitor that is gone is no reason to fail."""
+        with self.sending, suppress(OSError):
+            self.events.send(event)
+
+    def tell(self, plugin: str, hook: str) -> None:
+        """Note the hook that is at work. The plugin is written last, and taken away first: it says that the rest is valid."""
+        self.slot.plugin = b""
+        if plugin:
+            self.slot.hook, self.slot.begin_s = hook.encode()[:63], time.monotonic()
+            self.slot.plugin = plugin.encode()[:127]
+
+
+_worker = _Worker()
+
+
+def _call(task: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    _worker.slot.task = task.encode()[:255]
+    return function(*arguments)
+
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Executor]:
+def _pool(processes: int, timeout_s: float, shown: Monitor | None) -> Iterator[tuple[Executor, _Board]]:
     """Processes that end with this one, however it ends, and leave ctrl-C to it."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, context, _begin, (os.getpid(),))
+    board, (received, sent) = _Board(context, processes, timeout_s), context.Pipe(duplex=False)
+    initial = (os.getpid(), board.slots, board.claimed, sent)
+    pool = ProcessPoolExecutor(processes, context, _begin, initial)
     before = set(multiprocessing.active_children())
+    board.thread.start()
+    shower = threading.Thread(target=_show, args=(received, shown), name="savmap-progress", daemon=True)
+    shower.start()
     try:
-        yield pool
+        yield pool, board
     except BaseException:
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
         raise
     finally:
+        board.closed.set()
         pool.shutdown(wait=True, cancel_futures=True)
+        sent.close()
+        shower.join()
+        received.close()
 
 
-def _begin(parent: int) -> None:
+def _show(events: Any, monitor: Monitor | None) -> None:
+    """Show what `ForwardedMonitor`s send, until the last process that could send is gone."""
+    while (event := _next(events)) is not None:
+        if monitor is not None and event[0] == "note":
+            monitor.note(event[1])
+        elif monitor is not None and event[0] == "each":
+            for _ in monitor.each(_steps(events, monitor), event[1], event[2]):
+                pass
+
+
+def _steps(events: Any, monitor: Monitor) -> Iterator[None]:
+    """An item for each step of what is under way, until it ends; notes meanwhile are shown."""
+    while (event := _next(events)) is not None and event[0] != "end":
+        if event[0] == "note":
+            monitor.note(event[1])
+        else:
+            yield
+
+
+def _next(events: Any) -> tuple[Any, ...] | None:
+    try:
+        event: tuple[Any, ...] = events.recv()
+    except (EOFError, OSError):
+        return None
+    return event
+
+
+def _begin(parent: int, board: Any, claimed: Any, events: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _worker.begin(board, claimed, events)
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(WATCH_S)
+            time.sleep(PARENT_POLL_S)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

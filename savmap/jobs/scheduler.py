@@ -1,52 +1,53 @@
-"""All rows of a job, each stage done once: what was kept is taken, the rest is given to workers, and one bad row stops no other."""
+"""All rows of a job, each stage done once: what an earlier run kept is used, the rest is given to workers, and a row that fails stops
+no other."""
 
 import logging
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from savmap.errors import SavmapError
+from savmap.errors import PluginFailedError, SavmapError
 from savmap.jobs import tasks
-from savmap.jobs.cache import Store
+from savmap.jobs.cache import RowCache, StoredRecord
 from savmap.jobs.cache_keys import measurement_key, solution_key
-from savmap.jobs.executors import Beside, Here, WorkerCrashedError, Workers
-from savmap.maps.map_file import map_of
+from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
 from savmap.maps.run_record import RowRun, RunLog
+from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin import trace
+from savmap.plugin.isolation import left_out
 from savmap.site.job import Job
 from savmap.types import RowMap
 from savmap.types.progress import Monitor
 
 log = logging.getLogger("savmap")
-SEEN, SOLVED = "seen", "solved"
-Key = tuple[str, tuple[str, ...]]
+MEASURED, SOLVED = "measured", "solved"
+Group = tuple[str, ...]
+Key = tuple[str, Group]
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a job is done: in so many processes (0: in this one; None: as fits the rows and this machine) or by the workers of the
-    Dask scheduler at an address, and whether nothing that was kept is believed."""
+    """How a job is run: in so many processes (0: in this one; None: as fits the rows and this machine) or by the workers of the
+    Dask scheduler at an address, and whether what an earlier run kept is ignored."""
 
     jobs: int | None = None
     fresh: bool = False
     cluster: str | None = None
 
-    def workers(self, job: Job, joint_groups: int, monitor: Monitor) -> tuple[Workers, int]:
-        """Who works on so many drives, and how many of them there are. Raises SavmapError where a cluster cannot."""
+    def executor(self, job: Job, groups: int, monitor: Monitor) -> tuple[TaskExecutor, int]:
+        """Who runs the tasks of so many groups of rows, and with how many workers. Raises SavmapError where a cluster cannot."""
         if self.cluster is not None:
-            from savmap.jobs.dask_executor import Cluster
+            from savmap.jobs.dask_executor import DaskExecutor  # Dask is an extra, and slow to import
 
-            cluster = Cluster(self.cluster, job)
-            return cluster, cluster.count
-        jobs = self.jobs
-        if jobs is None:
-            jobs = min(joint_groups, max((os.cpu_count() or 1) // 2, 1)) if joint_groups > 1 else 0
-        return (Beside(jobs), jobs) if jobs else (Here(monitor), 1)
+            dask = DaskExecutor(self.cluster, job)
+            return dask, dask.count
+        jobs = max(min(groups, (os.cpu_count() or 1) // 2), 1) if self.jobs is None else self.jobs
+        return (ProcessExecutor(jobs, job.site.plugin_timeout_s, monitor), jobs) if jobs else (SerialExecutor(monitor), 1)
 
 
-@dataclass(frozen=True)
-class Mapped:
+@dataclass(frozen=True, eq=False)
+class MappedRows:
     """Rows' maps by name, in the site's order; the errors of the others; what was done."""
 
     rows: Mapping[str, RowMap]
@@ -54,143 +55,164 @@ class Mapped:
     log: RunLog
 
 
-def mapped_rows(job: Job, way: RunOptions, monitor: Monitor) -> Mapped:
-    """Map all rows. Raises the first row's error where none could be mapped."""
+def map_rows_of(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache) -> MappedRows:
+    """Map all rows of a job. Raises the first row's error where none could be mapped."""
     begin = time.monotonic()
-    joint_groups = drives_of(job)
-    workers, jobs = way.workers(job, len(joint_groups), monitor)
-    rows = Rows(job, Store(job.output, way.fresh), workers, monitor, joint_groups)
-    for drive in joint_groups:
-        rows.begin(drive)
-    pieces = workers.results()
-    if workers.monitor is None:
-        pieces = monitor.each(pieces, "rows seen and solved", len(job.site.rows) + len(joint_groups))
-    for key, result in pieces:
-        rows.take(key, result)
-    if not rows.texts:
-        raise next(iter(rows.failed.values()))
-    order = [name for name in job.site.rows if name in rows.texts]
-    maps = {name: map_of(rows.texts[name].decode(), name).rows[name] for name in order}
+    groups = groups_of(job)
+    executor, workers = options.executor(job, len(groups), monitor)
+    progress = _Progress(job, cache, executor, monitor, groups)
+    for group in groups:
+        progress.begin(group)
+    results = executor.results()
+    if executor.monitor is None:
+        results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups))
+    for key, result in results:
+        progress.take(key, result)
+    if not progress.solved:
+        raise next(iter(progress.failed.values()))
+    maps = {name: progress.solved[name].record for name in job.site.rows if name in progress.solved}
     for name, row in maps.items():
-        if name not in rows.seconds:
-            log_lines(row, monitor)
-    done = {name: rows.told(name, maps.get(name)) for name in job.site.rows}
-    failed = {name: rows.failed[name] for name in job.site.rows if name in rows.failed}
-    return Mapped(maps, failed, RunLog(rows=done, wall_s=round(time.monotonic() - begin, 2), jobs=jobs))
+        if name not in progress.seconds:
+            _show_notes(row, monitor)
+    runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
+    failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
+    return MappedRows(maps, failed, RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers))
 
 
-def log_lines(row: RowMap, monitor: Monitor) -> None:
-    """The notes of a row that was kept from an earlier run."""
-    for key, text in row.report.items():
-        if key.startswith(tasks.NOTE):
-            monitor.note(f"row {row.name}: {str(text).removeprefix(f'row {row.name}: ')}")
-
-
-def drives_of(job: Job) -> Sequence[tuple[str, ...]]:
+def groups_of(job: Job) -> Sequence[Group]:
     """Rows by name in groups that are solved together; each alone where its camera path is known."""
     groups = job.site.joint_groups() if job.earlier is None else [[name] for name in job.site.rows]
     return [tuple(names) for names in groups]
 
 
-@dataclass
-class Rows:
-    """How far the rows are: fingerprints and content of what was seen, the texts of maps, the errors of rows that failed,
-    and, by row, the plugins without which it was mapped."""
+def _show_notes(row: RowMap, monitor: Monitor) -> None:
+    """Show the notes of a row that an earlier run mapped."""
+    for key, text in row.report.items():
+        if key.startswith(tasks.NOTE):
+            monitor.note(f"row {row.name}: {str(text).removeprefix(f'row {row.name}: ')}")
+
+
+@dataclass(eq=False)
+class _Progress:
+    """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the plugins that failed
+    in it."""
 
     job: Job
-    store: Store
-    workers: Workers
+    cache: RowCache
+    executor: TaskExecutor
     monitor: Monitor
-    joint_groups: Sequence[tuple[str, ...]]
-    prints: dict[str, str] = field(default_factory=dict)
-    solved_prints: dict[tuple[str, ...], str] = field(default_factory=dict)
-    seen: dict[str, bytes] = field(default_factory=dict)
-    texts: dict[str, bytes] = field(default_factory=dict)
+    groups: Sequence[Group]
+    keys: dict[str, str] = field(default_factory=dict)
+    solution_keys: dict[Group, str] = field(default_factory=dict)
+    measured: dict[str, StoredRecord[RowMeasurements]] = field(default_factory=dict)
+    solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
-    lacking: dict[str, dict[str, str]] = field(default_factory=dict)
+    plugins_failed: dict[str, dict[str, str]] = field(default_factory=dict)
+    crashed: dict[str, dict[str, PluginFailedError]] = field(default_factory=dict)
 
-    def begin(self, drive: tuple[str, ...]) -> None:
-        """Take what was kept of a drive, and have the rest worked out."""
-        self.prints |= {name: measurement_key(self.job, name) for name in drive}
-        if self._take_kept(drive):
+    def begin(self, group: Group) -> None:
+        """Use what an earlier run kept of a group, and have the rest worked out."""
+        self.keys |= {name: measurement_key(self.job, name) for name in group}
+        if self._use_kept(group):
             return
-        for name in drive:
-            kept = self.store.kept(name, SEEN, self.prints[name])
+        for name in group:
+            kept = self.cache.load(name, MEASURED, self.keys[name])
             if kept is not None:
-                self.seen[name] = kept
+                self.measured[name] = StoredRecord(RowMeasurements, content=kept)
             else:
-                self._submit((SEEN, (name,)), tasks.see, name)
-        self._solve_if_seen(drive)
+                self._measure(name)
+        self._solve_if_measured(group)
 
-    def take(self, key: Key, result: tasks.Done | BaseException) -> None:
-        """Keep what a piece of work gave, and go on from there."""
+    def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
+        """Keep what a task gave, and go on from there."""
         stage, names = key
-        done = result if isinstance(result, tasks.Done) else _lost(names, result)
+        if isinstance(result, WorkerCrashedError) and result.plugin and self.job.skips_failed_plugins:
+            self._try_without(key, result)
+            return
+        done = result if isinstance(result, tasks.TaskResult) else _crashed(names, result)
         for line in done.notes:
             self.monitor.note(line)
         trace.log_lines(done.logged)
-        for name, content in done.content.items():
-            self.lacking.setdefault(name, {}).update(done.lacking.get(name, {}))
+        for name, record in done.records.items():
+            self.plugins_failed.setdefault(name, {}).update(done.plugins_failed.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
             self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
-            if isinstance(content, tasks.Failure):
-                self._fail(name, content)
-            elif stage == SEEN:
-                self._keep(name, SEEN, self.prints[name], content)
-                self.seen[name] = content
+            if isinstance(record, tasks.Failure):
+                self._fail(name, record)
+            elif stage == MEASURED:
+                self._save(name, MEASURED, self.keys[name], record)
+                self.measured[name] = record
             else:
-                self._keep(name, SOLVED, self._solved_print(names), content)
-                self.texts[name] = content
-        if stage == SEEN:
-            self._solve_if_seen(next(drive for drive in self.joint_groups if names[0] in drive))
+                self._save(name, SOLVED, self._solution_key(names), record)
+                self.solved[name] = record
+        group = next(group for group in self.groups if names[0] in group)
+        if stage == MEASURED:
+            self._solve_if_measured(group)
+        else:
+            for name in names:
+                self.measured.pop(name, None)
 
-    def told(self, name: str, row: RowMap | None) -> RowRun:
+    def row_run(self, name: str, row: RowMap | None) -> RowRun:
         """What was done with a row, for run.json."""
-        if row is None:
-            return RowRun(status="failed", error=str(self.failed[name]), seconds=self.seconds.get(name, {}))
         seconds = self.seconds.get(name, {})
+        if row is None:
+            return RowRun(status="failed", error=str(self.failed[name]), seconds=seconds)
         return RowRun(
             status="mapped" if seconds else "kept",
             seconds=seconds,
             used=len(row.frames),
             peak_mb=self.peak_mb.get(name, 0.0),
-            plugins_failed=self.lacking.get(name, {}),
+            plugins_failed=self.plugins_failed.get(name, {}),
         )
 
-    def _keep(self, name: str, stage: str, print_: str, content: bytes) -> None:
+    def _save(self, name: str, stage: str, key: str, record: StoredRecord[object]) -> None:
         """Keep what is whole: where a plugin failed, it is tried again next time."""
-        if not self.lacking[name]:
-            self.store.keep(name, stage, print_, content)
+        if not self.plugins_failed[name]:
+            self.cache.save(name, stage, key, record.content)
 
-    def _solve_if_seen(self, drive: tuple[str, ...]) -> None:
-        """Once all rows of a drive were seen, or failed: solve those that were seen."""
-        if not all(name in self.seen or name in self.failed for name in drive):
-            return
-        names = tuple(name for name in drive if name in self.seen)
-        if names and not self._take_kept(names):
-            self._submit((SOLVED, names), tasks.solve, {name: self.seen[name] for name in names})
+    def _try_without(self, key: Key, crash: WorkerCrashedError) -> None:
+        """Do a task again without the plugin that ended its process."""
+        stage, names = key
+        error = PluginFailedError(crash.plugin, crash.hook, str(crash))
         for name in names:
-            del self.seen[name]
+            self.crashed.setdefault(name, {})[crash.plugin] = error
+            self.monitor.note(f"row {name}: {left_out(str(error))}")
+        self._measure(names[0]) if stage == MEASURED else self._solve(names)
 
-    def _take_kept(self, names: tuple[str, ...]) -> bool:
-        kept = {name: self.store.kept(name, SOLVED, self._solved_print(names)) for name in names}
-        found = {name: text for name, text in kept.items() if text is not None}
-        if len(found) < len(names):
+    def _measure(self, name: str) -> None:
+        self._submit((MEASURED, (name,)), tasks.measure_task, name)
+
+    def _solve(self, names: Group) -> None:
+        self._submit((SOLVED, names), tasks.solve_task, {name: self.measured[name] for name in names})
+
+    def _solve_if_measured(self, group: Group) -> None:
+        """Once all rows of a group were measured, or failed: solve those that were measured."""
+        if not all(name in self.measured or name in self.failed for name in group):
+            return
+        names = tuple(name for name in group if name in self.measured)
+        if names and not self._use_kept(names):
+            self._solve(names)
+
+    def _use_kept(self, names: Group) -> bool:
+        kept = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
+        maps = {name: StoredRecord(RowMap, content=content) for name, content in kept.items() if content is not None}
+        if len(maps) < len(names):
             return False
         self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
-        self.texts |= found
+        self.solved |= maps
         return True
 
-    def _solved_print(self, names: tuple[str, ...]) -> str:
-        if names not in self.solved_prints:
-            self.solved_prints[names] = solution_key(self.job, {name: self.prints[name] for name in names})
-        return self.solved_prints[names]
+    def _solution_key(self, names: Group) -> str:
+        if names not in self.solution_keys:
+            self.solution_keys[names] = solution_key(self.job, {name: self.keys[name] for name in names})
+        return self.solution_keys[names]
 
-    def _submit(self, key: Key, do: Callable[..., tasks.Done], what: object) -> None:
-        talk = () if self.workers.monitor is None else (self.workers.monitor,)
-        self.workers.submit(key, do, self.job, what, *talk)
+    def _submit(self, key: Key, task: Callable[..., tasks.TaskResult], what: object) -> None:
+        shown = () if self.executor.monitor is None else (self.executor.monitor,)
+        failures = {name: self.crashed[name] for name in key[1] if name in self.crashed}
+        self.executor.submit(key, task, self.job, what, failures, *shown)
 
     def _fail(self, name: str, failure: tasks.Failure) -> None:
         self.failed[name] = failure.error
@@ -200,7 +222,9 @@ class Rows:
             log.error("row %s: %s", name, failure.trace)
 
 
-def _lost(names: tuple[str, ...], error: BaseException) -> tasks.Done:
+def _crashed(names: Group, error: BaseException) -> tasks.TaskResult:
+    """The failure of rows whose process ended without a result. Any other error is raised."""
     if not isinstance(error, WorkerCrashedError):
         raise error
-    return tasks.Done({name: tasks.Failure(SavmapError(str(error))) for name in names})
+    failure = PluginFailedError(error.plugin, error.hook, str(error)) if error.plugin else SavmapError(str(error))
+    return tasks.TaskResult({name: tasks.Failure(failure) for name in names})

@@ -1,4 +1,4 @@
-"""What a worker does, in this process, in another one, or on another machine: from a job to bytes, without writing a file."""
+"""Tasks: what a worker does, in this process, in another one, or on another machine, without writing a file."""
 
 import logging
 import resource
@@ -8,22 +8,26 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError, SiteError, format_error
+from savmap.errors import PluginFailedError, SavmapError, SiteError, format_error
+from savmap.jobs.cache import StoredRecord
+from savmap.jobs.executors import ForwardedMonitor
+from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowRequest
+from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for
-from savmap.types import RowMap, SiteMap, Trajectory
+from savmap.site.references import calibration_of, references_of
+from savmap.types import RowMap, Trajectory
 from savmap.types.progress import Monitor, NoteCollector
-
-if TYPE_CHECKING:
-    from savmap.pipeline.row import Row
 
 NOTE = "note "
 PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10
+Failures = Mapping[str, PluginFailedError]
 
 
 @dataclass(frozen=True)
@@ -34,92 +38,126 @@ class Failure:
     trace: str = ""
 
 
-@dataclass(frozen=True)
-class Done:
-    """What a piece of work gave: content by row, or why there is none; lines for the user, seconds on the clock, the largest
-    memory of the worker so far, MB, what another process had no log for, and, by row, the plugins that failed and how."""
+@dataclass(frozen=True, eq=False)
+class TaskResult:
+    """What a task gave: by row, a record, or why there is none; notes for the user that nobody was told yet, seconds on the clock, the
+    largest memory of the worker so far, MB, what another process had no log for, and, by row, the plugins that failed and how."""
 
-    content: Mapping[str, bytes | Failure]
+    records: Mapping[str, StoredRecord[Any] | Failure]
     notes: Sequence[str] = ()
     seconds: float = 0.0
     peak_mb: float = 0.0
     logged: Sequence[str] = ()
-    lacking: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    plugins_failed: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-def see(job: Job, name: str, monitor: Monitor | None = None) -> Done:
-    """What is seen of one row, as stored bytes."""
-    from savmap.files.serialization import packed
-    from savmap.pipeline.row import look
+def measure_task(job: Job, row: str, failures: Mapping[str, Failures], monitor: Monitor | None = None) -> TaskResult:
+    """What is measured in one row's pictures. `failures`: by row, the plugins that failed in it already."""
+    plugins_failed: dict[str, Mapping[str, str]] = {}
 
-    lacking: dict[str, Mapping[str, str]] = {}
-
-    def seen(notes: Monitor) -> dict[str, bytes | Failure]:
-        plugins = plugins_for(job, name)
+    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
+        request = request_for(job, row, failures.get(row))
         try:
-            found = look(row_of(job, name), plugins, notes)
+            measurements = measure(request, shown).measurements
         except SavmapError as error:
-            raise because(error, failed(plugins)) from error
-        lacking[name] = found.failed
-        return {name: packed(found)}
+            raise because(error, failed(request.plugins)) from error
+        plugins_failed[row] = measurements.failed
+        return {row: StoredRecord(RowMeasurements, measurements)}
 
-    return replace(_done([name], seen, monitor), lacking=lacking)
+    return replace(_result([row], work, monitor), plugins_failed=plugins_failed)
 
 
-def solve(job: Job, seen: Mapping[str, bytes], monitor: Monitor | None = None) -> Done:
-    """Maps of rows that share passes, each as the text of a map file, from what was seen of them."""
-    from savmap.files.serialization import unpacked
-    from savmap.maps.map_file import map_text
-    from savmap.pipeline.measure import RowMeasurements
-    from savmap.pipeline.row import map_rows
+def solve_task(
+    job: Job,
+    measurements: Mapping[str, StoredRecord[RowMeasurements]],
+    failures: Mapping[str, Failures],
+    monitor: Monitor | None = None,
+) -> TaskResult:
+    """Maps of rows that share passes, from what was measured of them. `failures`: by row, the plugins that failed in it already."""
+    plugins_failed: dict[str, Mapping[str, str]] = {}
 
-    lacking: dict[str, Mapping[str, str]] = {}
-
-    def mapped(notes: Monitor) -> dict[str, bytes | Failure]:
-        rows = [
-            (row_of(job, name), plugins_for(job, name), unpacked(content, RowMeasurements))
-            for name, content in seen.items()
+    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
+        requests = [
+            replace(request_for(job, row, failures.get(row)), measurements=stored.record)
+            for row, stored in measurements.items()
         ]
-        heard = NoteCollector()
-        with warnings_as_notes(heard):
-            found = map_rows(rows, notes)
-        lacking.update({row.name: {**observed.failed, **failed(plugins)} for row, plugins, observed in rows})
+        warned = NoteCollector()
+        with warnings_as_notes(warned):
+            results = map_rows(requests, shown)
+        for request in requests:
+            known = request.measurements.failed if request.measurements else {}
+            plugins_failed[request.name] = {**known, **failed(request.plugins)}
         return {
-            name: map_text(SiteMap({name: with_notes(own, heard.lines)}, {})).encode()
-            if isinstance(own, RowMap)
-            else Failure(because(own, lacking[name]))
-            for name, own in zip(seen, found, strict=True)
+            row: StoredRecord(RowMap, with_notes(result, warned.lines))
+            if isinstance(result, RowMap)
+            else Failure(because(result, plugins_failed[row]))
+            for row, result in zip(measurements, results, strict=True)
         }
 
-    return replace(_done(list(seen), mapped, monitor), lacking=lacking)
+    return replace(_result(list(measurements), work, monitor), plugins_failed=plugins_failed)
 
 
-def _done(
-    names: Sequence[str], work: Callable[[Monitor], Mapping[str, bytes | Failure]], monitor: Monitor | None
-) -> Done:
-    """Do it; an error is the failure of all rows named. Without a monitor (in another process) no error is let out at all.
+def request_for(job: Job, row: str, failures: Failures | None = None) -> RowRequest:
+    """What the job asks of one of its rows. Raises PluginError, SiteError."""
+    references = job.site.row_references(row)
+    return RowRequest(
+        name=row,
+        passes=job.site.rows[row].passes,
+        plugins=plugins_for(job, row, failures),
+        references=references_of(references),
+        travel_m=references.travel_m,
+        path=earlier_path(job, row),
+        calibration=calibration_of(job.site.row_calibration(row)),
+        appearance=job.site.row_appearance(row),
+    )
+
+
+def earlier_path(job: Job, row: str) -> Trajectory | None:
+    """The camera's path in a row of an earlier map, if the job has one. Raises SiteError where that has no such row."""
+    from savmap.maps.map_file import read_map  # loads the JSON Schema's library, which few runs need
+
+    if job.earlier is None:
+        return None
+    rows = read_map(job.earlier).rows
+    if row not in rows:
+        raise SiteError(f"{job.earlier}: has no row `{row}` whose camera path could be used; it has {', '.join(rows)}")
+    return rows[row].trajectory
+
+
+def _result(
+    rows: Sequence[str],
+    work: Callable[[Monitor], Mapping[str, StoredRecord[Any] | Failure]],
+    monitor: Monitor | None,
+) -> TaskResult:
+    """Do it; an expected error is the failure of all rows named. In another process no error is let out at all.
 
     Linear algebra runs in one thread: sums then do not depend on how many cores a machine has.
     """
     notes = NoteCollector()
     begin = time.monotonic()
+    remote = monitor is None or isinstance(monitor, ForwardedMonitor)
+    shown = monitor or notes
     logged: Sequence[str] = ()
-    content: Mapping[str, bytes | Failure]
-    talk = monitor or notes
+    records: Mapping[str, StoredRecord[Any] | Failure]
     try:
-        with threadpool_limits(1, "blas"), warnings_as_notes(talk), trace.about(names, keep=monitor is None) as logged:
-            content = work(talk)
+        with threadpool_limits(1, "blas"), warnings_as_notes(shown), trace.about(rows, keep=remote) as logged:
+            records = work(shown)
     except SavmapError as error:
-        content = {name: Failure(error) for name in names}
+        records = {row: Failure(error) for row in rows}
     except Exception as error:
-        if monitor is not None:
+        if not remote:
             raise
-        content = {name: _unexpected(error) for name in names}
+        records = {row: _unexpected(error) for row in rows}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
-    return Done(content, tuple(notes.lines), time.monotonic() - begin, peak, tuple(logged))
+    return TaskResult(records, tuple(notes.lines), time.monotonic() - begin, peak, tuple(logged))
 
 
-class _Telling(logging.Handler):
+def _unexpected(error: Exception) -> Failure:
+    text = f"unexpected {format_error(error)}; please report it with savmap.log"
+    return Failure(SavmapError(text), traceback.format_exc())
+
+
+class _NoteHandler(logging.Handler):
     """Warnings of plugins and libraries, as notes."""
 
     def __init__(self, monitor: Monitor) -> None:
@@ -134,7 +172,7 @@ class _Telling(logging.Handler):
 @contextmanager
 def warnings_as_notes(monitor: Monitor) -> Iterator[None]:
     """While this lasts, what plugins and libraries log as a warning goes to the user and the log as a note."""
-    handler = _Telling(monitor)
+    handler = _NoteHandler(monitor)
     logging.getLogger().addHandler(handler)
     try:
         yield
@@ -142,53 +180,8 @@ def warnings_as_notes(monitor: Monitor) -> Iterator[None]:
         logging.getLogger().removeHandler(handler)
 
 
-def _unexpected(error: Exception) -> Failure:
-    text = f"unexpected {format_error(error)}; please report it with savmap.log"
-    return Failure(SavmapError(text), traceback.format_exc())
-
-
 def with_notes(row: RowMap, lines: Sequence[str]) -> RowMap:
     """The row's map with those of the lines in its report that begin with its name."""
-    own = [line.removeprefix(f"row {row.name}: ") for line in lines if line.startswith(f"row {row.name}: ")]
+    of_row = [line.removeprefix(f"row {row.name}: ") for line in lines if line.startswith(f"row {row.name}: ")]
     first = 1 + sum(name.startswith(NOTE) for name in row.report)
-    return replace(row, report={**row.report, **{f"{NOTE}{n}": line for n, line in enumerate(own, first)}})
-
-
-def map_one(job: Job, name: str, monitor: Monitor) -> RowMap:
-    """The map of one of the job's rows, by itself. Raises SavmapError's kinds."""
-    from savmap.pipeline.row import look, map_rows
-
-    row, plugins = row_of(job, name), plugins_for(job, name)
-    (found,) = map_rows([(row, plugins, look(row, plugins, monitor))], monitor)
-    if isinstance(found, SavmapError):
-        raise found
-    return found
-
-
-def row_of(job: Job, name: str) -> "Row":
-    """What the job says of one of its rows."""
-    from savmap.pipeline.row import Row
-    from savmap.site.references import calibration_of, references_of
-
-    known = job.site.row_references(name)
-    return Row(
-        name,
-        job.site.rows[name].passes,
-        references_of(known),
-        known.travel_m,
-        earlier_path(job, name),
-        calibration_of(job.site.row_calibration(name)),
-        job.site.row_appearance(name),
-    )
-
-
-def earlier_path(job: Job, name: str) -> Trajectory | None:
-    """The camera's path in a row of an earlier map, if the job has one."""
-    from savmap.maps.map_file import read_map
-
-    if job.earlier is None:
-        return None
-    rows = read_map(job.earlier).rows
-    if name not in rows:
-        raise SiteError(f"{job.earlier}: has no row `{name}` whose camera path could be used; it has {', '.join(rows)}")
-    return rows[name].trajectory
+    return replace(row, report={**row.report, **{f"{NOTE}{n}": line for n, line in enumerate(of_row, first)}})

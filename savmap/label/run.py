@@ -16,7 +16,8 @@ from savmap.label.choose import chosen, ranks
 from savmap.label.formats import LabelledPicture, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
-from savmap.pipeline.measure import PassPlan, clip_of, pass_names, plan_pass
+from savmap.pipeline.measure import PassPlan, plan_pass
+from savmap.site.model import pass_names
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, job_for, plugins_for, prepare
@@ -111,7 +112,7 @@ def require_footage(job: Job) -> None:
     """Raise PluginError or SiteError for plugins and settings, VideoError for a recording or time range, that cannot be used."""
     for name, row in job.site.rows.items():
         plugins_for(job, name)
-        for clip in map(clip_of, row.passes):
+        for clip in (row_pass.clip for row_pass in row.passes):
             time_range(clip, probe(clip.path, clip.images_fps).duration_s)
 
 

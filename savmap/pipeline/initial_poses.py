@@ -1,33 +1,30 @@
 """Where the camera is taken to be before anything is solved."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import published_start
 from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowRequest
 from savmap.types import Floats, Trajectory
 from savmap.vision.attitude import attitudes
-
-if TYPE_CHECKING:
-    from savmap.pipeline.row import Row
 
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
 
 
-def initial_path(row: "Row", seen: RowMeasurements) -> Trajectory:
+def initial_path(row: RowRequest, measurements: RowMeasurements) -> Trajectory:
     """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
     SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
     if row.path is not None:
-        return checked_path(row.name, row.path, len(seen.facts.frames))
-    stamps = seen.facts.frames.stamps_s
+        return checked_path(row.name, row.path, len(measurements.facts.frames))
+    stamps = measurements.facts.frames.stamps_s
     return published_start(
-        seen.facts,
-        attitudes_of(seen),
+        measurements.facts,
+        attitudes_of(measurements),
         length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
         height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
         distance_m=DISTANCE_M,
@@ -44,18 +41,18 @@ def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
     return path
 
 
-def attitudes_of(seen: RowMeasurements) -> Floats:
+def attitudes_of(measurements: RowMeasurements) -> Floats:
     """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures."""
-    missing = sorted(set(seen.facts.frames.passes) - set(seen.attitudes))
+    missing = sorted(set(measurements.facts.frames.passes) - set(measurements.attitudes))
     if missing:
         raise StructureError(
-            f"row {seen.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it"
+            f"row {measurements.facts.name}, {missing[0]}: the face's direction was not found, and no plugin gives it"
         )
-    first = np.stack([seen.attitudes[name] for name in seen.facts.frames.passes])
-    edges = [feature for features in seen.features.values() for feature in features if feature.axis is not None]
-    return attitudes(edges, seen.facts.views, first)
+    first = np.stack([measurements.attitudes[name] for name in measurements.facts.frames.passes])
+    edges = [feature for features in measurements.features.values() for feature in features if feature.axis is not None]
+    return attitudes(edges, measurements.facts.views, first)
 
 
-def initial_attitudes(row: "Row") -> Mapping[str, Floats]:
+def initial_attitudes(path: Trajectory | None) -> Mapping[str, Floats]:
     """What an earlier map says of the attitude at the start of the row's (only) pass."""
-    return {"pass 1": row.path.world_from_rig[0, :3, :3]} if row.path is not None else {}
+    return {"pass 1": path.world_from_rig[0, :3, :3]} if path is not None else {}

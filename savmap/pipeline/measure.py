@@ -12,7 +12,7 @@ from savmap.files.urls import is_url
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.site.model import Pass
+from savmap.site.model import MIN_FRAMES, Pass, pass_names
 from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
@@ -22,14 +22,14 @@ from savmap.vision.markers import Label, MarkerWatch, Marks
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
 
-MIN_FRAMES = 3
 WORKERS, DEPTH = 2, 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RowMeasurements:
-    """What was seen of a row: its facts, each room's features, the first attitude of every pass that is known, the markers,
-    and points that were followed. `failed`: by room, how its plugin failed, where the row is mapped without it."""
+    """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
+    plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
+    failed, where the row is mapped without it."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -41,90 +41,89 @@ class RowMeasurements:
     failed: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PassPlan:
-    """One pass with what each room wants to see of it."""
+    """One pass with the views that each plugin wants of it (`plans`, by plugin)."""
 
     name: str
     clip: Clip
-    aims: Mapping[str, ViewPlan]
+    plans: Mapping[str, ViewPlan]
 
-    def first(self, attribute: str) -> object:
-        """The first aim's answer that is not empty."""
-        answers = (getattr(aim, attribute) for aim in self.aims.values())
-        return next((answer for answer in answers if answer is not None and np.any(answer)), None)
+    def travel(self) -> int:
+        """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
+        return next((plan.travel for plan in self.plans.values() if plan.travel), 0)
 
-    def knows_face(self, plugin: str) -> bool:
-        """Whether a room found the face."""
-        return self.aims[plugin].world_from_rig is not None
+    def attitude(self) -> Floats | None:
+        """world_from_rig (3, 3) at the start, by the first plugin that knows it."""
+        return next((plan.world_from_rig for plan in self.plans.values() if plan.world_from_rig is not None), None)
+
+    def locators(self) -> set[str]:
+        """The plugins that found the face."""
+        return {plugin for plugin, plan in self.plans.items() if plan.world_from_rig is not None}
 
     def views(self) -> dict[tuple[str, str], ViewSpec]:
-        """Views by (room, name as the room gave it), renamed so that a name is unique in the row."""
+        """Views by (plugin, name as the plugin gave it), renamed so that a name is unique in the row."""
         return {
-            (plugin, spec.name): replace(
-                spec, name=f"{self.name} / {spec.name}" if self._alone(spec) else f"{self.name} / {plugin} {spec.name}"
-            )
-            for plugin, aim in self.aims.items()
-            for spec in aim.views
+            (plugin, spec.name): replace(spec, name=f"{self.name} / {self._name_of(plugin, spec)}")
+            for plugin, plan in self.plans.items()
+            for spec in plan.views
         }
 
     @cached_property
-    def watched(self) -> dict[ViewSpec, list[str]]:
-        """The rooms, by name, that look at each view."""
+    def plugins_by_view(self) -> dict[ViewSpec, list[str]]:
+        """The plugins, by name, that look at each view."""
         views = self.views()
         return {
-            spec: [plugin for (plugin, _), own in views.items() if own == spec]
+            spec: [plugin for (plugin, _), other in views.items() if other == spec]
             for spec in dict.fromkeys(views.values())
         }
 
-    def _alone(self, spec: ViewSpec) -> bool:
-        return all(other == spec for aim in self.aims.values() for other in aim.views if other.name == spec.name)
-
-
-def clip_of(one: Pass) -> Clip:
-    """The part of a video that a pass of the site file means."""
-    return Clip(one.video, one.start_s or None, one.end_s, one.fps)
+    def _name_of(self, plugin: str, spec: ViewSpec) -> str:
+        """A view's name, with its plugin's before it where another plugin gives another view the same name."""
+        alike = [other for plan in self.plans.values() for other in plan.views if other.name == spec.name]
+        return spec.name if all(other == spec for other in alike) else f"{plugin} {spec.name}"
 
 
 def plan_pass(
     name: str,
-    one: Pass,
+    row_pass: Pass,
     plugins: Sequence[LoadedPlugin],
     segmenters: SegmenterPool,
     renderer: Renderer,
     attitude: Floats | None,
 ) -> tuple[PassPlan, PassPreview]:
-    """Ask every room for its views of a pass; what one finds out about the attitude, the next is told."""
-    clip = clip_of(one)
+    """Ask every plugin for its views of a pass. The attitude that one finds is given to those after it.
+
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known.
+    """
+    clip = row_pass.clip
     frames = expected_frames(clip, probe(clip.path, clip.images_fps))
     pass_preview = PassPreview.look(*preview_frames(clip), renderer=renderer, frames=frames)
-    manual = {key: Manual(**view.model_dump()) for key, view in one.views.items()}
-    aims: dict[str, ViewPlan] = {}
+    manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
+    plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
-        aims[plugin.name] = plugin.render_views(
+        plans[plugin.name] = plugin.render_views(
             pass_preview=pass_preview,
             see=lambda view, plugin=plugin: segmenters.see(plugin, view),
-            side=one.side,
+            side=row_pass.side,
             manual=manual,
             attitude=attitude,
         )
-        attitude = aims[plugin.name].world_from_rig if attitude is None else attitude
-    return PassPlan(name, clip, aims), pass_preview
-
-
-def pass_names(passes: Sequence[Pass]) -> list[str]:
-    """Names of a row's passes, in order."""
-    return [f"pass {number}" for number in range(1, len(passes) + 1)]
+        attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
+    return PassPlan(name, clip, plans), pass_preview
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
     """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
     one time are one picture, whichever pass they belong to."""
-    where = [(one.video, one.fps) if not is_url(one.video) and one.video.is_dir() else one.video for one in passes]
-    return dict(zip(pass_names(passes), where, strict=True))
+    sources = [
+        (row_pass.video, row_pass.fps) if not is_url(row_pass.video) and row_pass.video.is_dir() else row_pass.video
+        for row_pass in passes
+    ]
+    return dict(zip(pass_names(passes), sources, strict=True))
 
 
-def observe(
+def measure_row(
     row: str,
     passes: Sequence[Pass],
     plugins: Sequence[LoadedPlugin],
@@ -133,45 +132,53 @@ def observe(
     markers: Sequence[Label] = (),
     appearance: bool = False,
 ) -> RowMeasurements:
-    """Features of all rooms over all passes of a row.
+    """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
-    appearance: whether to follow points of any kind in the views of the face. Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
+    appearance: whether to follow points of any kind in the views of the face.
+
+    Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
     segmenters, renderer = SegmenterPool(plugins), Renderer()
     known = dict(attitudes or {})
-    walk = Walk(plugins, segmenters, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
+    walk = RowWalk(plugins, segmenters, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
     walk.notes += segmenters.notes
-    for name, one in zip(pass_names(passes), passes, strict=True):
-        monitor.note(f"row {row}, {name}: aiming the views")
-        aimed, _ = plan_pass(name, one, plugins, segmenters, renderer, known.get(name))
-        walk.over(row, aimed, monitor)
+    for name, row_pass in zip(pass_names(passes), passes, strict=True):
+        monitor.note(f"row {row}, {name}: choosing the views")
+        plan, _ = plan_pass(name, row_pass, plugins, segmenters, renderer, known.get(name))
+        walk.over(row, plan, monitor)
     facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
-    out = failed(plugins)
+    failures = failed(plugins)
     return RowMeasurements(
         facts,
-        {name: [] if name in out else own for name, own in walk.features.items()},
+        {plugin: [] if plugin in failures else features for plugin, features in walk.features.items()},
         {**walk.attitudes, **known},
         frozenset(walk.locators),
-        (*walk.notes, *map(left_out, out.values())),
-        walk.watch.marks,
+        (*walk.notes, *map(left_out, failures.values())),
+        walk.markers.marks,
         walk.flow.flows,
-        out,
+        failures,
     )
 
 
-class Walk:
-    """Gathers what the rooms see as passes are walked through."""
+class RowWalk:
+    """Walks through a row's passes, frame by frame, and gathers what the plugins extract."""
 
     def __init__(
         self,
         plugins: Sequence[LoadedPlugin],
         segmenters: SegmenterPool,
         renderer: Renderer,
-        watch: MarkerWatch,
+        markers: MarkerWatch,
         flow: FlowWatch,
     ) -> None:
-        self.plugins, self.segmenters, self.renderer, self.watch, self.flow = plugins, segmenters, renderer, watch, flow
+        self.plugins, self.segmenters, self.renderer, self.markers, self.flow = (
+            plugins,
+            segmenters,
+            renderer,
+            markers,
+            flow,
+        )
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -181,56 +188,57 @@ class Walk:
         self.locators: set[str] = set()
         self.notes: list[str] = []
 
-    def over(self, row: str, aimed: PassPlan, monitor: Monitor) -> None:
-        """Walk through one pass."""
+    def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
+        """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
         report = DecodeReport()
         first = len(self.passes)
-        total = expected_frames(aimed.clip, probe(aimed.clip.path))
+        total = expected_frames(plan.clip, probe(plan.clip.path))
         with ThreadPoolExecutor(WORKERS) as pool:
-            looks = (
-                (panorama, pool.submit(self._look, panorama, aimed))
-                for panorama in panoramas(aimed.clip, first, report)
+            rendered = (
+                (panorama, pool.submit(self._render, panorama, plan))
+                for panorama in panoramas(plan.clip, first, report)
             )
-            with prefetch(looks, DEPTH) as frames:
-                for panorama, views in monitor.each(frames, f"row {row}, {aimed.name}: looking", total):
-                    self._frame(panorama, views.result(), aimed)
+            with prefetch(rendered, DEPTH) as frames:
+                for panorama, views in monitor.each(frames, f"row {row}, {plan.name}: measuring", total):
+                    self._extract(panorama, views.result(), plan)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(
-                f"{aimed.clip.path}: {len(self.passes) - first} frames in the range of {aimed.name} are too few to map from"
+                f"{plan.clip.path}: {len(self.passes) - first} frames in the range of {plan.name} are too few to map from"
             )
-        self._keep(aimed, report)
+        self._end_pass(plan, report)
         for note in self.notes:
             monitor.note(note)
 
-    def _keep(self, aimed: PassPlan, report: DecodeReport) -> None:
-        self.views |= {spec.name: spec for spec in aimed.views().values()}
-        travel, attitude = aimed.first("travel"), aimed.first("world_from_rig")
-        self.travel[aimed.name] = travel if isinstance(travel, int) else 0
-        if isinstance(attitude, np.ndarray):
-            self.attitudes[aimed.name] = attitude
-        self.locators |= {plugin for plugin in aimed.aims if aimed.knows_face(plugin)}
-        self.notes += [note for aim in aimed.aims.values() for note in aim.notes]
+    def _end_pass(self, plan: PassPlan, report: DecodeReport) -> None:
+        """Keep what is known of a pass as a whole."""
+        self.views |= {spec.name: spec for spec in plan.views().values()}
+        self.travel[plan.name] = plan.travel()
+        attitude = plan.attitude()
+        if attitude is not None:
+            self.attitudes[plan.name] = attitude
+        self.locators |= plan.locators()
+        self.notes += [note for views in plan.plans.values() for note in views.notes]
         if not report.complete:
-            self.notes.append(f"{aimed.clip.path}: {report.text()}")
+            self.notes.append(f"{plan.clip.path}: {report.text()}")
 
-    def _look(self, panorama: Panorama, aimed: PassPlan) -> list[View]:
+    def _render(self, panorama: Panorama, plan: PassPlan) -> list[View]:
         """A panorama's views, about which the networks have been asked. Several threads may do this at once."""
-        views = [self.renderer.render(panorama, spec) for spec in aimed.watched if spec.shows(panorama.frame)]
+        views = [self.renderer.render(panorama, spec) for spec in plan.plugins_by_view if spec.shows(panorama.frame)]
         for view in views:
-            for plugin in self._rooms_at(view, aimed):
+            for plugin in self._plugins_at(view, plan):
                 self.segmenters.look_ahead(plugin, view)
         return views
 
-    def _frame(self, panorama: Panorama, views: Sequence[View], aimed: PassPlan) -> None:
-        """What all rooms see in a frame's views; plugins are asked by one thread, in order."""
+    def _extract(self, panorama: Panorama, views: Sequence[View], plan: PassPlan) -> None:
+        """All plugins' features in a frame's views. Plugins are asked by one thread, in order."""
         self.stamps.append(panorama.stamp_s)
-        self.passes.append(aimed.name)
-        self.watch.look(panorama)
+        self.passes.append(plan.name)
+        self.markers.look(panorama)
         for view in views:
-            if any(aimed.knows_face(plugin) for plugin in aimed.watched[view.spec]):
+            if plan.locators().intersection(plan.plugins_by_view[view.spec]):
                 self.flow.look(view)
-            for plugin in self._rooms_at(view, aimed):
+            for plugin in self._plugins_at(view, plan):
                 self.features[plugin.name] += plugin.extract(view, self.segmenters.see(plugin, view), panorama)
 
-    def _rooms_at(self, view: View, aimed: PassPlan) -> list[LoadedPlugin]:
-        return [plugin for plugin in self.plugins if plugin.name in aimed.watched[view.spec]]
+    def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
+        return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

@@ -7,12 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.files.atomic import write_bytes
-from savmap.jobs.cache import file_name
-from savmap.pipeline.measure import pass_names, plan_pass
+from savmap.files.atomic import file_name, write_bytes
+from savmap.pipeline.measure import plan_pass
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.site.model import Pass
+from savmap.site.model import Pass, pass_names
 from savmap.types import Floats, Panorama, ViewSpec
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer

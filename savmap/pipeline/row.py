@@ -1,229 +1,222 @@
-"""A row's map, from its passes of video: the whole method as one paragraph."""
+"""Rows, from video to map: the whole method as one sentence, and its verbs."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
+from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
-from savmap.graph import (
-    Calibration,
-    Constraints,
-    Frames,
-    Problem,
-    References,
-    Solution,
-    SolveOptions,
-    gauge,
-    located,
-    marker_constraints,
-    merge,
-    motion_constraints,
-    solve,
-    solve_rows,
-)
+from savmap.graph import Constraints
 from savmap.pipeline.initial_poses import initial_attitudes, initial_path
-from savmap.pipeline.measure import RowMeasurements, observe, pass_names
+from savmap.pipeline.measure import RowMeasurements, measure_row
+from savmap.pipeline.records import (
+    DescribedRow,
+    LocatedRow,
+    MeasuredRow,
+    PosedRow,
+    RowRequest,
+    SolvedRow,
+    TrackedRow,
+)
 from savmap.plugin.manager import LoadedPlugin
-from savmap.site.model import Footage, Pass
-from savmap.types import Flow, RowMap, Structure, Track, Trajectory
+from savmap.types import RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor
 
-Result = TypeVar("Result")
+Before = TypeVar("Before")
+After = TypeVar("After")
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row to be mapped: its passes, its references, the camera's path where an earlier map gives it, what of the camera is
-    to be estimated, and whether points of any kind may help with its motion."""
-
-    name: str
-    passes: Sequence[Pass]
-    references: References
-    travel_m: float | None = None
-    path: Trajectory | None = None
-    calibration: Calibration | None = None
-    appearance: bool = False
+def map_rows(requests: Sequence[RowRequest], monitor: Monitor) -> list[RowMap | SavmapError]:
+    """Maps of rows, solved together where they are seen in the same frames (paper, section III). A row that cannot be mapped comes
+    back as its error, and the others are mapped without it."""
+    measured = each(requests, lambda row: measure(row, monitor))
+    located = each(measured, locate)
+    tracked = each(located, lambda row: track(row, monitor))
+    posed = each(tracked, lambda row: constrain(row, monitor))
+    solved = solve(posed, monitor)
+    described = each(solved, describe)
+    return each(described, collect)
 
 
-@dataclass(frozen=True)
-class Followed:
-    """Tracks and constraints by room, those of markers and of points of no structure, a note for each room or marker that was
-    not found, and figures for the report."""
-
-    tracks: Mapping[str, Sequence[Track]]
-    constraints: Mapping[str, Constraints]
-    others: tuple[Constraints, ...]
-    notes: tuple[str, ...]
-    report: Mapping[str, int]
-
-    @property
-    def every(self) -> tuple[Constraints, ...]:
-        """All constraints."""
-        return (*self.constraints.values(), *self.others)
+def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After]) -> list[After | SavmapError]:
+    """What a step gives for each item. An item that is an error stays; an expected error of the step stands for its item."""
+    results: list[After | SavmapError] = []
+    for item in items:
+        try:
+            results.append(item if isinstance(item, SavmapError) else step(item))
+        except SavmapError as error:
+            results.append(error)
+    return results
 
 
-@dataclass(frozen=True)
-class Posed:
-    """A row as a problem for the graph, and what it was made of."""
-
-    row: Row
-    plugins: Sequence[LoadedPlugin]
-    seen: RowMeasurements
-    followed: Followed
-    problem: Problem
-
-    @property
-    def moments(self) -> list[tuple[Footage, float]]:
-        """Which picture each frame is: the same in every row that is seen in it."""
-        footage = {name: one.footage for name, one in zip(pass_names(self.row.passes), self.row.passes, strict=True)}
-        table = self.seen.facts.frames
-        return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
-
-
-def look(row: Row, plugins: Sequence[LoadedPlugin], monitor: Monitor) -> RowMeasurements:
-    """What is seen of a row: the only walk over its pixels. Raises SavmapError's kinds with what is wrong and what to do."""
-    markers = row.references.markers if row.path is None else ()
-    wanted = [(marker.dictionary, marker.number) for marker in markers]
-    return observe(row.name, row.passes, plugins, monitor, initial_attitudes(row), wanted, row.appearance)
-
-
-def map_rows(
-    rows: Sequence[tuple[Row, Sequence[LoadedPlugin], RowMeasurements]], monitor: Monitor
-) -> list[RowMap | SavmapError]:
-    """Maps of rows from what was seen of them, solved together where they are seen in the same frames. A row that cannot be mapped
-    comes back as its error, and the others are mapped without it."""
-    tried = [attempt(pose, row, plugins, seen, monitor) for row, plugins, seen in rows]
-    posed = [one for one in tried if isinstance(one, Posed)]
-    everywhere = {plugin.name for one in posed for plugin in one.plugins}.difference(
-        *(one.seen.locators for one in posed)
+def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
+    """Render the views, detect, and extract features: the only walk over the pixels. Raises SavmapError."""
+    if row.measurements is not None:
+        return MeasuredRow(row, row.measurements)
+    markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
+    return MeasuredRow(
+        row,
+        measure_row(row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance),
     )
-    if len(posed) > 1:
-        monitor.note(f"rows {' and '.join(one.row.name for one in posed)} share a pass: solving them together")
-    solutions = iter(solve_rows([one.problem for one in posed], [one.moments for one in posed], everywhere))
-    return [one if isinstance(one, SavmapError) else attempt(finished, one, next(solutions), monitor) for one in tried]
 
 
-def attempt(step: Callable[..., Result], *arguments: object) -> Result | SavmapError:
-    """What a step gives, or the expected error that it ends with."""
-    try:
-        return step(*arguments)
-    except SavmapError as error:
-        return error
+def locate(row: MeasuredRow) -> LocatedRow:
+    """The first poses of the frames, in the row's frame. Raises StructureError."""
+    request, measurements = row.request, row.measurements
+    start = initial_path(request, measurements)
+    frames = graph.gauge(
+        measurements.facts,
+        start,
+        request.gauge_references,
+        fixed=request.path,
+        calibration=request.calibration,
+    )
+    return LocatedRow(**vars(row), start=start, frames=frames)
 
 
-def pose(row: Row, plugins: Sequence[LoadedPlugin], seen: RowMeasurements, monitor: Monitor) -> Posed:
-    """From what was seen of a row to its factor graph."""
-    references = row.references if row.path is None else References()
-    start = initial_path(row, seen)
-    frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
-    sound = [plugin for plugin in face_first(plugins, seen) if plugin.name not in seen.failed]
-    followed = follow(row, sound, seen, start, frames)
-    for note in followed.notes:
-        monitor.note(note)
-    problem = merge(frames, *followed.every)
-    monitor.note(f"row {row.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
-    return Posed(row, plugins, seen, followed, problem)
+def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
+    """Every plugin's tracks and constraints, and the markers'.
 
-
-def finished(one: Posed, solution: Solution | SolveError, monitor: Monitor) -> RowMap:
-    """The map of a solved row. Raises its error where it could not be solved."""
-    if isinstance(solution, SolveError):
-        raise solution
-    for warning in solution.warnings:
-        monitor.note(f"row {one.row.name}: {warning}")
-    structures = described(one.plugins, one.seen, one.followed, solution)
-    return row_map(one.row, one.seen, one.followed, solution, structures)
-
-
-def follow(
-    row: Row, plugins: Sequence[LoadedPlugin], seen: RowMeasurements, start: Trajectory, frames: Frames
-) -> Followed:
-    """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
-    it, and says which points of no structure may be believed; one of these rooms that finds no structure is left out of
-    the map with a note."""
+    What the first plugin tracks locates the camera for those after it, and says which points of no structure may be believed. One of
+    these that finds no structure is left out of the map with a note. Raises StructureError where the first one finds none.
+    """
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
-    markers, notes = marked(row, seen, start, frames)
-    path, attitudes = row.path, start.world_from_rig[:, :3, :3]
-    for plugin in plugins:
+    markers, notes = marker_constraints(row)
+    path = row.request.path
+    for plugin in plugins_in_order(row.request.plugins, row.measurements):
         if path is None and constraints:
-            path = (vouched if seen.flows else located)(merge(frames, *constraints.values(), *markers))
+            path = camera_path(row, [*constraints.values(), *markers])
         try:
-            own = plugin.track(features=seen.features[plugin.name], facts=seen.facts, attitudes=attitudes, start=path)
+            plugin_tracks = track_plugin(plugin, row, path)
         except StructureError as error:
             if not constraints:
                 raise
-            notes.append(f"row {row.name}: nothing of `{plugin.name}` is mapped: {error}")
+            notes.append(f"row {row.request.name}: nothing of `{plugin.name}` is mapped: {error}")
             continue
-        bound = plugin.constrain(tracks=own, facts=seen.facts, start=path or start)
-        if plugin.failure is None:
-            tracks[plugin.name], constraints[plugin.name] = own, bound
-    if row.path is not None or not seen.flows:
-        return Followed(tracks, constraints, markers, tuple(notes), {})
-    motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
-    return Followed(tracks, constraints, (*markers, motion), tuple(notes), counts)
-
-
-def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
-    """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
-    return motion_constraints(flows, path or vouched(problem), problem.used)
-
-
-def vouched(problem: Problem) -> Trajectory:
-    """Where the camera was, and how well that is known: good enough to look for other things."""
-    return solve(problem, SolveOptions(rounds=1)).trajectory
-
-
-def marked(
-    row: Row, seen: RowMeasurements, start: Trajectory, frames: Frames
-) -> tuple[tuple[Constraints, ...], list[str]]:
-    """Constraints of the markers that were seen, and a note for each of the others."""
-    found, missed = marker_constraints(seen.marks.tracks, seen.marks.views, frames.references.markers, start)
-    notes = [f"row {row.name}: marker {name} was not seen well enough; it is not used" for name in missed]
-    return (found,) if found else (), notes
-
-
-def described(
-    plugins: Sequence[LoadedPlugin], seen: RowMeasurements, followed: Followed, solution: Solution
-) -> dict[str, tuple[Structure, ...]]:
-    """Structures of every room, which may say how they stand to the others'; none of a room that found nothing."""
-    alone = {
-        plugin.name: tuple(plugin.describe(tracks=followed.tracks[plugin.name], facts=seen.facts, solution=solution))
-        if plugin.name in followed.tracks
-        else ()
-        for plugin in plugins
-    }
-    return {
-        plugin.name: plugin.relate(
-            alone[plugin.name], {name: own for name, own in alone.items() if name != plugin.name}
+        plugin_constraints = plugin.constrain(
+            tracks=plugin_tracks, facts=row.measurements.facts, start=path or row.start
         )
-        for plugin in plugins
+        if plugin.failure is None:
+            tracks[plugin.name], constraints[plugin.name] = plugin_tracks, plugin_constraints
+    motion, figures = motion_constraints(row, [*constraints.values(), *markers], path)
+    for note in notes:
+        monitor.note(note)
+    return TrackedRow(
+        **vars(row),
+        tracks=tracks,
+        constraints=constraints,
+        camera_constraints=(*markers, *motion),
+        notes=tuple(notes),
+        figures=figures,
+    )
+
+
+def constrain(row: TrackedRow, monitor: Monitor) -> PosedRow:
+    """All constraints and references as one problem for the graph. Raises SiteError for a reference to what was not found."""
+    problem = graph.merge(row.frames, *row.constraints.values(), *row.camera_constraints)
+    monitor.note(f"row {row.request.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
+    return PosedRow(**vars(row), problem=problem)
+
+
+def solve(rows: Sequence[PosedRow | SavmapError], monitor: Monitor) -> list[SolvedRow | SavmapError]:
+    """The rows' solutions, solved as one where they share frames."""
+    posed = [row for row in rows if isinstance(row, PosedRow)]
+    plugins = {plugin.name for row in posed for plugin in row.request.plugins}
+    everywhere = plugins.difference(*(row.measurements.locators for row in posed))
+    if len(posed) > 1:
+        monitor.note(f"rows {' and '.join(row.request.name for row in posed)} share a pass: solving them together")
+    solutions = iter(graph.solve_rows([row.problem for row in posed], [row.moments for row in posed], everywhere))
+    return each(rows, lambda row: _solved(row, next(solutions), monitor))
+
+
+def describe(row: SolvedRow) -> DescribedRow:
+    """Structures of every plugin, which may say how they stand to the others'; none of a plugin that found nothing."""
+    alone = {
+        plugin.name: tuple(
+            plugin.describe(tracks=row.tracks[plugin.name], facts=row.measurements.facts, solution=row.solution)
+        )
+        if plugin.name in row.tracks
+        else ()
+        for plugin in row.request.plugins
     }
+    related: dict[str, tuple[Structure, ...]] = {
+        plugin.name: plugin.relate(
+            alone[plugin.name], {name: structures for name, structures in alone.items() if name != plugin.name}
+        )
+        for plugin in row.request.plugins
+    }
+    return DescribedRow(**vars(row), structures=related)
 
 
-def face_first(plugins: Sequence[LoadedPlugin], seen: RowMeasurements) -> list[LoadedPlugin]:
-    """Rooms that found the face come first: what they see locates the camera for the others."""
-    return sorted(plugins, key=lambda plugin: plugin.name not in seen.locators)
-
-
-def row_map(
-    row: Row,
-    seen: RowMeasurements,
-    followed: Followed,
-    solution: Solution,
-    structures: Mapping[str, tuple[Structure, ...]],
-) -> RowMap:
-    """The record that is written to disk."""
+def collect(row: DescribedRow) -> RowMap:
+    """The row's map: the record that is written to disk."""
+    facts, solution = row.measurements.facts, row.solution
+    notes = (*row.measurements.notes, *row.notes, *solution.warnings)
     return RowMap(
-        name=row.name,
-        frames=seen.facts.frames,
-        views=seen.facts.views,
+        name=row.request.name,
+        frames=facts.frames,
+        views=facts.views,
         trajectory=solution.trajectory,
-        structures=structures,
+        structures=row.structures,
         references=tuple(solution.references),
         report={
             **solution.report,
-            **followed.report,
-            **{f"note {n}": note for n, note in enumerate((*seen.notes, *followed.notes, *solution.warnings), 1)},
+            **row.figures,
+            **{f"note {number}": note for number, note in enumerate(notes, 1)},
         },
     )
+
+
+def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasurements) -> Iterator[LoadedPlugin]:
+    """The plugins to be tracked: those that found the face come first, for what they see locates the camera for the others."""
+    healthy = (plugin for plugin in plugins if plugin.name not in measurements.failed)
+    yield from sorted(healthy, key=lambda plugin: plugin.name not in measurements.locators)
+
+
+def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None) -> list[Track]:
+    """One plugin's tracks. `path`: where the camera was, where that is known. Raises StructureError where it finds no structure."""
+    return plugin.track(
+        features=row.measurements.features[plugin.name],
+        facts=row.measurements.facts,
+        attitudes=row.start.world_from_rig[:, :3, :3],
+        start=path,
+    )
+
+
+def camera_path(row: LocatedRow, constraints: Sequence[Constraints]) -> Trajectory:
+    """Where the camera was, by the constraints known so far: well enough to look for other structures."""
+    problem = graph.merge(row.frames, *constraints)
+    return solved_path(problem) if row.measurements.flows else graph.located(problem)
+
+
+def solved_path(problem: graph.Problem) -> Trajectory:
+    """The camera's path from one round of the solve, with how well it is known."""
+    return graph.solve(problem, graph.SolveOptions(rounds=1)).trajectory
+
+
+def motion_constraints(
+    row: LocatedRow, constraints: Sequence[Constraints], path: Trajectory | None
+) -> tuple[tuple[Constraints, ...], Mapping[str, int]]:
+    """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts; nothing
+    where an earlier map gives the path."""
+    if row.request.path is not None or not row.measurements.flows:
+        return (), {}
+    problem = graph.merge(row.frames, *constraints)
+    motion, counts = graph.motion_constraints(row.measurements.flows, path or solved_path(problem), problem.used)
+    return (motion,), counts
+
+
+def marker_constraints(row: LocatedRow) -> tuple[tuple[Constraints, ...], list[str]]:
+    """Constraints of the markers that were seen, and a note for each of the others."""
+    marks, markers = row.measurements.marks, row.frames.references.markers
+    constraints, missed = graph.marker_constraints(marks.tracks, marks.views, markers, row.start)
+    notes = [f"row {row.request.name}: marker {name} was not seen well enough; it is not used" for name in missed]
+    return (constraints,) if constraints else (), notes
+
+
+def _solved(row: PosedRow, solution: graph.Solution | SolveError, monitor: Monitor) -> SolvedRow:
+    if isinstance(solution, SolveError):
+        raise solution
+    for warning in solution.warnings:
+        monitor.note(f"row {row.request.name}: {warning}")
+    return SolvedRow(**vars(row), solution=solution)

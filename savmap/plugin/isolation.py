@@ -63,9 +63,19 @@ def left_out(failure: str) -> str:
     return f"{failure}; all else is mapped without it"
 
 
-def contained(rooms: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
-    """The same rooms, each kept from harming the others."""
-    return [IsolatedPlugin(**{own.name: getattr(room, own.name) for own in fields(room)}, row=row) for room in rooms]
+def isolated(
+    rooms: Sequence[LoadedPlugin], row: str = "", failed: Mapping[str, PluginFailedError] | None = None
+) -> Sequence[LoadedPlugin]:
+    """The same plugins, each kept from harming the others. `failed`: by plugin, how it failed in this row already."""
+    known = failed or {}
+    return [
+        IsolatedPlugin(
+            **{own.name: getattr(room, own.name) for own in fields(room)},
+            row=row,
+            failures=[known[room.name]] if room.name in known else [],
+        )
+        for room in rooms
+    ]
 
 
 def failed(rooms: Sequence[LoadedPlugin]) -> dict[str, str]:

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
-from savmap.plugin import defaults, hookspecs, trace
+from savmap.plugin import activity, defaults, hookspecs, trace
 from savmap.types import CrossRowLandmark, Detection, Feature, Panorama, Structure, Track, View, ViewPlan
 
 if TYPE_CHECKING:
@@ -108,7 +108,8 @@ class LoadedPlugin:
         Raises PluginFailedError if it raises or answers otherwise. What it refuses in its own words (a SavmapError) is raised as it is.
         """
         try:
-            answer = getattr(self.manager.hook, hook)(**arguments)
+            with activity.working(self.name, hook):
+                answer = getattr(self.manager.hook, hook)(**arguments)
         except SavmapError:
             raise
         except Exception as error:

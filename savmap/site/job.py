@@ -1,15 +1,16 @@
 """What `savmap map` is asked to do, checked before anything heavy begins."""
 
-from collections.abc import Sequence
+import uuid
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from savmap.errors import OutputError, PluginError, SiteError
+from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
 from savmap.files.atomic import reason
-from savmap.plugin.isolation import contained
-from savmap.plugin.manager import LoadedPlugin, installed, lacking, load_class, open_plugins
+from savmap.plugin.isolation import isolated
+from savmap.plugin.manager import LoadedPlugin, installed, lacking, load_class, open_plugin
 from savmap.site.load import draft_of, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
@@ -19,12 +20,17 @@ VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
+_received: dict[str, "Job"] = {}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Job:
-    """One `savmap map`: the site, where it was read, which plugins, where to write, a map whose camera path is known,
-    where the site's keys were given, and a line where nobody named plugins."""
+    """One run: the site, where it was read, the names of its plugins, where to write, a map whose camera path is known, where the
+    site's keys were given, and a note where nobody named plugins.
+
+    A job opens each plugin once for each of its settings. One that reaches another process several times is the same object there,
+    so this holds for every process.
+    """
 
     site: Site
     source: Path
@@ -33,6 +39,38 @@ class Job:
     earlier: Path | None = None
     places: SourceMap = field(default_factory=lambda: SourceMap("options"))
     note: str = ""
+    token: str = field(default_factory=lambda: uuid.uuid4().hex)
+    _opened: dict[tuple[str, str], LoadedPlugin] = field(default_factory=dict, init=False, repr=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self.token, {own.name: getattr(self, own.name) for own in fields(self) if own.init})
+
+    @property
+    def skips_failed_plugins(self) -> bool:
+        """Whether all else is mapped where a plugin fails."""
+        return self.site.on_plugin_error == "skip"
+
+    def opened(self, row: str, name: str) -> LoadedPlugin:
+        """A plugin with its settings for one row. Raises PluginError for an unknown or broken one, SiteError for its settings."""
+        settings = self.site.plugin_config(row, name)
+        key = (name, repr(sorted(settings.items())))
+        if key not in self._opened:
+            self._opened[key] = open_plugin(name, settings, str(self.source), self.site.providers)
+        return self._opened[key]
+
+
+def _restored(token: str, values: Mapping[str, Any]) -> Job:
+    """The job of this token in this process."""
+    if token not in _received:
+        _received.clear()
+        _received[token] = Job(**values)
+    return _received[token]
+
+
+def plugins_for(job: Job, row: str, failed: Mapping[str, PluginFailedError] | None = None) -> Sequence[LoadedPlugin]:
+    """The job's plugins, each with its settings for one row. `failed`: those that failed in this row already."""
+    plugins = [job.opened(row, name) for name in dict.fromkeys(job.plugins)]
+    return isolated(plugins, row, failed or {}) if job.skips_failed_plugins else plugins
 
 
 def job_for(
@@ -52,14 +90,12 @@ def job_for(
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
-        site = site_of(draft)
-        names, note = chosen_plugins(site, plugins)
-        return Job(site, source, names, output, earlier, draft.places, note)
-    if camera_height_m is not None or side is not None:
+    elif camera_height_m is not None or side is not None:
         raise SiteError(
             f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
         )
-    draft = read_draft(source, overrides)
+    else:
+        draft = read_draft(source, overrides)
     site = site_of(draft)
     names, note = chosen_plugins(site, plugins)
     return Job(site, source, names, output, earlier, draft.places, note)
@@ -96,18 +132,6 @@ def _in_metres(height: float) -> str:
         if 1 < size * height < 10:
             return f"; {height:g} {unit} are {size * height:g}"
     return f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
-
-
-def plugins_for(job: Job, row: str) -> Sequence[LoadedPlugin]:
-    """The job's plugins, each with its settings for one row."""
-    site = job.site
-    plugins = open_plugins(job.plugins, lambda plugin: site.row_config(row, plugin), str(job.source), site.providers)
-    return contained(plugins, row) if skips(job) else plugins
-
-
-def skips(job: Job) -> bool:
-    """Whether all else is to be mapped where a plugin fails."""
-    return job.site.on_plugin_error == "skip"
 
 
 def prepare(folder: Path) -> None:

@@ -1,6 +1,6 @@
 """The site file: which videos show which rows, what is known of them, and which plugins look at them. Strict YAML."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -27,33 +27,15 @@ from savmap.site.sections import (
     Where,
 )
 
-__all__ = [
-    "CalibrationSection",
-    "CameraHeight",
-    "Footage",
-    "Known",
-    "LayoutSection",
-    "Length",
-    "Marker",
-    "Metres",
-    "PanoramaSection",
-    "Pass",
-    "PlaceSection",
-    "ReferenceSection",
-    "Row",
-    "ShutterSection",
-    "Sigma",
-    "Site",
-    "Strict",
-    "SurveyedPoint",
-    "ViewSection",
-]
+from savmap.video.clip import Clip
 
 Footage = tuple[Path, float, float | None, float]
 Side = Literal["left", "right"]
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
 USUAL_FPS = 15.0
+MIN_FRAMES = 3
+"""Fewer frames of a pass cannot be mapped from."""
 
 
 class Pass(Strict):
@@ -86,6 +68,11 @@ class Pass(Strict):
     def footage(self) -> Footage:
         """What passes have in common that are the same frames, whichever face they look at."""
         return self.video, self.start_s, self.end_s, self.fps
+
+    @property
+    def clip(self) -> Clip:
+        """The part of the video that the pass means."""
+        return Clip(self.video, self.start_s or None, self.end_s, self.fps)
 
 
 class Row(Strict):
@@ -145,6 +132,8 @@ class Site(Strict):
     """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
     on_plugin_error: Literal["fail", "skip"] = "fail"
     """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
+    plugin_timeout_s: Annotated[float, Field(gt=0)] = 600.0
+    """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None
@@ -187,9 +176,14 @@ class Site(Strict):
         own = self.rows[name].appearance
         return self.appearance if own is None else own
 
-    def row_config(self, name: str, plugin: str) -> dict[str, Any]:
+    def plugin_config(self, name: str, plugin: str) -> dict[str, Any]:
         """A plugin's settings for one row: the site's, overlaid by the row's."""
         return {**self.plugins.get(plugin, {}), **self.rows[name].plugins.get(plugin, {})}
+
+
+def pass_names(passes: Sequence[Pass]) -> list[str]:
+    """Names of a row's passes, in order."""
+    return [f"pass {number}" for number in range(1, len(passes) + 1)]
 
 
 def _emptied(value: object) -> object:

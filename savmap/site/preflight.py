@@ -22,12 +22,11 @@ from savmap.errors import (
 from savmap.files.urls import is_url
 from savmap.files.validation import Location
 from savmap.maps.survey import read_survey
-from savmap.pipeline.measure import MIN_FRAMES, clip_of, pass_names
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, plugins_for, prepare
 from savmap.site.locations import SourceMap, explained
-from savmap.site.model import Pass, Site
+from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.video.clip import VideoInfo, time_range
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.markers import MarkerWatch
@@ -52,7 +51,7 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
         return
     for row in site.rows:
         try:
-            config.model_validate(site.row_config(row, name))
+            config.model_validate(site.plugin_config(row, name))
         except ValidationError as error:
             yield from map(SiteError, explained(error, config, places, partial(_given, site, row, name)).values())
 
@@ -66,7 +65,7 @@ def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
     """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do so."""
     known = site.row_references(row)
-    settings = any(_scale_settings(site.row_config(row, name), name) for name in plugins)
+    settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
     return settings or bool(known.camera_height_m or known.lengths or known.markers or len(known.points) > 1)
 
 
@@ -205,7 +204,7 @@ def _probed(video: Path) -> VideoInfo | VideoError:
 
 def _footage(job: Job, found: Footage) -> SavmapError | Footage:
     one, duration = found.one, found.info.duration_s
-    clip = clip_of(one)
+    clip = one.clip
     late = one.end_s is not None and one.start_s < duration
     try:
         time_range(clip, duration)

@@ -9,7 +9,7 @@ import pytest
 
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
-from savmap.jobs.dask_executor import Cluster
+from savmap.jobs.dask_executor import DaskExecutor
 from savmap.jobs.scheduler import RunOptions, mapped_rows
 from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
@@ -86,7 +86,7 @@ class Killer(SilentMonitor):
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.jobs.dask_executor.CONNECT_S", 0.5)
     with pytest.raises(SavmapError, match="no Dask scheduler answers there"):
-        Cluster("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
+        DaskExecutor("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
 
 
 def test_a_worker_with_other_code_is_named(
@@ -96,4 +96,4 @@ def test_a_worker_with_other_code_is_named(
     with pytest.raises(
         SavmapError, match=r"worker tcp://.* would give another map: its savmap, plugins or libraries differ"
     ):
-        Cluster(cluster[0], job_for(site(tmp_path), None, tmp_path))
+        DaskExecutor(cluster[0], job_for(site(tmp_path), None, tmp_path))
