@@ -22,7 +22,6 @@ import numpy as np
 from peers import misplaced
 
 from savmap.engine import Followed, Row, follow
-from savmap.evaluation import score_json
 from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
@@ -31,6 +30,7 @@ from savmap.job import job_for, rooms_for
 from savmap.monitor import Quiet
 from savmap.observe import Observations, clip_of, observe
 from savmap.paths import first_path
+from savmap.report.evaluation import score_json
 from savmap.rooms import Room
 from savmap.stages.flow import FlowWatch
 from savmap.stages.render import Renderer

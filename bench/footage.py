@@ -22,17 +22,17 @@ from uncertainty import figures
 from savmap.console import Console
 from savmap.engine import Row
 from savmap.errors import SavmapError
-from savmap.evaluation import Score, mean_absolute_error
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.job import job_for
 from savmap.observe import Observations, observe
 from savmap.paths import first_path
+from savmap.report.evaluation import mean_absolute_error
 from savmap.rooms import open_room
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
-from savmap.types import Track
+from savmap.types import Score, Track
 from savmap.work import row_of
 from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published

@@ -20,18 +20,18 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from savmap.errors import RowsFailedError, SavmapError
-from savmap.evaluation import mean_absolute_error, pool
 from savmap.io.mapfile import read_map
 from savmap.io.overrides import overrides_of
 from savmap.io.survey import read_survey
 from savmap.job import job_for
 from savmap.mapping import Way
+from savmap.report.evaluation import mean_absolute_error
+from savmap.report.site_report import evaluation_of, rooms_of
 from savmap.rooms import load_class
 from savmap.run import run
-from savmap.sitereport import evaluation_of, rooms_of
 from savmap.stages.segment import Segmenter
 from savmap.train.dataset import IGNORE, read_dataset
-from savmap.types import SiteMap, Structure
+from savmap.types import SiteMap, Structure, pool
 
 PLUGIN = "shelves"
 SURE = 0.99

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from savmap.engine import Row
-from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
 from savmap.observe import Observations
 from savmap.paths import attitudes_of, first_path
@@ -21,7 +20,7 @@ from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
 from savmap.stages.markers import Marks
-from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
+from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.describe import describe

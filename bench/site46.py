@@ -25,12 +25,12 @@ from site_rows import Task, made, mapped_row, prior
 
 from savmap.assembly import Assembly, assembled, site_lines
 from savmap.errors import SavmapError
-from savmap.evaluation import Evaluation, Score, as_table, mean_absolute_error, pool, score_json
 from savmap.io.files import write_text
 from savmap.io.mapfile import write_map
-from savmap.report.plots import write_box_plot
+from savmap.report.evaluation import as_table, mean_absolute_error, score_json
+from savmap.report.picture import write_box_plot
 from savmap.rooms import open_room
-from savmap.types import Floats, Placement, RowMap, SiteMap
+from savmap.types import Evaluation, Floats, Placement, RowMap, Score, SiteMap, pool
 
 ROOT = Path(__file__).parent.parent
 ALLOWED = 1e-3

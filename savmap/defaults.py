@@ -4,11 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.hookspecs import Exporter, hookimpl
-from savmap.types import Detection, SharedThing, Structure, View
+from savmap.types import Detection, Drawing, Score, SharedThing, Structure, View
 
 if TYPE_CHECKING:
-    from savmap.evaluation import Score
-    from savmap.report.drawing import Drawing
     from savmap.stages.segment import Segmenter
 
 MIN_PIXELS = 12
@@ -33,17 +31,15 @@ def shared(structures: Sequence[Structure]) -> list[SharedThing]:
 
 
 @hookimpl(trylast=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """Nothing is scored."""
-    from savmap.evaluation import Score
-
     return Score()
 
 
 @hookimpl(trylast=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> "tuple[Drawing, ...]":
+) -> tuple[Drawing, ...]:
     """Nothing is drawn."""
     return ()
 

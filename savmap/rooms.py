@@ -13,12 +13,10 @@ from pydantic import BaseModel
 from savmap import defaults, hookspecs, trace
 from savmap.errors import PluginError, PluginFailedError, SavmapError, told
 from savmap.io.sitefile import validated
-from savmap.types import Aim, Detection, Feature, Panorama, SharedThing, Structure, Track, View
+from savmap.types import Aim, Detection, Drawing, Feature, Panorama, Score, SharedThing, Structure, Track, View
 
 if TYPE_CHECKING:
-    from savmap.evaluation import Score
     from savmap.graph import Constraints
-    from savmap.report.drawing import Drawing
 
 GROUP = "savmap.plugins"
 
@@ -151,15 +149,11 @@ class Room:
         answer: Constraints = self.ask("constrain", Constraints, **arguments)
         return answer
 
-    def evaluate(self, **arguments: Any) -> "Score":
-        from savmap.evaluation import Score
-
+    def evaluate(self, **arguments: Any) -> Score:
         answer: Score = self.ask("evaluate", Score, **arguments)
         return answer
 
-    def draw(self, **arguments: Any) -> "tuple[Drawing, ...]":
-        from savmap.report.drawing import Drawing
-
+    def draw(self, **arguments: Any) -> tuple[Drawing, ...]:
         answer: tuple[Drawing, ...] = self.ask("draw", tuple, Drawing, **arguments)
         return answer
 

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from savmap import checks
 from savmap.contained import failures_gathered
@@ -14,18 +13,15 @@ from savmap.io.files import sha256, write_text
 from savmap.io.survey import read_survey
 from savmap.job import Job, job_for, prepare, rooms_for, skips
 from savmap.mapping import Way, mapped_rows
+from savmap.report.page import write_page
+from savmap.report.site_report import evaluation_of, report_for, rooms_of
 from savmap.runlog import RunLog, write_log
-from savmap.sitereport import drawings_of, evaluation_of, report_for, rooms_of
 from savmap.stages.networks.providers import runtime_version
 from savmap.store import Store, file_name, locked
-from savmap.types import RowMap, SiteMap
+from savmap.types import Drawing, Evaluation, RowMap, SiteMap
 from savmap.work import warnings_told
 
 DRAWN = "drawn"
-
-if TYPE_CHECKING:
-    from savmap.evaluation import Evaluation
-    from savmap.report.drawing import Drawing
 
 
 def run(job: Job, way: Way | None = None) -> Iterator[str]:
@@ -52,7 +48,6 @@ def run(job: Job, way: Way | None = None) -> Iterator[str]:
             for note in notes:
                 console.note(note)
             yield from write_results(job, site_map, mapped.log, way)
-            yield from scored(job)
         yield from site_lines(site_map)
         if mapped.failed:
             raise RowsFailedError(_failures(job, mapped.failed))
@@ -94,7 +89,8 @@ def made_by(job: Job) -> dict[str, str]:
 
 
 def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterator[str]:
-    """Write the map, what was done for it, the resolved site, the report, and each row's two pictures; yields a line for each."""
+    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, and the box plot where there is a
+    survey; yields a line for each, and the scores."""
     from savmap.io.mapfile import write_map
 
     write_map(site_map, job.output / "map.json")
@@ -103,18 +99,21 @@ def write_results(job: Job, site_map: SiteMap, log: RunLog, way: Way) -> Iterato
     yield f"wrote {job.output / 'map.json'}"
     survey = read_survey(job.site.survey) if job.site.survey else None
     sheets = survey.rows if survey else {}
+    plugins = rooms_of(site_map, skips(job))
+    report = report_for(site_map, plugins, survey, log, _title(job.source))
     store = Store(job.output, way.fresh)
     for name, row in site_map.rows.items():
         print_ = drawn_print(site_map, name, sheets.get(name))
         pictures = [job.output / f"{kind}-{file_name(name)}.png" for kind in ("face", "plan")]
         if store.kept(name, DRAWN, print_) is None or not all(picture.is_file() for picture in pictures):
-            rooms = rooms_for(job, name)
-            draw(drawings_of(rooms, row, sheets.get(name)), row, *pictures)
-            if not any(room.failure for room in rooms):
+            draw(report.drawings[name], row, *pictures)
+            if not any(plugin.failure for plugin in plugins.values()):
                 store.keep(name, DRAWN, print_, b"")
         yield f"wrote {pictures[0]} and {pictures[1]}"
-    report_for(site_map, job.output / "report.html", log, survey, _title(job.source), skips(job))
+    write_page(report, job.output / "report.html")
     yield f"wrote {job.output / 'report.html'}"
+    if survey is not None:
+        yield from scored(report.evaluation or evaluation_of(site_map, survey, plugins), job.output / "errors.png")
 
 
 def _title(source: Path) -> str:
@@ -122,45 +121,45 @@ def _title(source: Path) -> str:
     return source.absolute().parent.name if source.stem == "site" else source.stem
 
 
-def draw(drawings: "Sequence[Drawing]", row: RowMap, face: Path, plan: Path) -> None:
+def draw(drawings: Sequence[Drawing], row: RowMap, face: Path, plan: Path) -> None:
     """A row's two pictures."""
-    from savmap.report.plots import write_face_view, write_plan_view
+    from savmap.report.picture import write_row_view
 
-    write_face_view(drawings, row, face)
-    write_plan_view(drawings, row, plan)
-
-
-def scored(job: Job) -> Iterator[str]:
-    """The scores against the site's survey and their box plot, where it names one."""
-    if job.site.survey is not None:
-        picture = job.output / "errors.png"
-        evaluation = evaluate_files(job.output / "map.json", job.site.survey, picture, skips(job))
-        yield f"wrote {picture}"
-        yield scores_table(evaluation)
+    write_row_view(row, drawings, "face", face)
+    write_row_view(row, drawings, "plan", plan)
 
 
-def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None, skip: bool = False) -> "Evaluation":
-    """A map against a survey, scored by the plugins that made the map; `skip`: without a plugin that fails."""
+def scored(evaluation: Evaluation, box_plot: Path) -> Iterator[str]:
+    """Write the box plot of the scores; yields the lines about them."""
+    from savmap.report.picture import write_box_plot
+
+    write_box_plot(evaluation, box_plot)
+    yield f"wrote {box_plot}"
+    yield scores_table(evaluation)
+
+
+def evaluate_files(map_file: Path, survey_file: Path, box_plot: Path | None = None) -> Evaluation:
+    """A map against a survey, scored by the plugins that made the map."""
     from savmap.io.mapfile import read_map
-    from savmap.report.plots import write_box_plot
+    from savmap.report.picture import write_box_plot
 
     site_map = read_map(map_file)
-    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map, skip))
+    evaluation = evaluation_of(site_map, read_survey(survey_file), rooms_of(site_map))
     if box_plot is not None:
         write_box_plot(evaluation, box_plot)
     return evaluation
 
 
-def scores_json(evaluation: "Evaluation") -> str:
+def scores_json(evaluation: Evaluation) -> str:
     """The scores as one JSON object."""
-    from savmap.evaluation import as_json
+    from savmap.report.evaluation import as_json
 
     return json.dumps(as_json(evaluation), indent=2)
 
 
-def scores_table(evaluation: "Evaluation") -> str:
+def scores_table(evaluation: Evaluation) -> str:
     """The scores as a table for people."""
-    from savmap.evaluation import as_table
+    from savmap.report.evaluation import as_table
 
     return as_table(evaluation)
 

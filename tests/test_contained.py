@@ -17,10 +17,10 @@ from savmap.contained import failures_gathered
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
 from savmap.job import job_for
 from savmap.mapping import Way
+from savmap.report.site_report import rooms_of
 from savmap.rooms import open_room
 from savmap.run import run
 from savmap.scaffold.stub import stub_network
-from savmap.sitereport import rooms_of
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
 IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
@@ -33,12 +33,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from savmap.errors import StructureError
-from savmap.evaluation import Score
 from savmap.geometry.pinhole import project
 from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
 from savmap.hookspecs import hookimpl
 from savmap.stages.aim import LEVEL
-from savmap.types import Aim, Detection, Feature, Structure, Track, ViewSpec
+from savmap.types import Aim, Detection, Feature, Score, Structure, Track, ViewSpec
 
 POINTS = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0) for y in (0.5, 1.3, 2.2)])
 

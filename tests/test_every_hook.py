@@ -16,18 +16,18 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap import hookspecs, rooms
 from savmap.errors import PluginError, PluginFailedError
-from savmap.evaluation import Score
 from savmap.graph import Constraints, observe
 from savmap.hookspecs import hookimpl
-from savmap.report.drawing import Drawing
 from savmap.rooms import Room, room_of
 from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
     Aim,
     Detection,
+    Drawing,
     Feature,
     FrameTable,
     RowFacts,
+    Score,
     SharedThing,
     SiteMap,
     Structure,

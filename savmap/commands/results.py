@@ -28,9 +28,10 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
-    from savmap.sitereport import report_files
+    from savmap.report.site_report import write_report
 
-    typer.echo(report_files(map_file, output, run_file, survey))
+    write_report(map_file, output, run_file, survey)
+    typer.echo(f"wrote {output}")
 
 
 def export(

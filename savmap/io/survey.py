@@ -10,8 +10,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import OutputError
-from savmap.evaluation import Survey
 from savmap.io.files import read_json, write_text
+from savmap.types import Survey
 from savmap.validation import checked
 
 FORMAT = "savmap-survey"

@@ -15,17 +15,16 @@ import pytest
 
 from savmap.console import Console
 from savmap.errors import OutputError
-from savmap.evaluation import Evaluation, Score
 from savmap.io.files import write_text, write_with
 from savmap.io.images import write_picture
 from savmap.io.mapfile import write_map
 from savmap.job import LEAST_ROOM, prepare
-from savmap.report.plots import write_box_plot
+from savmap.report.picture import write_box_plot
 from savmap.runlog import RowRun, RunLog, write_log
 from savmap.sim.footage import encode
 from savmap.sim.scene import Cart
 from savmap.store import Store, locked
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Evaluation, FrameTable, RowMap, Score, SiteMap, Structure, Trajectory
 
 FULL = Path("/dev/full")
 MAIN = "from savmap.cli import main; main()"

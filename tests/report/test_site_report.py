@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from savmap.cli import app
 from savmap.errors import OutputError
 from savmap.io.mapfile import write_map
+from savmap.report.site_report import drawings_of, rooms_of, write_report
 from savmap.runlog import RowRun, RunLog, write_log
-from savmap.sitereport import drawings_of, report_files, rooms_of
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
@@ -58,8 +58,7 @@ def survey(tmp_path: Path, name: str) -> Path:
 
 def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
     row = site.rows["A"]
-    rooms = rooms_of(site)
-    drawn = drawings_of([rooms[name] for name in row.structures], row, None)
+    drawn = drawings_of(row, rooms_of(site), None, {})
     assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
 
 
@@ -75,7 +74,7 @@ def test_the_command_writes_a_page_from_a_map_alone(map_file: Path, tmp_path: Pa
 
 def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path) -> None:
     write_log(RunLog(rows={"A": RowRun(status="mapped", seconds={"solve": 1.5})}, wall_s=2.0), tmp_path / "run.json")
-    report_files(map_file, tmp_path / "page.html", tmp_path / "run.json", survey(tmp_path, "A"))
+    write_report(map_file, tmp_path / "page.html", tmp_path / "run.json", survey(tmp_path, "A"))
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert '<section id="errors">' in text
     assert '<section id="time">' in text
@@ -83,7 +82,7 @@ def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path)
 
 
 def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Path) -> None:
-    report_files(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    write_report(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "The survey has none of the rows that were mapped" in text
     assert '<section id="errors">' not in text
@@ -91,10 +90,10 @@ def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Pa
 
 def test_a_map_of_failed_rows_only_is_reported(site: SiteMap, tmp_path: Path) -> None:
     write_map(replace(site, rows={}), tmp_path / "none.json")
-    report_files(tmp_path / "none.json", tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    write_report(tmp_path / "none.json", tmp_path / "page.html", None, survey(tmp_path, "Z"))
     assert "no video" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_the_page_must_be_named_as_one(map_file: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"a report is an HTML page; name it \.html"):
-        report_files(map_file, tmp_path / "page.pdf")
+        write_report(map_file, tmp_path / "page.pdf")
