@@ -33,6 +33,13 @@ class Box:
     mean: float
     beyond: Floats
 
+    def __str__(self) -> str:
+        """Its numbers in words."""
+        median, mean, first, third, low, high = (
+            fixed(value, 2, True) for value in (self.median, self.mean, self.first, self.third, self.low, self.high)
+        )
+        return f"median {median}, mean {mean}, quartiles {first} and {third}, whiskers {low} and {high}"
+
 
 def box_of(errors_cm: Floats) -> Box:
     """The box of errors (n,), n > 0 (Tukey 1977)."""
@@ -61,7 +68,7 @@ def box_plot(evaluation: Evaluation) -> Figure | None:
     return Figure(
         id="box-plot",
         title="Errors by class over all rows: truth \u2212 estimate, cm",
-        description=_description(boxes),
+        description=f"Truth minus estimate in centimetres. {'; '.join(f'{name}: {box}' for name, box in boxes.items())}.",
         frame=(0, 0, width, _BOTTOM + _BELOW),
         layers=(*_grid(scale, width), *(Layer(style, tuple(column[style] for column in columns)) for style in styles)),
         labels=(*_scale_labels(scale), *_class_labels(errors_cm, scale)),
@@ -95,12 +102,10 @@ def _column(middle: int, errors_cm: Floats, box: Box, y: Scale) -> dict[str, Sha
         f"M{middle} {y(box.high)}V{y(box.third)}M{middle} {y(box.first)}V{y(box.low)}"
         f"M{middle - tip} {y(box.high)}h{2 * tip}M{middle - tip} {y(box.low)}h{2 * tip}"
     )
-    centre = f"median {fixed(box.median, 2, True)} cm, mean {fixed(box.mean, 2, True)} cm"
-    hint = f"{centre}, quartiles {fixed(box.first, 2, True)} and {fixed(box.third, 2, True)} cm"
     return {
         "measure": Shape(_dots(middle, errors_cm, y)),
         "whisker": Shape(whiskers),
-        "box": Shape(f"M{left} {y(box.third)}h{width}V{y(box.first)}h{-width}z", hint),
+        "box": Shape(f"M{left} {y(box.third)}h{width}V{y(box.first)}h{-width}z", f"{box} cm"),
         "median": Shape(f"M{left} {y(box.median)}h{width}"),
         "mean": Shape(f"M{left} {y(box.mean)}h{width}"),
     }
@@ -135,13 +140,3 @@ def _class_labels(errors_cm: Mapping[str, Floats], y: Scale) -> list[Label]:
             Label(middle, _BOTTOM + 18, count, "class small", dy=1.4),
         ]
     return labels
-
-
-def _description(boxes: Mapping[str, Box]) -> str:
-    classes = (
-        f"{name}: median {fixed(box.median, 2, True)}, mean {fixed(box.mean, 2, True)}, "
-        f"quartiles {fixed(box.first, 2, True)} and {fixed(box.third, 2, True)}, "
-        f"whiskers {fixed(box.low, 2, True)} and {fixed(box.high, 2, True)}"
-        for name, box in boxes.items()
-    )
-    return f"Truth minus estimate in centimetres. {'; '.join(classes)}."

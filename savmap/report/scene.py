@@ -117,8 +117,15 @@ def metre_grid(frame: Frame, down: int, stretch: float = 1.0) -> tuple[Layer, tu
     along = ticks(top / along_mm, (top + height) / along_mm, max(4, round(12 * height / width)))
     lines = [f"M{round(x * MM)} {top}v{height}" for x in across]
     lines += [f"M{left} {round(y * along_mm)}h{width}" for y in along]
-    below = [Label(round(x * MM), top, _metres(x), "tick x", dy=1.1) for x in across]
-    beside = [Label(left, round(y * along_mm), _metres(down * y), "tick y", dx=0.4, dy=-0.2) for y in along]
+    edge = 0.02 * width  # where a label would be cut off
+    below = [
+        Label(round(x * MM), top, _metres(x), "tick x", dy=1.1) for x in across if edge < x * MM - left < width - edge
+    ]
+    beside = [
+        Label(left, round(y * along_mm), _metres(down * y), "tick y", dx=0.4, dy=-0.2)
+        for y in along
+        if y * along_mm - top > edge
+    ]
     return Layer("grid", (Shape("".join(lines)),)), (*below, *beside)
 
 
