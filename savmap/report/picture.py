@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
+from importlib.metadata import distribution
 from pathlib import Path
 
 import resvg_py
@@ -24,13 +24,12 @@ _WIDTH, _LEAST_WIDTH, _ZOOM = 1000, 560, 2.0
 _LEAST_RATIO: dict[Picture, float] = {"face": 0.32, "plan": 0.24}
 _MOST_RATIO = 0.68
 _HEAD, _LEGEND_LINE, _LETTER = 44, 20, 6.6
+_FONT = "matplotlib/mpl-data/fonts/ttf/DejaVuSans.ttf"
 
 
 def write_row_view(row: RowMap, drawings: Sequence[Drawing], picture: Picture, path: Path) -> None:
     """Write a row's face view or plan. Raises OutputError."""
-    figure = row_view(row, drawings, picture)
-    stretch = _LEAST_RATIO[picture] * figure.frame[2] / figure.frame[3]
-    write_figure(row_view(row, drawings, picture, stretch=stretch) if stretch > 1 else figure, path)
+    write_figure(row_view(row, drawings, picture, least_ratio=_LEAST_RATIO[picture]), path)
 
 
 def write_box_plot(evaluation: Evaluation, path: Path) -> None:
@@ -54,10 +53,9 @@ def write_figure(figure: Figure, path: Path) -> None:
 
 
 def rasterised(text: str) -> bytes:
-    """An SVG as PNG, with one font on all machines."""
-    return bytes(
-        resvg_py.svg_to_bytes(svg_string=text, zoom=_ZOOM, skip_system_fonts=True, font_files=[str(_font_file())])
-    )
+    """An SVG as PNG, with the same font on all machines."""
+    font = str(distribution("matplotlib").locate_file(_FONT))
+    return bytes(resvg_py.svg_to_bytes(svg_string=text, zoom=_ZOOM, skip_system_fonts=True, font_files=[font]))
 
 
 def figure_text(figure: Figure) -> str:
@@ -105,11 +103,3 @@ def _resolved(css: str, unit: float) -> str:
     return re.sub(
         r"calc\(([\d.]+)px \* ([\d.e+-]+)\)", lambda match: f"{float(match[1]) * float(match[2]):.5g}px", plain
     )
-
-
-def _font_file() -> Path:
-    """DejaVu Sans, as matplotlib brings it."""
-    spec = find_spec("matplotlib")
-    assert spec is not None
-    assert spec.origin is not None
-    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

@@ -2,6 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -10,29 +12,40 @@ from savmap.types import Drawing, Floats, Picture, Role, RowMap
 
 # Around what must be seen; and as parts of the width, where that is more, beside it and above and below it.
 _MARGIN_MM, _PARTS = 900.0, (0.03, 0.02)
-_AXES: Mapping[Picture, tuple[int, tuple[str, str, int]]] = {"face": (1, ("x", "y", -1)), "plan": (2, ("x", "z", 1))}
-_TITLES: Mapping[Picture, str] = {"face": "face view", "plan": "plan"}
-_NOTES: Mapping[Picture, str] = {
-    "face": "x along the row, y above the floor",
-    "plan": "x along the row, z out of the face",
-}
-_DESCRIPTIONS: Mapping[Picture, str] = {"face": "as one faces it", "plan": "from above, the camera's side down"}
 _ROLES: Mapping[Role, str] = {"survey": "survey", "mapped": "map", "off": "map, off by more than 5 cm or spurious"}
 _MOST_POSES = 120
 _PATH_COLOURS = 5
 
 
+@dataclass(frozen=True)
 class Projection:
     """From metres in a row's frame to a figure's millimetres: x against the axis `across` (1 or 2), which points `down` the page (1)
-    or up (-1) and is stretched."""
+    or up (-1) and is stretched; and the words for such a figure."""
 
-    def __init__(self, across: int, down: int, stretch: float = 1.0) -> None:
-        self.across, self.scale = across, MM * np.array([1.0, down * stretch])
+    across: int
+    axes: tuple[str, str, int]
+    title: str
+    note: str
+    description: str
+    stretch: float = 1.0
+
+    @property
+    def down(self) -> int:
+        """Whether the second axis points down the page (1) or up (-1)."""
+        return self.axes[2]
 
     def __call__(self, points: Floats) -> Floats:
         """Points (n, 2) mm of (n, 3) m."""
-        flat: Floats = points[:, [0, self.across]] * self.scale
+        flat: Floats = points[:, [0, self.across]] * [MM, MM * self.down * self.stretch]
         return flat
+
+
+_PROJECTIONS: Mapping[Picture, Projection] = {
+    "face": Projection(1, ("x", "y", -1), "face view", "x along the row, y above the floor", "as one faces it"),
+    "plan": Projection(
+        2, ("x", "z", 1), "plan", "x along the row, z out of the face", "from above, the camera's side down"
+    ),
+}
 
 
 def row_view(
@@ -41,38 +54,36 @@ def row_view(
     picture: Picture,
     hints: Mapping[str, str] | None = None,
     anchor: str = "row",
-    stretch: float = 1.0,
+    least_ratio: float = 0.0,
 ) -> Figure:
     """The row as one faces it ("face"), or from above with the camera's path, z out of the face pointing down the page ("plan").
 
-    hints: by structure id, what the page shows under the pointer. stretch: how much larger the vertical scale is.
+    hints: by structure id, what the page shows under the pointer. least_ratio: of height to width; the vertical scale is larger
+    than that along x where it takes that.
     """
     shown = drawn_in(drawings, picture)
-    across, axes = _AXES[picture]
-    projection = Projection(across, axes[2], stretch)
     cameras = camera_paths(row) if picture == "plan" else {}
     on_floor = [np.zeros((1, 3))] if picture == "face" else []
-    frame = _frame(shown, Projection(across, axes[2]), [*cameras.values(), *on_floor])
-    left, top, width, height = frame
-    stretched = (left, round(top * stretch), width, round(height * stretch))
-    grid, labels = metre_grid(stretched, axes[2], stretch)
+    left, top, width, height = _frame(shown, _PROJECTIONS[picture], [*cameras.values(), *on_floor])
+    stretch = max(1.0, least_ratio * width / height)
+    projection = replace(_PROJECTIONS[picture], stretch=stretch)
+    frame = (left, round(top * stretch), width, round(height * stretch))
+    grid, labels = metre_grid(frame, projection.down, stretch)
     floor = Layer("floor", (Shape(f"M{left} 0h{width}"),))
-    paths = [
-        layer
-        for k, (name, track) in enumerate(cameras.items())
-        for layer in _camera_layers(name, projection(track), k, width)
-    ]
+    paths = (_camera_layers(name, projection(cameras[name]), k, width) for k, name in enumerate(cameras))
+    counts = ", ".join(f"{count} {label}" for label, count in label_counts(row).items())
+    size = f"The picture is {width / MM:.1f} m wide and {height / MM:.1f} m high."
     scale = f"; vertical scale {stretch:.1f} times that along x" if stretch > 1 else ""
     return Figure(
         id=f"{anchor}-{picture}",
-        title=f"Row {row.name}: {_TITLES[picture]}",
-        description=_description(row, picture, frame),
-        frame=stretched,
-        layers=(grid, floor, *_layers(shown, hints or {}, projection), *paths),
+        title=f"Row {row.name}: {projection.title}",
+        description=f"The row {projection.description}: {counts}. {size}",
+        frame=frame,
+        layers=(grid, floor, *_layers(shown, hints or {}, projection), *chain.from_iterable(paths)),
         labels=(*labels, *_captions(shown, projection)),
         legend=_legend(shown, cameras),
-        axes=axes,
-        note=f"{_NOTES[picture]}{scale}",
+        axes=projection.axes,
+        note=f"{projection.note}{scale}",
     )
 
 
@@ -172,9 +183,3 @@ def _legend(drawings: Sequence[Drawing], cameras: Mapping[str, Floats]) -> tuple
         for drawing in drawings
     }
     return (*styles.items(), *((f"{_camera_style(k)} line", f"camera, {name}") for k, name in enumerate(cameras)))
-
-
-def _description(row: RowMap, picture: Picture, frame: Frame) -> str:
-    counts = ", ".join(f"{count} {label}" for label, count in label_counts(row).items())
-    size = f"The picture is {frame[2] / MM:.1f} m wide and {frame[3] / MM:.1f} m high."
-    return f"The row {_DESCRIPTIONS[picture]}: {counts}. {size}"

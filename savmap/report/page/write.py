@@ -44,7 +44,7 @@ def page_text(report: Report) -> str:
         plan=site_plan(rows, report.site_map),
         unplaced=without_place(rows, report.site_map),
         references=reference_table(rows),
-        spread=sigma_table(rows),
+        sigmas=sigma_table(rows),
         **_ties(report, rows),
         **_errors(report, rows, score),
         **_times(report, rows),
