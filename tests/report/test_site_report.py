@@ -1,6 +1,7 @@
 """`savmap report`: a map file, its run and a survey make a page with what the plugins draw and score."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,10 @@ from typer.testing import CliRunner
 from savmap.cli import app
 from savmap.errors import OutputError
 from savmap.io.mapfile import write_map
-from savmap.report.site_report import drawings_of, rooms_of, write_report
+from savmap.report.page import page_text
+from savmap.report.site_report import drawings_of, report_for, rooms_of, write_report
 from savmap.runlog import RowRun, RunLog, write_log
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Drawing, FrameTable, RowMap, Score, SiteMap, Structure, Survey, Trajectory
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
 
@@ -60,6 +62,32 @@ def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
     row = site.rows["A"]
     drawn = drawings_of(row, rooms_of(site), None, {})
     assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
+
+
+class AskedPlugin:
+    """Notes what it is asked, and says that its structures are 10 cm off."""
+
+    def __init__(self, name: str, asked: list[tuple[str, str]]) -> None:
+        self.name, self.asked = name, asked
+
+    def evaluate(self, structures: Sequence[Structure], survey: dict[str, Any]) -> Score:
+        self.asked.append((self.name, "evaluate"))
+        return Score({"width": np.array([0.1])}, deviations={own.id: 0.1 for own in structures})
+
+    def draw(self, structures: Sequence[Structure], survey: Any, deviations: dict[str, float]) -> tuple[Drawing, ...]:
+        assert [deviations[own.id] for own in structures] == [0.1] * len(structures)
+        self.asked.append((self.name, "draw"))
+        return (Drawing("point", structures[0].vertices, "off", "structure", "things"),)
+
+
+def test_plugins_score_and_draw_a_row_once(site: SiteMap) -> None:
+    asked: list[tuple[str, str]] = []
+    plugins: Any = {name: AskedPlugin(name, asked) for name in ("shelves", "lights")}
+    report = report_for(site, plugins, Survey({"A": {}}))
+    page_text(report)
+    assert sorted(asked) == [(name, hook) for name in ("lights", "shelves") for hook in ("draw", "evaluate")]
+    assert report.evaluation is not None
+    assert len(report.evaluation.rows["A"].errors["width"]) == len(report.drawings["A"]) == 2
 
 
 def test_the_command_writes_a_page_from_a_map_alone(map_file: Path, tmp_path: Path) -> None:
