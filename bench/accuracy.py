@@ -17,11 +17,11 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, Given, Made, Mapped, given,
 from uncertainty import figures
 
 from savmap.errors import SavmapError
-from savmap.evaluation import mean_absolute_error, pool
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, SolveOptions
+from savmap.report.evaluation import mean_absolute_error
 from savmap.sim.observations import PAPER, MaskErrors
-from savmap.types import Track
+from savmap.types import Track, pool
 from savmap_shelves.constraints import GridSettings, published
 
 ROOT = Path(__file__).parent.parent

@@ -21,15 +21,14 @@ from typing import Any
 import numpy as np
 from peers import misplaced
 
-from savmap.evaluation import score_json
 from savmap.files.atomic import write_text
 from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
-from savmap.jobs.tasks import row_of
 from savmap.maps.survey import read_survey
 from savmap.pipeline.initial_poses import initial_path
 from savmap.pipeline.measure import RowMeasurements, clip_of, observe
 from savmap.pipeline.row import Followed, Row, follow
 from savmap.plugin.manager import LoadedPlugin
+from savmap.report.evaluation import score_json
 from savmap.site.job import job_for, plugins_for
 from savmap.types import Flow, Trajectory
 from savmap.types.progress import SilentMonitor

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from observed_rows import Mapped, given, made, mapped, tracked
 
-from savmap.evaluation import mean_absolute_error, pool
 from savmap.files.atomic import write_text
 from savmap.graph import Calibration, Shutter, Stitching
+from savmap.report.evaluation import mean_absolute_error
 from savmap.sim.observations import MaskErrors
 from savmap.sim.optics import Optics
-from savmap.types import Floats
+from savmap.types import Floats, pool
 
 ROOT = Path(__file__).parent.parent
 ERRORS = MaskErrors(0.5)

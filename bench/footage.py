@@ -21,19 +21,18 @@ from uncertainty import figures
 
 from savmap.cli.console import Console
 from savmap.errors import SavmapError
-from savmap.evaluation import Score, mean_absolute_error
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
 from savmap.jobs.tasks import row_of
 from savmap.maps.survey import read_survey
 from savmap.pipeline.initial_poses import initial_path
 from savmap.pipeline.measure import RowMeasurements, observe
-from savmap.pipeline.row import Row
 from savmap.plugin.manager import open_plugin
+from savmap.report.evaluation import mean_absolute_error
 from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
-from savmap.types import Track
+from savmap.types import Score, Track
 from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published
 from savmap_shelves.describe import describe

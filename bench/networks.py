@@ -18,19 +18,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
+from savmap.jobs.run import run
 
 from savmap.errors import RowsFailedError, SavmapError
-from savmap.evaluation import mean_absolute_error, pool
-from savmap.jobs.run import run
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
+from savmap.report.evaluation import mean_absolute_error
+from savmap.report.site_report import evaluation_of, plugins_of_map
 from savmap.site.job import job_for
 from savmap.site.overrides import overrides_of
-from savmap.sitereport import evaluation_of, plugins_of_map
 from savmap.train.dataset import IGNORE, read_dataset
-from savmap.types import SiteMap, Structure
+from savmap.types import SiteMap, Structure, pool
 from savmap.vision.networks.segmenter import Segmenter
 
 PLUGIN = "shelves"

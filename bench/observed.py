@@ -21,10 +21,11 @@ import numpy as np
 from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped, tracked
 
 from savmap.errors import SavmapError
-from savmap.evaluation import Evaluation, Score, as_table, pool, score_json
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED
+from savmap.report.evaluation import as_table, score_json
 from savmap.sim.observations import PAPER
+from savmap.types import Evaluation, Score, pool
 from savmap_shelves.constraints import GridSettings, published
 
 ROOT = Path(__file__).parent.parent

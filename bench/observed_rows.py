@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.measure import RowMeasurements
@@ -20,7 +19,7 @@ from savmap.sim.camera import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
-from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
+from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import Marks
 from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain

@@ -25,12 +25,12 @@ from site_rows import Task, made, mapped_row, prior
 
 from savmap.assembly import Assembly, assembled, site_lines
 from savmap.errors import SavmapError
-from savmap.evaluation import Evaluation, Score, as_table, mean_absolute_error, pool, score_json
 from savmap.files.atomic import write_text
 from savmap.maps.map_file import write_map
 from savmap.plugin.manager import open_plugin
-from savmap.report.plots import write_box_plot
-from savmap.types import Floats, Placement, RowMap, SiteMap
+from savmap.report.evaluation import as_table, mean_absolute_error, score_json
+from savmap.report.picture import write_box_plot
+from savmap.types import Evaluation, Floats, Placement, RowMap, Score, SiteMap, pool
 
 ROOT = Path(__file__).parent.parent
 ALLOWED = 1e-3

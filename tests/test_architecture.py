@@ -18,7 +18,7 @@ LAYERS = {
     "graph": {"geometry", "types", "errors", "graph"},
     "stages": {"geometry", "types", "errors", "stages"},
     "assembly": {"geometry", "types", "errors", "graph", "assembly"},
-    "report": {"geometry", "types", "errors", "report", "io", "evaluation"},
+    "report": {"geometry", "types", "errors", "report", "io", "runlog", "rooms", "contained"},
 }
 
 

@@ -8,12 +8,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 
+import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from savmap.errors import OutputError, SavmapError
 from savmap.files.atomic import reason, write_text
 from savmap.files.urls import is_url
+from savmap.types.progress import SilentMonitor
 
 Item = TypeVar("Item")
 log = logging.getLogger("savmap")
@@ -33,6 +35,13 @@ class LogFile(logging.FileHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
         """Nothing: what cannot be logged is lost."""
+
+
+class EchoMonitor(SilentMonitor):
+    """A Monitor whose notes go to standard output."""
+
+    def note(self, line: str) -> None:
+        typer.echo(line)
 
 
 class Console:

@@ -4,14 +4,21 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from savmap.errors import SavmapError, SiteError, VideoError
-from savmap.jobs.resource_estimate import needs
+from savmap.jobs.resource_estimate import resource_estimate
+from savmap.jobs.tasks import request_for
+from savmap.pipeline.initial_poses import initial_attitudes
+from savmap.pipeline.preview import picture_name, preview
+from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
-from savmap.site.job import Job, chosen_plugins, plugins_for
+from savmap.site.job import Job, chosen_plugins
 from savmap.site.load import problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
-from savmap.site.preflight import Footage, placed, settings_problems
+from savmap.site.preflight import Footage, settings_problems, with_location
+from savmap.types.progress import Monitor
+from savmap.video.reader import preview_frames
 
-SEEN_TO = 0.7
+DECODABLE = 0.7
+"""The share of a pass up to which key frames must be decodable."""
 
 
 class CheckError(SavmapError):
@@ -27,25 +34,22 @@ def check(
     source: Path,
     plugins: Sequence[str] | None,
     output: Path,
+    monitor: Monitor,
     overrides: Sequence[Override] = (),
     pictures: bool = True,
     earlier: Path | None = None,
-) -> Iterator[str]:
-    """Lines for the user: every problem, pictures that were written, what a run will take.
-
-    Raises CheckError in the end where there were problems, SiteError at once where the file cannot be read.
-    """
+) -> list[SavmapError]:
+    """The problems of a site file. The monitor gets a note of each as soon as it is found, of pictures that were written, and of what a
+    run will take. Raises SiteError where the file cannot be read."""
     problems: list[SavmapError] = []
-    for found in _found(source, plugins, output, overrides, pictures, earlier):
-        if isinstance(found, SavmapError):
-            problems.append(found)
-        yield str(found)
-    if problems:
-        raise CheckError(source, problems)
-    yield f"{source}: no problem found"
+    for finding in _findings(source, plugins, output, overrides, pictures, earlier):
+        if isinstance(finding, SavmapError):
+            problems.append(finding)
+        monitor.note(str(finding))
+    return problems
 
 
-def _found(
+def _findings(
     source: Path,
     plugins: Sequence[str] | None,
     output: Path,
@@ -66,63 +70,57 @@ def _found(
 
 
 def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
-    """Problems of a job whose site file is as it should be, and lines for the user."""
-    unset = list(settings_problems(job.site, job.plugins, job.places))
-    yield from unset
+    """Problems of a job whose site file is as it should be, and remarks."""
+    wrong_settings = list(settings_problems(job.site, job.plugins, job.places))
+    yield from wrong_settings
     yield from preflight.output(job)
-    found = list(preflight.footage(job))
-    footage = [one for one in found if isinstance(one, Footage)]
-    yield from (one for one in found if isinstance(one, SavmapError))
+    findings = list(preflight.footage(job))
+    footage = [finding for finding in findings if isinstance(finding, Footage)]
+    yield from (finding for finding in findings if isinstance(finding, SavmapError))
     yield from preflight.twins(footage)
-    if unset:
+    if wrong_settings:
         yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
         return
     networks = list(preflight.networks(job))
     yield from networks
     yield from preflight.references(job)
     yield from preflight.survey(job)
-    if not any(isinstance(one, SavmapError) for one in networks):
-        yield from _looked(job, footage, pictures)
+    if not any(isinstance(finding, SavmapError) for finding in networks):
+        yield from _previewed(job, footage, pictures)
 
 
-def _looked(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[SavmapError | str]:
-    """What is found by looking at a few pictures of each pass; then what a run will take."""
-    good: list[Footage] = []
-    for one in footage:
-        found = list(_seen(job, one, pictures))
-        yield from found
-        good += [] if any(isinstance(each, SavmapError) for each in found) else [one]
-    if good:
+def _previewed(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[SavmapError | str]:
+    """What a few pictures of each pass show; then what a run will take."""
+    sound: list[Footage] = []
+    for part in footage:
+        findings = list(_preview(job, part, pictures))
+        yield from findings
+        sound += [] if any(isinstance(finding, SavmapError) for finding in findings) else [part]
+    if sound:
         try:
-            yield from needs(job, good).lines()
+            yield from resource_estimate(job, sound).lines()
         except SavmapError as error:
             yield error
 
 
-def _seen(job: Job, one: Footage, pictures: bool) -> Iterator[SavmapError | str]:
+def _preview(job: Job, part: Footage, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems with the pictures of a pass, and a line with where its views are drawn."""
-    from savmap.jobs.tasks import row_of
-    from savmap.pipeline.initial_poses import initial_attitudes
-    from savmap.pipeline.measure import clip_of
-    from savmap.pipeline.preview import picture_name, preview
-    from savmap.plugin.segmenters import SegmenterPool
-    from savmap.video.reader import preview_frames
-
-    what = f"row {one.row}, {one.name}: {one.frames} frames"
+    row_pass = part.row_pass
+    remark = f"row {part.row}, {part.name}: {part.frames} frames"
     try:
         if pictures:
-            plugins, path = plugins_for(job, one.row), job.output / picture_name(one.row, one.name)
-            attitude = initial_attitudes(row_of(job, one.row)).get(one.name)
-            keys = preview(one.name, one.one, plugins, SegmenterPool(plugins), path, attitude).keys
-            what += f", views in {path}"
+            request, path = request_for(job, part.row), job.output / picture_name(part.row, part.name)
+            segmenters, attitude = SegmenterPool(request.plugins), initial_attitudes(request.path).get(part.name)
+            keys = preview(part.name, row_pass, request.plugins, segmenters, path, attitude).keys
+            remark += f", views in {path}"
         else:
-            keys, _ = preview_frames(clip_of(one.one))
+            keys, _ = preview_frames(row_pass.clip)
     except SavmapError as error:
-        yield placed(error, job.places, one.location)
+        yield with_location(error, job.places, part.location)
         return
-    yield what
-    end_s = min(one.one.end_s or one.info.duration_s, one.info.duration_s)
+    yield remark
+    end_s = min(row_pass.end_s or part.info.duration_s, part.info.duration_s)
     last_s = keys[-1].stamp_s
-    if last_s - one.one.start_s < SEEN_TO * (end_s - one.one.start_s):
-        text = f"{one.one.video}: nothing can be decoded after {last_s:.1f} s; the file is cut off or damaged"
-        yield placed(VideoError(text), job.places, (*one.location, "video"))
+    if last_s - row_pass.start_s < DECODABLE * (end_s - row_pass.start_s):
+        text = f"{row_pass.video}: nothing can be decoded after {last_s:.1f} s; the file is cut off or damaged"
+        yield with_location(VideoError(text), job.places, (*part.location, "video"))

@@ -48,17 +48,20 @@ class TaskExecutor(Protocol):
 
 
 class SerialExecutor:
-    """Runs tasks in this process, one after another, when their results are asked for."""
+    """Runs tasks in this process, one after another, when their results are asked for. A task that is submitted meanwhile comes next:
+    it goes on from the last one's result, which then need not be kept for long."""
 
     def __init__(self, monitor: Monitor) -> None:
         self.monitor: Monitor | None = monitor
         self.waiting: list[tuple[Hashable, Task]] = []
+        self.next: list[tuple[Hashable, Task]] = []
 
     def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
-        self.waiting.append((key, (function, arguments)))
+        self.next.append((key, (function, arguments)))
 
     def results(self) -> Iterator[tuple[Any, Any]]:
-        while self.waiting:
+        while self.next or self.waiting:
+            self.waiting[:0], self.next = self.next, []
             key, (function, arguments) = self.waiting.pop(0)
             yield key, function(*arguments)
 

@@ -1,34 +1,31 @@
 """A job from its footage to a site map with its scores, and the files that are written of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from savmap.assembly import assembled
 from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
-from savmap.jobs.cache import FolderCache, NoCache, RowCache, locked
+from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
-from savmap.jobs.scheduler import RunOptions, map_rows_of
-from savmap.jobs.tasks import request_for, warnings_as_notes
+from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
+from savmap.jobs.tasks import warnings_as_notes
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.pipeline.measure import recordings
 from savmap.plugin.isolation import failures_gathered
-from savmap.site.job import Job, plugins_for, prepare
+from savmap.report.page import Report, write_page
+from savmap.report.picture import write_box_plot, write_row_view
+from savmap.report.site_report import PluginsByRow, evaluation_of, report_for
+from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.preflight import require_ready
-from savmap.types import SiteMap
+from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
 from savmap.vision.networks.providers import runtime_version
-
-if TYPE_CHECKING:
-    from savmap.evaluation import Evaluation, Survey
-    from savmap.plugin.manager import LoadedPlugin
 
 DRAWN = "drawn"
 
@@ -39,7 +36,7 @@ class SiteRun:
     plugins that failed anywhere, and the files that were written."""
 
     site_map: SiteMap
-    evaluation: "Evaluation | None"
+    evaluation: Evaluation | None
     log: RunLog
     failed_rows: Mapping[str, SavmapError]
     failed_plugins: frozenset[str]
@@ -64,78 +61,42 @@ def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     Raises the first row's error where no row could be mapped, and SavmapError's kinds for what is wrong with the job.
     """
     require_ready(job)
-    return _SiteMapping(job, options, monitor, NoCache()).run()
+    with failures_gathered() as failures, warnings_as_notes(monitor):
+        mapped, site_map, plugins = _site_map(job, options, monitor, NoCache())
+        survey = _survey(job)
+        evaluation = evaluation_of(site_map, survey, plugins) if survey else None
+    failed_plugins = _failed_plugins(mapped.log) | {failure.plugin for failure in failures}
+    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins))
 
 
 def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
-    """Map a job and write all its results into its output folder, which `prepare` has made.
+    """Map a job that is known to be ready, and write all its results into its output folder, which is there.
 
     What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
-    solved. Raises as `map_job` does, and OutputError.
+    solved: map.json, run.json, report.html, site.resolved.json, pictures of each row. Raises as `map_job` does, and OutputError.
     """
-    with locked(job.output):
-        mapping = _SiteMapping(job, options, monitor, FolderCache(job.output, options.fresh))
-        return mapping.run(write=True)
+    cache = FolderCache(job.output, options.fresh)
+    with failures_gathered() as failures, warnings_as_notes(monitor):
+        mapped, site_map, plugins = _site_map(job, options, monitor, cache)
+        evaluation, files = _write_results(job, site_map, mapped.log, plugins, cache)
+    failed_plugins = _failed_plugins(mapped.log) | {failure.plugin for failure in failures}
+    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files)
 
 
-@dataclass(eq=False)
-class _SiteMapping:
-    """One run of a job."""
-
-    job: Job
-    options: RunOptions
-    monitor: Monitor
-    cache: RowCache
-
-    @cached_property
-    def plugins(self) -> Mapping[str, "LoadedPlugin"]:
-        """The job's plugins by name, with the settings of its first row: for what concerns all rows."""
-        first = next(iter(self.job.site.rows))
-        return {plugin.name: plugin for plugin in plugins_for(self.job, first)}
-
-    @cached_property
-    def survey(self) -> "Survey | None":
-        return read_survey(self.job.site.survey) if self.job.site.survey else None
-
-    def run(self, write: bool = False) -> SiteRun:
-        if self.job.note:
-            self.monitor.note(self.job.note)
-        mapped = map_rows_of(self.job, self.options, self.monitor, self.cache)
-        failed = {name: str(error) for name, error in mapped.failed.items()}
-        with failures_gathered() as failures, warnings_as_notes(self.monitor):
-            site_map, notes = in_one_frame(self.job, SiteMap(mapped.rows, made_by(self.job), failed), self.plugins)
-            for note in notes:
-                self.monitor.note(note)
-            evaluation = self._evaluate(site_map)
-            files = self._write(site_map, mapped.log, evaluation) if write else ()
-        failed_plugins = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
-        failed_plugins |= {failure.plugin for failure in failures}
-        return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files)
-
-    def _evaluate(self, site_map: SiteMap) -> "Evaluation | None":
-        from savmap.sitereport import evaluation_of
-
-        return None if self.survey is None else evaluation_of(site_map, self.survey, self.plugins)
-
-    def _write(self, site_map: SiteMap, log: RunLog, evaluation: "Evaluation | None") -> tuple[Path, ...]:
-        raise NotImplementedError
-
-
-def in_one_frame(
-    job: Job, site_map: SiteMap, plugins: Mapping[str, "LoadedPlugin"]
-) -> tuple[SiteMap, Sequence[str]]:
+def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
     """The map with its rows placed in the site's frame where something tells, and a line for each thing the user should know."""
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
+    row = next(iter(plugins))
     try:
         result = assembled(
             site_map,
             placements(job.site),
             footage,
-            lambda plugin, structures: plugins[plugin].shared(structures=structures),
+            lambda plugin, structures: plugins[row][plugin].shared(structures=structures),
         )
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)
-    return result.site_map, result.notes
+    return result.site_map, tuple(result.notes)
 
 
 def made_by(job: Job) -> dict[str, str]:
@@ -143,3 +104,71 @@ def made_by(job: Job) -> dict[str, str]:
     first = next(iter(job.site.rows))
     models = {f"model {plugin.name}": sha256(plugin.model_file) for plugin in plugins_for(job, first)}
     return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
+
+
+def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
+    """Write a row's face view and plan. Raises OutputError."""
+    paths = _row_views(row.name, folder)
+    write_row_view(row, report.drawings[row.name], "face", paths[0])
+    write_row_view(row, report.drawings[row.name], "plan", paths[1])
+    return paths
+
+
+def _site_map(
+    job: Job, options: RunOptions, monitor: Monitor, cache: RowCache
+) -> tuple[MappedRows, SiteMap, PluginsByRow]:
+    """The rows' maps in one frame, and the plugins that made them."""
+    if job.note:
+        monitor.note(job.note)
+    mapped = map_rows_of(job, options, monitor, cache)
+    failed = {name: str(error) for name, error in mapped.failed.items()}
+    plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
+    site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
+    for note in notes:
+        monitor.note(note)
+    return mapped, site_map, plugins
+
+
+def _write_results(
+    job: Job, site_map: SiteMap, log: RunLog, plugins: PluginsByRow, cache: RowCache
+) -> tuple[Evaluation | None, tuple[Path, ...]]:
+    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, and the box plot where there is a
+    survey; the scores, and the files worth a look."""
+    write_map(site_map, job.output / "map.json")
+    write_log(log, job.output / "run.json")
+    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
+    survey = _survey(job)
+    report = report_for(site_map, plugins, survey, log, _title(job.source))
+    files = [job.output / "map.json"]
+    for name, row in site_map.rows.items():
+        surveyed = survey.rows.get(name) if survey else None
+        views, key = _row_views(name, job.output), drawing_key(row, surveyed)
+        if cache.load(name, DRAWN, key) is None or not all(view.is_file() for view in views):
+            write_row_views(row, report, job.output)
+            if not any(plugin.failure for plugin in plugins[name].values()):
+                cache.save(name, DRAWN, key, b"")
+        files += views
+    write_page(report, job.output / "report.html")
+    files.append(job.output / "report.html")
+    if survey is None:
+        return None, tuple(files)
+    evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
+    write_box_plot(evaluation, job.output / "errors.png")
+    return evaluation, (*files, job.output / "errors.png")
+
+
+def _row_views(row: str, folder: Path) -> list[Path]:
+    return [folder / f"{kind}-{file_name(row)}.png" for kind in ("face", "plan")]
+
+
+def _survey(job: Job) -> Survey | None:
+    return read_survey(job.site.survey) if job.site.survey else None
+
+
+def _failed_plugins(log: RunLog) -> set[str]:
+    return {name for row in log.rows.values() for name in row.plugins_failed}
+
+
+def _title(source: Path) -> str:
+    """What a report is called: the file's name, or its folder's where that says no more than what it is."""
+    return source.absolute().parent.name if source.stem == "site" else source.stem

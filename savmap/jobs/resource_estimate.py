@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from savmap.errors import OutputError
+from savmap.files.serialization import packed
 from savmap.jobs.scheduler import SOLVED
-from savmap.jobs.tasks import PER_MB, row_of
+from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
+from savmap.pipeline.row import measure
 from savmap.site.job import Job, plugins_for
 from savmap.site.preflight import Footage
 
@@ -39,25 +41,25 @@ class ProbeMonitor:
 class Rate:
     """Seconds to choose a pass's views, seconds a frame, and bytes a frame of what is kept of it."""
 
-    aim_s: float
+    plan_s: float
     frame_s: float
     frame_bytes: float
 
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """What a run will take with one worker: frames, seconds of looking at them, seconds of solving where an earlier run tells,
+    """What a run will take with one worker: frames, seconds of measuring them, seconds of solving where an earlier run tells,
     MB on disk for what is kept of the rows, MB of memory that were in use after a few frames."""
 
     frames: int
-    look_s: float
+    measure_s: float
     solve_s: float | None
     disk_mb: float
     memory_mb: float
 
     def lines(self) -> Iterator[str]:
         """For people."""
-        yield f"{self.frames} frames; looking at them will take about {duration(self.look_s)} with one worker on this machine"
+        yield f"{self.frames} frames; measuring them will take about {duration(self.measure_s)} with one worker on this machine"
         solve = (
             f"about {duration(self.solve_s)}, by the last run's rate" if self.solve_s is not None else "not known yet"
         )
@@ -65,21 +67,21 @@ class ResourceEstimate:
         yield f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
 
 
-def needs(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
-    """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be looked at."""
+def resource_estimate(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
+    """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be measured."""
     rates: dict[tuple[object, ...], Rate] = {}
-    for one in footage:
-        kind = _kind(job, one)
+    for part in footage:
+        kind = _kind(job, part)
         if kind not in rates:
-            rates[kind] = _rate(job, one)
-    own = [(one.frames, rates[_kind(job, one)]) for one in footage]
-    frames = sum(count for count, _ in own)
+            rates[kind] = _rate(job, part)
+    parts = [(part.frames, rates[_kind(job, part)]) for part in footage]
+    frames = sum(count for count, _ in parts)
     solving = _solve_rate(job.output)
     return ResourceEstimate(
         frames,
-        sum(rate.aim_s + count * rate.frame_s for count, rate in own),
+        sum(rate.plan_s + count * rate.frame_s for count, rate in parts),
         None if solving is None else solving * frames,
-        sum(count * rate.frame_bytes for count, rate in own) / 1e6,
+        sum(count * rate.frame_bytes for count, rate in parts) / 1e6,
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB,
     )
 
@@ -92,25 +94,23 @@ def duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _kind(job: Job, one: Footage) -> tuple[object, ...]:
+def _kind(job: Job, part: Footage) -> tuple[object, ...]:
     """What decides how long a frame takes."""
-    models = tuple(plugin.model for plugin in plugins_for(job, one.row))
-    extras = (job.site.row_appearance(one.row), bool(job.site.row_references(one.row).markers))
-    return one.info.width, one.info.codec, one.info.rate_fps, one.one.fps, models, extras
+    models = tuple(plugin.model for plugin in plugins_for(job, part.row))
+    extras = (job.site.row_appearance(part.row), bool(job.site.row_references(part.row).markers))
+    return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.fps, models, extras
 
 
-def _rate(job: Job, one: Footage) -> Rate:
-    """Look at the first frames of a pass as a run does."""
-    from savmap.files.serialization import packed
-    from savmap.pipeline.row import look
-
-    taste = ProbeMonitor()
+def _rate(job: Job, part: Footage) -> Rate:
+    """Measure the first frames of a pass as a run does."""
+    probe = ProbeMonitor()
     begin = time.perf_counter()
-    row = replace(row_of(job, one.row), passes=(one.one,))
-    seen = packed(look(row, plugins_for(job, one.row), taste))
-    warm = min(WARM, len(taste.clock) - 2)
-    timed = taste.clock[warm:]
-    return Rate(taste.clock[0] - begin, (timed[-1] - timed[0]) / (len(timed) - 1), len(seen) / (len(taste.clock) - 1))
+    request = replace(request_for(job, part.row), passes=(part.row_pass,))
+    stored = packed(measure(request, probe).measurements)
+    warm = min(WARM, len(probe.clock) - 2)
+    timed = probe.clock[warm:]
+    frame_s = (timed[-1] - timed[0]) / (len(timed) - 1)
+    return Rate(probe.clock[0] - begin, frame_s, len(stored) / (len(probe.clock) - 1))
 
 
 def _solve_rate(output: Path) -> float | None:

@@ -5,7 +5,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from savmap.errors import PluginFailedError, SavmapError
 from savmap.jobs import tasks
@@ -43,7 +43,9 @@ class RunOptions:
             dask = DaskExecutor(self.cluster, job)
             return dask, dask.count
         jobs = max(min(groups, (os.cpu_count() or 1) // 2), 1) if self.jobs is None else self.jobs
-        return (ProcessExecutor(jobs, job.site.plugin_timeout_s, monitor), jobs) if jobs else (SerialExecutor(monitor), 1)
+        return (
+            (ProcessExecutor(jobs, job.site.plugin_timeout_s, monitor), jobs) if jobs else (SerialExecutor(monitor), 1)
+        )
 
 
 @dataclass(frozen=True, eq=False)

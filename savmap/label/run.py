@@ -17,10 +17,10 @@ from savmap.label.formats import LabelledPicture, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
 from savmap.pipeline.measure import PassPlan, plan_pass
-from savmap.site.model import pass_names
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, job_for, plugins_for, prepare
+from savmap.site.model import pass_names
 from savmap.site.overrides import Override
 from savmap.types import View, ViewSpec
 from savmap.types.progress import Monitor

@@ -10,9 +10,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.errors import OutputError
-from savmap.evaluation import Survey
 from savmap.files.atomic import read_json, write_text
 from savmap.files.validation import checked
+from savmap.types import Survey
 
 FORMAT = "savmap-survey"
 VERSION = 1

@@ -4,11 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import CrossRowLandmark, Detection, Structure, View
+from savmap.types import CrossRowLandmark, Detection, Drawing, Score, Structure, View
 
 if TYPE_CHECKING:
-    from savmap.evaluation import Score
-    from savmap.report.drawing import Drawing
     from savmap.vision.networks.segmenter import Segmenter
 
 MIN_PIXELS = 12
@@ -33,17 +31,15 @@ def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
 
 
 @hookimpl(trylast=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """Nothing is scored."""
-    from savmap.evaluation import Score
-
     return Score()
 
 
 @hookimpl(trylast=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> "tuple[Drawing, ...]":
+) -> tuple[Drawing, ...]:
     """Nothing is drawn."""
     return ()
 

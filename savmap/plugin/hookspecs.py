@@ -15,10 +15,12 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Drawing,
     Feature,
     Floats,
     Panorama,
     RowFacts,
+    Score,
     SiteMap,
     Structure,
     Track,
@@ -30,10 +32,8 @@ from savmap.types import (
 if TYPE_CHECKING:
     import typer
 
-    from savmap.evaluation import Score
     from savmap.graph.constraints import Constraints
     from savmap.graph.solution import Solution
-    from savmap.report.drawing import Drawing
     from savmap.sim.scene import SceneParts, Site
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview
@@ -103,14 +103,14 @@ def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
 
 
 @hookspec(firstresult=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score | None:
     """Structures against a surveyor's sheet of the row."""
 
 
 @hookspec(firstresult=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> "tuple[Drawing, ...]":
+) -> tuple[Drawing, ...]:
     """How structures look in the face view and in the plan, over the survey where there is one.
 
     `deviations`: by structure id, how far it is off the survey, m.

@@ -13,12 +13,21 @@ from pydantic import BaseModel
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
 from savmap.plugin import activity, defaults, hookspecs, trace
-from savmap.types import CrossRowLandmark, Detection, Feature, Panorama, Structure, Track, View, ViewPlan
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Drawing,
+    Feature,
+    Panorama,
+    Score,
+    Structure,
+    Track,
+    View,
+    ViewPlan,
+)
 
 if TYPE_CHECKING:
-    from savmap.evaluation import Score
     from savmap.graph import Constraints
-    from savmap.report.drawing import Drawing
 
 GROUP = "savmap.plugins"
 
@@ -154,15 +163,11 @@ class LoadedPlugin:
         answer: Constraints = self.ask("constrain", Constraints, **arguments)
         return answer
 
-    def evaluate(self, **arguments: Any) -> "Score":
-        from savmap.evaluation import Score
-
+    def evaluate(self, **arguments: Any) -> Score:
         answer: Score = self.ask("evaluate", Score, **arguments)
         return answer
 
-    def draw(self, **arguments: Any) -> "tuple[Drawing, ...]":
-        from savmap.report.drawing import Drawing
-
+    def draw(self, **arguments: Any) -> tuple[Drawing, ...]:
         answer: tuple[Drawing, ...] = self.ask("draw", tuple, Drawing, **arguments)
         return answer
 

@@ -1,1 +1,1 @@
-"""Pictures and reports of a map."""
+"""Scores, pictures and the report of a map."""

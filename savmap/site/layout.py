@@ -11,7 +11,8 @@ import numpy as np
 
 from savmap.errors import SiteError
 from savmap.files.validation import Location
-from savmap.site.model import LayoutSection, Site
+from savmap.site.model import Site
+from savmap.site.sections import LayoutSection
 from savmap.types import Placement
 
 

@@ -13,8 +13,9 @@ from savmap.files.urls import beside
 from savmap.files.validation import Location
 from savmap.site.layout import misplaced, with_places
 from savmap.site.locations import SourceMap, explained, given_twice, lines_of
-from savmap.site.model import LayoutSection, Pass, Row, Site
+from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
+from savmap.site.sections import LayoutSection
 
 Problems = Sequence[tuple[Location, str]]
 

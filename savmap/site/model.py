@@ -9,24 +9,14 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from savmap.site.inheritance import completed, side_from_direction, without_video
 from savmap.site.sections import (
     CalibrationSection,
-    CameraHeight,
-    Known,
     LayoutSection,
-    Length,
-    Marker,
-    Metres,
-    PanoramaSection,
     PlaceSection,
     Providers,
     ReferenceSection,
-    ShutterSection,
-    Sigma,
     Strict,
-    SurveyedPoint,
     ViewSection,
     Where,
 )
-
 from savmap.video.clip import Clip
 
 Footage = tuple[Path, float, float | None, float]

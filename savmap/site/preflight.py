@@ -82,7 +82,7 @@ class Footage:
     row: str
     name: str
     location: Location
-    one: Pass
+    row_pass: Pass
     info: VideoInfo
     frames: int
 
@@ -99,7 +99,7 @@ def require_ready(job: Job) -> None:
             raise problem
 
 
-def placed(error: SavmapError, places: SourceMap, location: Location) -> SavmapError:
+def with_location(error: SavmapError, places: SourceMap, location: Location) -> SavmapError:
     """An error with the place in the site file that it comes from put before it."""
     place = places.of(location)
     return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
@@ -122,7 +122,7 @@ def networks(job: Job) -> Iterator[SavmapError | str]:
             except ModelError as error:
                 own = "model" in job.site.rows[row].plugins.get(plugin.name, {})
                 at = ("plugins", plugin.name, "model")
-                yield placed(error, job.places, ("rows", row, *at) if own else at)
+                yield with_location(error, job.places, ("rows", row, *at) if own else at)
 
 
 def references(job: Job) -> Iterator[SavmapError]:
@@ -136,7 +136,7 @@ def references(job: Job) -> Iterator[SavmapError]:
                 MarkerWatch([(marker.dictionary, marker.id)])
             except SiteError as error:
                 at = (*(("rows", row) if own else ()), "references", "markers", number)
-                if str(problem := placed(error, job.places, at)) not in told:
+                if str(problem := with_location(error, job.places, at)) not in told:
                     told.add(str(problem))
                     yield problem
         if job.earlier is None and not tells_scale(job.site, row, job.plugins):
@@ -144,7 +144,7 @@ def references(job: Job) -> Iterator[SavmapError]:
                 "the map's scale is not known; give the camera's height (--camera-height with a video), a length or a marker "
                 "(see docs/site-file.md)"
             )
-            yield placed(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
+            yield with_location(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
 
 
 def survey(job: Job) -> Iterator[SavmapError | str]:
@@ -154,12 +154,12 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
     try:
         known = read_survey(job.site.survey).rows
     except OutputError as error:
-        yield placed(error, job.places, ("survey",))
+        yield with_location(error, job.places, ("survey",))
         return
     common = [row for row in job.site.rows if row in known]
     if not common:
         text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(known)}"
-        yield placed(SiteError(text), job.places, ("survey",))
+        yield with_location(SiteError(text), job.places, ("survey",))
     for row in common:
         yield from _surveyed(job, row, known[row])
     for who, rows in (
@@ -176,7 +176,7 @@ def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
         try:
             plugin.evaluate(structures=(), survey=entry)
         except OutputError as error:
-            yield placed(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
+            yield with_location(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
         except SavmapError:
             continue
 
@@ -184,14 +184,14 @@ def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
 def footage(job: Job) -> Iterator[SavmapError | Footage]:
     """Passes whose videos can be read, and what is wrong with the others."""
     probed: dict[Path, VideoInfo | VideoError] = {}
-    for row, own in job.site.rows.items():
-        for number, (name, one) in enumerate(zip(pass_names(own.passes), own.passes, strict=True)):
-            info = probed.setdefault(one.video, _probed(one.video))
+    for row, section in job.site.rows.items():
+        for number, (name, row_pass) in enumerate(zip(pass_names(section.passes), section.passes, strict=True)):
+            info = probed.setdefault(row_pass.video, _probed(row_pass.video))
             at: Location = ("rows", row, "passes", number)
             yield (
-                _footage(job, Footage(row, name, at, one, info, 0))
+                _footage(job, Footage(row, name, at, row_pass, info, 0))
                 if isinstance(info, VideoInfo)
-                else placed(info, job.places, (*at, "video"))
+                else with_location(info, job.places, (*at, "video"))
             )
 
 
@@ -202,30 +202,29 @@ def _probed(video: Path) -> VideoInfo | VideoError:
         return error
 
 
-def _footage(job: Job, found: Footage) -> SavmapError | Footage:
-    one, duration = found.one, found.info.duration_s
-    clip = one.clip
-    late = one.end_s is not None and one.start_s < duration
+def _footage(job: Job, part: Footage) -> SavmapError | Footage:
+    row_pass, duration = part.row_pass, part.info.duration_s
+    late = row_pass.end_s is not None and row_pass.start_s < duration
     try:
-        time_range(clip, duration)
+        time_range(row_pass.clip, duration)
     except VideoError as error:
-        return placed(error, job.places, (*found.location, "end_s" if late else "start_s"))
-    frames = expected_frames(clip, found.info)
+        return with_location(error, job.places, (*part.location, "end_s" if late else "start_s"))
+    frames = expected_frames(row_pass.clip, part.info)
     if frames < MIN_FRAMES:
-        text = f"{one.video}: {frames} frames in the range of {found.name} are too few to map from"
-        return placed(StructureError(text), job.places, found.location)
-    return replace(found, frames=frames)
+        text = f"{row_pass.video}: {frames} frames in the range of {part.name} are too few to map from"
+        return with_location(StructureError(text), job.places, part.location)
+    return replace(part, frames=frames)
 
 
 def twins(footage: Sequence[Footage]) -> Iterator[str]:
     """Passes of different rows that show the same face: the same frames, looked at in the same way."""
     first: dict[object, Footage] = {}
-    for one in footage:
-        views = one.one.model_dump_json(include={"views"})
-        other = first.setdefault((one.one.footage, one.one.side, views), one)
-        if other.row != one.row:
+    for part in footage:
+        views = part.row_pass.model_dump_json(include={"views"})
+        other = first.setdefault((part.row_pass.footage, part.row_pass.side, views), part)
+        if other.row != part.row:
             yield (
-                f"row {one.row}, {one.name}: the same frames, side and views as row {other.row}, {other.name}; "
+                f"row {part.row}, {part.name}: the same frames, side and views as row {other.row}, {other.name}; "
                 "is it the same face?"
             )
 

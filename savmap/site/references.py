@@ -10,7 +10,7 @@ from savmap.graph import (
     Stitching,
     SurveyedPoint,
 )
-from savmap.site.model import CalibrationSection, ReferenceSection
+from savmap.site.sections import CalibrationSection, ReferenceSection
 
 
 def references_of(section: ReferenceSection) -> References:

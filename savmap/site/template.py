@@ -3,7 +3,7 @@
 import json
 import os
 import string
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,8 +68,8 @@ OF_ROW = """\
 """
 
 
-def start(videos: Sequence[Path], path: Path, force: bool = False) -> Iterator[str]:
-    """Write a site file with a row for each video, and the schema beside it; gives the lines to print.
+def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path, Path]:
+    """Write a site file with a row for each video, and the schema beside it; gives the two paths.
 
     Raises VideoError for a video that cannot be used, OutputError where a file is there already and `force` is not given.
     """
@@ -83,8 +83,7 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> Iterator[s
         raise OutputError(f"{schema}: is there already and is not savmap's; choose another folder with -o, or --force")
     write_text(schema, schema_text(installed()))
     write_text(path, starter_text(infos, path.parent))
-    yield f"wrote {path} and {schema}"
-    yield f"say in {path.name} what you know of the site, then run `savmap check {path}`"
+    return path, schema
 
 
 def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:

@@ -6,6 +6,7 @@ at integer coordinates.
 """
 
 from savmap.types.common import Axis, Floats, Ints, Place
+from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import (
@@ -21,31 +22,42 @@ from savmap.types.rows import (
     Track,
     Trajectory,
 )
+from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
 
 __all__ = [
     "Axis",
     "CrossRowLandmark",
     "Detection",
+    "Distances",
+    "Drawing",
+    "Evaluation",
     "Feature",
     "FilmedPanorama",
     "Floats",
     "Flow",
     "FrameTable",
     "Ints",
+    "Kind",
     "Panorama",
+    "Picture",
     "Place",
     "Placement",
     "Planes",
     "ReferenceUse",
+    "Role",
     "RowFacts",
     "RowMap",
+    "Score",
     "SiteMap",
     "Structure",
+    "Survey",
     "Tie",
+    "Tone",
     "Track",
     "Trajectory",
     "View",
     "ViewPlan",
     "ViewSpec",
     "panorama_of",
+    "pool",
 ]

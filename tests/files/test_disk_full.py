@@ -15,16 +15,15 @@ import pytest
 
 from savmap.cli.console import Console
 from savmap.errors import OutputError
-from savmap.evaluation import Evaluation, Score
 from savmap.files.atomic import write_text, write_with
 from savmap.jobs.cache import Store, locked
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.report.plots import write_box_plot
+from savmap.report.picture import write_box_plot
 from savmap.sim.footage import encode
 from savmap.sim.scene import Cart
 from savmap.site.job import LEAST_ROOM, prepare
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Evaluation, FrameTable, RowMap, Score, SiteMap, Structure, Trajectory
 from savmap.video.image_folder import write_picture
 
 FULL = Path("/dev/full")

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from savmap.errors import OutputError
-from savmap.evaluation import Survey
 from savmap.maps.survey import read_survey, write_survey
+from savmap.types import Survey
 
 GOOD: dict[str, Any] = {"format": "savmap-survey", "version": 1, "units": "m", "rows": {"A": {"things": [1, 2]}}}
 

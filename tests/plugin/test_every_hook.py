@@ -15,19 +15,18 @@ import typer
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError, PluginFailedError
-from savmap.evaluation import Score
 from savmap.graph import Constraints, observe
-from savmap.plugin import hookspecs, manager
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.report.drawing import Drawing
 from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Drawing,
     Feature,
     FrameTable,
     RowFacts,
+    Score,
     SiteMap,
     Structure,
     Track,

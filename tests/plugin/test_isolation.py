@@ -12,15 +12,14 @@ import cv2
 import numpy as np
 import pluggy
 import pytest
+from savmap.jobs.run import run
 
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
-from savmap.jobs.run import run
 from savmap.jobs.scheduler import RunOptions
-from savmap.plugin.isolation import failures_gathered
 from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
+from savmap.report.site_report import plugins_of_map
 from savmap.site.job import job_for
-from savmap.sitereport import plugins_of_map
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
 IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
@@ -33,12 +32,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from savmap.errors import StructureError
-from savmap.evaluation import Score
 from savmap.geometry.pinhole import project
 from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
-from savmap.plugin.hookspecs import hookimpl
-from savmap.vision.view_planning import LEVEL
-from savmap.types import ViewPlan, Detection, Feature, Structure, Track, ViewSpec
+from savmap.hookspecs import hookimpl
+from savmap.stages.aim import LEVEL
+from savmap.types import Aim, Detection, Feature, Score, Structure, Track, ViewSpec
 
 POINTS = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0) for y in (0.5, 1.3, 2.2)])
 

@@ -4,11 +4,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from savmap.evaluation import Distances, Evaluation, Score
 from savmap.maps.run_record import RowRun, RunLog
-from savmap.report.drawing import Drawing
-from savmap.report.record import Report
-from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory
+from savmap.report.page import Report
+from savmap.types import (
+    Distances,
+    Drawing,
+    Evaluation,
+    FrameTable,
+    Placement,
+    ReferenceUse,
+    RowMap,
+    Score,
+    SiteMap,
+    Structure,
+    Tie,
+    Trajectory,
+)
 
 EVIL, ODD = "<script>alert(1)</script>", "Süd \u2013 日本 \u202e \x07" + "long " * 40
 STAGES = {"decode": 60.0, "solve": 20.0}

@@ -13,8 +13,7 @@ from made_up_page import EVIL, ODD, drawings, evaluation, report, row
 from parsed_page import Element, parsed
 
 from savmap.errors import OutputError
-from savmap.report.page import page_text, write_page
-from savmap.report.record import Report
+from savmap.report.page import Report, page_text, write_page
 from savmap.types import Placement, SiteMap
 
 
@@ -127,7 +126,7 @@ def test_rows_stand_in_the_plan_as_they_are_placed(page: Element) -> None:
     }
     assert strips["Row A2"] == "M0 0h6100"
     assert strips["Row A10"] == "M500 4000h-6100"
-    assert page.one(id="site-plan").one("g", "lost").one("title").text.startswith("Row B1 failed: B1: video")
+    assert page.one(id="site-plan").one("g", "failed").one("title").text.startswith("Row B1 failed: B1: video")
     assert "drawn beneath the others: B2" in page.one("section", id="plan").one("p").text
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from savmap.evaluation import Evaluation, Score
-from savmap.report.page.boxes import box_of, box_plot
-from savmap.report.page.figures import path, ticks
-from savmap.report.page.numbers import anchors, duration, fixed, natural, shortened
-from savmap.report.page.spread import histogram
+from savmap.report.box_plot import box_of, box_plot
+from savmap.report.numbers import anchors, duration, fixed, natural, shortened
+from savmap.report.page.uncertainty import histogram
+from savmap.report.scene import path, ticks
+from savmap.types import Evaluation, Score
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_what_does_not_fit_the_box_plot_is_counted() -> None:
     errors = np.append(np.linspace(-0.01, 0.01, 50), [3.0])
     figure = box_plot(Evaluation({"A": Score({"H gap": errors, "none": np.zeros(0)})}))
     assert figure is not None
-    assert [own.text for own in figure.labels if "class" in own.look] == ["H gap", "(51, 1 further off)"]
+    assert [label.text for label in figure.labels if "class" in label.style] == ["H gap", "(51, 1 further off)"]
     assert box_plot(Evaluation({"A": Score()})) is None
 
 

@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from savmap.evaluation import Distances, Score
-from savmap.types import Floats, Structure
+from savmap.geometry.matching import matched
+from savmap.types import Distances, Floats, Score, Structure
 from savmap_lights.survey import read_row
 
 GATE_M = 1.0
@@ -37,7 +36,4 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
 def match(truth: Floats, estimate: Floats) -> dict[int, int]:
     """Estimate (m, 3) of each truth (n, 3) that has one nearer than `GATE_M`: one to one, as many as there can be, then
     the least sum of distances."""
-    distance = np.linalg.norm(truth[:, None] - estimate[None], axis=-1)
-    out_of_reach = GATE_M * (1 + min(distance.shape))
-    rows, columns = linear_sum_assignment(np.where(distance < GATE_M, distance, out_of_reach))
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if distance[i, j] < GATE_M}
+    return matched(np.linalg.norm(truth[:, None] - estimate[None], axis=-1), GATE_M)

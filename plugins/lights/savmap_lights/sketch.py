@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from savmap.report.drawing import Drawing, Kind
-from savmap.types import Structure
+from savmap.types import Drawing, Kind, Structure
 from savmap_lights.survey import read_row
 
 OFF_M = 0.05

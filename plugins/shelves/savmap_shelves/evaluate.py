@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from savmap.evaluation import Score, pool
-from savmap.types import Floats, Structure
+from savmap.geometry.matching import matched
+from savmap.types import Floats, Score, Structure, pool
 from savmap_shelves.alignment import Costs, Pairs, align, gaps
 from savmap_shelves.outline import Elements, Section, sections_of, uprights_of
 from savmap_shelves.survey import SurveyedRow, read_row
@@ -102,8 +101,7 @@ def _partners(truth: Floats, estimate: Floats) -> dict[int, int]:
     """Mapped section of each surveyed one: one to one, the most common width, at least half of the narrower's."""
     common = np.minimum(truth[:, None, 1], estimate[None, :, 1]) - np.maximum(truth[:, None, 0], estimate[None, :, 0])
     narrower = np.minimum(np.diff(truth), np.diff(estimate).T)
-    rows, columns = linear_sum_assignment(np.maximum(common, 0), maximize=True)
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if common[i, j] > 0.5 * narrower[i, j]}
+    return {i: j for i, j in matched(-common, 0.0).items() if common[i, j] > 0.5 * narrower[i, j]}
 
 
 def _score(measures: Measures, truth: Floats, found: Elements, pairs: Pairs, scored: list[bool]) -> Score:

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.report.drawing import Drawing, Role
-from savmap.types import Floats, Structure
+from savmap.types import Drawing, Floats, Role, Structure
 from savmap_shelves.survey import SurveyedRow, read_row
 
 OFF_M = 0.05

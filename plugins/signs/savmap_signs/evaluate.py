@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from savmap.evaluation import Distances, Score
-from savmap.types import Floats, Structure
+from savmap.geometry.matching import matched
+from savmap.types import Distances, Floats, Score, Structure
 from savmap_signs.survey import SurveyedSign, read_row
 
 GATE_M = 0.3
@@ -51,7 +50,4 @@ def said(sign: SurveyedSign, own: Structure) -> bool:
 
 def match(truth: Floats, estimate: Floats) -> dict[int, int]:
     """Estimate (m, 4, 3) of each truth (n, 4, 3) whose corners are nearer than `GATE_M` on average: one to one."""
-    distance = np.linalg.norm(truth[:, None] - estimate[None], axis=-1).mean(axis=-1)
-    out_of_reach = GATE_M * (1 + min(distance.shape))
-    rows, columns = linear_sum_assignment(np.where(distance < GATE_M, distance, out_of_reach))
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if distance[i, j] < GATE_M}
+    return matched(np.linalg.norm(truth[:, None] - estimate[None], axis=-1).mean(axis=-1), GATE_M)

@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from savmap.report.drawing import Drawing
-from savmap.types import Structure
+from savmap.types import Drawing, Structure
 from savmap_signs.survey import read_row
 
 OFF_M = 0.03

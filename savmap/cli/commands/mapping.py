@@ -36,15 +36,13 @@ def map_(
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
     not done again."""
-    from savmap.jobs import run
-    from savmap.jobs.scheduler import RunOptions
+    from savmap.cli.mapping import map_and_print, preview_and_print
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
     overrides = overrides_of(sets or [], os.environ)
     job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
-    for line in run.preview(job) if preview else run.run(job, RunOptions(jobs, fresh, cluster)):
-        typer.echo(line)
+    preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
 
 def init(
@@ -53,10 +51,11 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
     """Write a commented site file to start from."""
-    from savmap.site import template
+    from savmap.site.template import start
 
-    for line in template.start(videos or [], output, force):
-        typer.echo(line)
+    site, schema = start(videos or [], output, force)
+    typer.echo(f"wrote {site} and {schema}")
+    typer.echo(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
 
 
 def check(
@@ -68,17 +67,22 @@ def check(
     sets: Sets = None,
 ) -> None:
     """Say what is wrong with a site file, and what a run will take."""
-    from savmap.jobs import check as checking
+    from savmap.cli.console import EchoMonitor
+    from savmap.jobs.check import CheckError
+    from savmap.jobs.check import check as check_site
     from savmap.site.overrides import overrides_of
 
     overrides = overrides_of(sets or [], os.environ)
-    for line in checking.check(source, names_of(plugins), output, overrides, pictures, trajectory):
-        typer.echo(line)
+    problems = check_site(source, names_of(plugins), output, EchoMonitor(), overrides, pictures, trajectory)
+    if problems:
+        raise CheckError(source, problems)
+    typer.echo(f"{source}: no problem found")
 
 
 def demo(output: Output = Path("out/demo")) -> None:
     """Map the footage that ships with savmap and score it."""
-    from savmap.jobs import run
+    from savmap.cli.mapping import map_and_print
+    from savmap.demo import SITE
+    from savmap.site.job import job_for
 
-    for line in run.demo(output):
-        typer.echo(line)
+    map_and_print(job_for(SITE, None, output))

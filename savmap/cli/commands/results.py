@@ -1,5 +1,6 @@
 """Commands about maps that are made: scores, report, other formats, where a thing is."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +14,14 @@ def evaluate(
     box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
 ) -> None:
     """Score a map against a survey."""
-    from savmap.jobs import run
+    from savmap.report import evaluation
+    from savmap.report.picture import write_box_plot
+    from savmap.report.site_report import evaluate_files
 
-    evaluation = run.evaluate_files(map_file, survey, box_plot)
-    typer.echo(run.scores_json(evaluation) if as_json else run.scores_table(evaluation))
+    scores = evaluate_files(map_file, survey)
+    if box_plot is not None:
+        write_box_plot(scores, box_plot)
+    typer.echo(json.dumps(evaluation.as_json(scores), indent=2) if as_json else evaluation.as_table(scores))
 
 
 def report(
@@ -28,9 +33,10 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
-    from savmap.sitereport import report_files
+    from savmap.report.site_report import write_report
 
-    typer.echo(report_files(map_file, output, run_file, survey))
+    write_report(map_file, output, run_file, survey)
+    typer.echo(f"wrote {output}")
 
 
 def export(

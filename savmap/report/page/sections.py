@@ -5,56 +5,57 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.evaluation import mean_absolute_error, pool
-from savmap.report.page.figures import Figure
-from savmap.report.page.numbers import centimetres, counted, duration, fixed
-from savmap.report.page.rowviews import face_view, plan_view
-from savmap.report.page.summary import Summary, all_counts, is_off
+from savmap.report.evaluation import mean_absolute_error, named_counts
+from savmap.report.numbers import centimetres, duration, fixed
+from savmap.report.page.summary import Report, Summary, total_counts
 from savmap.report.page.ties import is_tie_off
-from savmap.report.page.words import said_of
-from savmap.report.record import Report
-from savmap.types import Placement
+from savmap.report.page.uncertainty import hints
+from savmap.report.row_views import drawn_in, row_view
+from savmap.report.scene import Figure
+from savmap.types import Picture, Placement, Score
 
 Facts = tuple[tuple[str, str], ...]
+_PICTURES: tuple[Picture, ...] = ("face", "plan")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
     """One row: what is known of it, the figures of its solve, and its pictures."""
 
     summary: Summary
     facts: Facts
     solve: Facts
-    pictures: tuple[Figure, ...]
+    figures: tuple[Figure, ...]
 
 
 def section(row: Summary) -> Section:
-    """A row's section."""
-    said = said_of(row.row, row.score) if row.row else {}
-    pictures = tuple(one for one in (face_view(row, said), plan_view(row, said)) if one is not None)
-    return Section(row, _facts(row), _solve(row), pictures)
+    """A row's section, with the pictures in which something of it is drawn."""
+    words = hints(row)
+    figures = (
+        row_view(row.row, row.drawings, picture, words, row.anchor)
+        for picture in _PICTURES
+        if row.row and drawn_in(row.drawings, picture)
+    )
+    return Section(row, _facts(row), _solve(row), tuple(figures))
 
 
-def tiles(report: Report, rows: Sequence[Summary]) -> Facts:
-    """What one wants to know first: of the rows, the structures, the errors, the references, the run."""
+def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:
+    """What the reader wants to know first: of the rows, the structures, the errors (`score`: all rows'), the references, the run."""
     mapped = [row for row in rows if row.row]
     failed = len(rows) - len(mapped)
-    counts = all_counts(rows)
     lengths = [row.length_m for row in mapped if row.length_m is not None]
-    references = [own for row in mapped for own in row.references]
-    off = sum(1 for own in references if is_off(own))
-    ties, tie_off = report.site_map.ties, sum(1 for own in report.site_map.ties if is_tie_off(own))
-    found: list[tuple[str, str]] = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
-    found += [("failed", str(failed))] if failed else []
-    found += [(label, str(count)) for label, count in counts.items()]
-    found += [("length of all rows", f"{sum(lengths):.1f} m")] if lengths else []
-    if report.evaluation:
-        score = pool(report.evaluation.rows.values())
-        found += [("mean absolute error", f"{centimetres(mean_absolute_error(score))} cm")]
-        found += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
-    found += [("references, off by > 3 \u03c3", f"{len(references)}, {off}")] if references else []
-    found += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {tie_off}")] if ties else []
-    return (*found, *_run_tiles(report))
+    references, off = sum(len(row.references) for row in mapped), sum(row.references_off for row in mapped)
+    ties, ties_off = report.site_map.ties, sum(1 for tie in report.site_map.ties if is_tie_off(tie))
+    facts = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
+    facts += [("failed", str(failed))] if failed else []
+    facts += [(label, str(count)) for label, count in total_counts(rows).items()]
+    facts += [("length of all rows", f"{sum(lengths):.1f} m")] if lengths else []
+    if score:
+        facts += [("mean absolute error", f"{centimetres(mean_absolute_error(score))} cm")]
+        facts += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
+    facts += [("references, off by > 3 \u03c3", f"{references}, {off}")] if references else []
+    facts += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {ties_off}")] if ties else []
+    return (*facts, *_run_tiles(report))
 
 
 def _run_tiles(report: Report) -> Facts:
@@ -63,34 +64,31 @@ def _run_tiles(report: Report) -> Facts:
         return ()
     memory = max((row.peak_mb for row in log.rows.values()), default=0.0)
     kept = sum(1 for row in log.rows.values() if row.status == "kept")
-    found = [("time on the clock", duration(log.wall_s)), ("workers", str(log.jobs))]
-    found += [("kept from earlier", str(kept))] if kept else []
-    return (*found, *([("memory of a worker, at most", f"{memory:.0f} MB")] if memory else []))
+    facts = [("time on the clock", duration(log.wall_s)), ("workers", str(log.jobs))]
+    facts += [("kept from earlier", str(kept))] if kept else []
+    return (*facts, *([("memory of a worker, at most", f"{memory:.0f} MB")] if memory else []))
 
 
 def _facts(row: Summary) -> Facts:
     if row.row is None:
         return ()
     passes = ", ".join(dict.fromkeys(row.row.frames.passes))
-    off = sum(1 for own in row.references if is_off(own))
-    found = [("structures", counted(row.counts))]
-    found += [("length", f"{row.length_m:.3f} m")] if row.length_m is not None else []
-    found += [("place in the site", _placed(row.place))] if row.place else []
-    found += [("frames", f"{len(row.row.trajectory.frames)} placed of {len(row.row.frames)}; {passes}")]
-    found += [("references", f"{len(row.references)}, {off} off by more than 3 \u03c3")] if row.references else []
+    facts = [("structures", named_counts(row.counts))]
+    facts += [("length", f"{row.length_m:.3f} m")] if row.length_m is not None else []
+    facts += [("place in the site", _placed(row.place))] if row.place else []
+    facts += [("frames", f"{len(row.row.trajectory.frames)} placed of {len(row.row.frames)}; {passes}")]
+    references = f"{len(row.references)}, {row.references_off} off by more than 3 \u03c3"
+    facts += [("references", references)] if row.references else []
     if row.score:
-        found += [("mean absolute error", f"{centimetres(row.error_m)} cm")]
-        found += [("missing; spurious", f"{counted(row.score.missing)}; {counted(row.score.spurious)}")]
-    return tuple(found)
+        facts += [("mean absolute error", f"{centimetres(row.error_m)} cm")]
+        facts += [("missing; spurious", f"{named_counts(row.score.missing)}; {named_counts(row.score.spurious)}")]
+    return tuple(facts)
 
 
 def _placed(place: Placement) -> str:
-    x, z, heading = np.sqrt(np.diag(place.covariance))
-    metres = (
-        f"{axis} {fixed(value, 3)} \u00b1 {fixed(float(sigma), 3)} m"
-        for axis, value, sigma in (("x", place.x_m, x), ("z", place.z_m, z))
-    )
-    return ", ".join(metres) + f", heading {fixed(place.heading_deg, 2)} \u00b1 {fixed(float(heading), 2)}\u00b0"
+    x, z, heading = (float(sigma) for sigma in np.sqrt(np.diag(place.covariance)))
+    metres = f"x {fixed(place.x_m, 3)} \u00b1 {fixed(x, 3)} m, z {fixed(place.z_m, 3)} \u00b1 {fixed(z, 3)} m"
+    return f"{metres}, heading {fixed(place.heading_deg, 2)} \u00b1 {fixed(heading, 2)}\u00b0"
 
 
 def _solve(row: Summary) -> Facts:

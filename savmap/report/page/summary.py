@@ -1,24 +1,34 @@
-"""What there is to say of each row: its state, how much was mapped, and what of it deserves a look."""
+"""What a report is made from, and a summary of each row: its state, how much was mapped, and what of it deserves attention."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.evaluation import Evaluation, Score, mean_absolute_error
-from savmap.report.drawing import Drawing
-from savmap.report.page.numbers import anchors, counted, natural
-from savmap.types import Placement, ReferenceUse, RowMap, SiteMap
-
-if TYPE_CHECKING:
-    from savmap.maps.run_record import RowRun, RunLog
+from savmap.maps.run_record import RowRun, RunLog
+from savmap.report.evaluation import mean_absolute_error, named_counts
+from savmap.report.numbers import anchors, natural
+from savmap.report.row_views import label_counts
+from savmap.types import Drawing, Evaluation, Placement, ReferenceUse, RowMap, Score, SiteMap
 
 OFF_SIGMAS = 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
+    survey, and remarks for the reader."""
+
+    site_map: SiteMap
+    drawings: Mapping[str, Sequence[Drawing]]
+    log: RunLog | None = None
+    evaluation: Evaluation | None = None
+    remarks: tuple[str, ...] = ()
+    title: str = "Site map"
+
+
+@dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
     where it stands in the site's frame, where that is known."""
@@ -30,25 +40,29 @@ class Summary:
     row: RowMap | None
     drawings: tuple[Drawing, ...]
     score: Score | None
-    run: "RowRun | None"
+    run: RowRun | None
     place: Placement | None = None
 
     @property
     def counts(self) -> dict[str, int]:
         """Structures by label."""
-        every = self.row.structures.values() if self.row else ()
-        return dict(Counter(own.label for structures in every for own in structures))
+        return label_counts(self.row) if self.row else {}
 
     @property
     def length_m(self) -> float | None:
         """How far the structure that bounds the row's pictures reaches along x; None where nothing of it is drawn."""
-        bounding = [own.points[:, 0] for own in self.drawings if own.tone == "structure" and own.role != "survey"]
-        return float(np.ptp(np.concatenate(bounding))) if bounding else None
+        structure = [shape for shape in self.drawings if shape.tone == "structure" and shape.role != "survey"]
+        return float(np.ptp(np.concatenate([shape.points[:, 0] for shape in structure]))) if structure else None
 
     @property
     def references(self) -> tuple[ReferenceUse, ...]:
         """References of the row's solve."""
         return self.row.references if self.row else ()
+
+    @property
+    def references_off(self) -> int:
+        """How many references the solution contradicts."""
+        return sum(1 for reference in self.references if is_off(reference))
 
     @property
     def error_m(self) -> float | None:
@@ -57,31 +71,28 @@ class Summary:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What of a mapped row deserves a look."""
-        off = sum(1 for own in self.references if is_off(own))
-        missing, spurious = (
-            counted(own) for own in ((self.score.missing, self.score.spurious) if self.score else ({}, {}))
-        )
-        found = (
+        """What of a mapped row deserves attention."""
+        off, skipped = self.references_off, self.run.skipped if self.run else 0
+        counts = (self.score.missing, self.score.spurious) if self.score else ({}, {})
+        missing, spurious = (named_counts(part) for part in counts)
+        remarks = (
             (off, f"{off} {'references' if off > 1 else 'reference'} off by more than {OFF_SIGMAS:g} \u03c3"),
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
-            (self.run and self.run.skipped, f"{self.run.skipped if self.run else 0} frames skipped"),
+            (skipped, f"{skipped} frames skipped"),
         )
-        return tuple(text for given, text in found if given)
+        return tuple(text for applies, text in remarks if applies)
 
 
-def summaries(
-    site: SiteMap, drawings: Mapping[str, Sequence[Drawing]], log: "RunLog | None", evaluation: Evaluation | None
-) -> tuple[Summary, ...]:
+def summaries(report: Report) -> tuple[Summary, ...]:
     """All rows that the map or the run knows of: those that failed first, then in the order in which people count."""
-    runs = log.rows if log else {}
+    site, runs = report.site_map, report.log.rows if report.log else {}
     failed = {name: run.error for name, run in runs.items() if run.status == "failed" and name not in site.rows}
     errors = {**failed, **{name: text for name, text in site.failed.items() if name not in site.rows}}
     mapped = {name: runs[name].status if name in runs else "mapped" for name in site.rows}
     names = [*natural(errors), *natural(mapped)]
     ids = anchors(names)
-    scores = evaluation.rows if evaluation else {}
+    scores = report.evaluation.rows if report.evaluation else {}
     return tuple(
         Summary(
             name=name,
@@ -89,7 +100,7 @@ def summaries(
             status="failed" if name in errors else mapped[name].replace("failed", "kept"),
             error=errors.get(name, ""),
             row=site.rows.get(name),
-            drawings=tuple(drawings.get(name, ())),
+            drawings=tuple(report.drawings.get(name, ())),
             score=scores.get(name),
             run=runs.get(name),
             place=site.placed.get(name),
@@ -98,17 +109,17 @@ def summaries(
     )
 
 
-def in_sigmas(own: ReferenceUse) -> float:
+def in_sigmas(reference: ReferenceUse) -> float:
     """A reference's residual, solved - given, in its standard deviations."""
-    return (own.solved - own.value) / own.sigma
+    return (reference.solved - reference.value) / reference.sigma
 
 
-def is_off(own: ReferenceUse) -> bool:
+def is_off(reference: ReferenceUse) -> bool:
     """Whether the solution contradicts a reference."""
-    return abs(in_sigmas(own)) > OFF_SIGMAS
+    return abs(in_sigmas(reference)) > OFF_SIGMAS
 
 
-def all_counts(rows: Sequence[Summary]) -> dict[str, int]:
+def total_counts(rows: Sequence[Summary]) -> dict[str, int]:
     """Structures of all rows by label."""
     total: Counter[str] = Counter()
     for row in rows:

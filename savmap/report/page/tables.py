@@ -1,25 +1,30 @@
-"""Tables of the page: cells with what they say and what they are sorted by."""
+"""Tables of the page as records (cells with their text and what they are sorted by), and the tables of rows and references."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from savmap.report.numbers import NOTHING, centimetres, fixed
+from savmap.report.page.summary import Summary, in_sigmas, is_off, total_counts
+from savmap.types import ReferenceUse
 
 
 @dataclass(frozen=True)
 class Part:
-    """A piece of a bar: its share of the whole bar's width (0..1), its look, and what it stands for."""
+    """A piece of a bar: its share of the whole bar's width (0..1), its style, and its hint."""
 
     share: float
-    look: str
+    style: str
     title: str
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: its text, the number it is sorted by (its text where there is none), a look, a link, and a bar or a small
-    histogram (heights 0..1) beside the text."""
+    """A cell: its text, the number it is sorted by (its text where there is none), a style, a link, and a bar or a small
+    histogram (heights 0..1) instead of the text."""
 
     text: str
     value: float | None = None
-    look: str = ""
+    style: str = ""
     link: str = ""
     bar: tuple[Part, ...] = ()
     heights: tuple[float, ...] = ()
@@ -35,15 +40,15 @@ class Head:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table; the first cell is its heading. `look`: "failed", "off", or nothing."""
+    """A line of a table; the first cell is its heading. `style`: "failed", "off", "sum", or nothing."""
 
     cells: tuple[Cell, ...]
-    look: str = ""
+    style: str = ""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table. `filters`: what the box that leaves only marked lines is called; nothing: there is no filter."""
+    """A table. `filters`: the label of the box that leaves only marked lines; nothing: there is no filter."""
 
     id: str
     caption: str
@@ -53,15 +58,80 @@ class Table:
 
     @property
     def marked(self) -> int:
-        """How many lines have a look of their own."""
-        return sum(1 for line in self.lines if line.look)
-
-
-def number(value: float | None, text: str, look: str = "") -> Cell:
-    """A cell of a number as it is written."""
-    return Cell(text, value, look)
+        """How many lines have a style."""
+        return sum(1 for line in self.lines if line.style)
 
 
 def heads(*names: str) -> tuple[Head, ...]:
     """Headings of a column of names and of columns of numbers; those with a leading `'` are of words too."""
     return tuple(Head(name.lstrip("'"), bool(k) and not name.startswith("'")) for k, name in enumerate(names))
+
+
+def count_cell(count: int) -> Cell:
+    """A cell of a whole number."""
+    return Cell(str(count), count)
+
+
+def number_cell(value: float | None, decimals: int, plus: bool = False) -> Cell:
+    """A cell of a number with so many decimals."""
+    return Cell(fixed(value, decimals, plus), value)
+
+
+def centimetre_cell(value_m: float | None, plus: bool = False) -> Cell:
+    """A cell of metres, written as centimetres."""
+    return Cell(centimetres(value_m, plus), value_m)
+
+
+def row_cell(row: Summary) -> Cell:
+    """A row's name, which leads to its section."""
+    return Cell(row.name, link=f"#{row.anchor}")
+
+
+def row_table(rows: Sequence[Summary]) -> Table:
+    """A line for each row: state, counts, length, references, errors, remarks."""
+    labels = list(total_counts(rows))
+    scored = any(row.score for row in rows)
+    error = ["mean abs error, cm"] if scored else []
+    names = ("row", "'state", *labels, "length, m", "references", "worst, \u03c3", *error, "'remarks")
+    lines = tuple(_row_line(row, labels, scored) for row in rows)
+    caption = "Rows; those that failed first"
+    return Table("rows-table", caption, heads(*names), lines, "only rows that failed or deserve attention")
+
+
+def reference_table(rows: Sequence[Summary]) -> Table:
+    """A line for each reference of each row."""
+    names = ("reference", "'row", "given", "\u03c3", "solved", "residual", "in \u03c3", "'unit")
+    lines = tuple(_reference_line(row, reference) for row in rows for reference in row.references)
+    caption = "References: residual is solved \u2212 given"
+    return Table("references-table", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
+
+
+def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
+    worst = max((abs(in_sigmas(reference)) for reference in row.references), default=None)
+    mapped, nothing = row.row is not None, Cell(NOTHING)
+    cells = (
+        row_cell(row),
+        Cell(row.status, style=f"badge {row.status}"),
+        *(count_cell(row.counts.get(label, 0)) if mapped else nothing for label in labels),
+        number_cell(row.length_m, 2),
+        count_cell(len(row.references)) if mapped else nothing,
+        number_cell(worst, 1),
+        *([centimetre_cell(row.error_m)] if scored else []),
+        Cell(row.error or "; ".join(row.remarks), style="words"),
+    )
+    return Line(cells, "failed" if not mapped else "off" if row.remarks else "")
+
+
+def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
+    sigmas = in_sigmas(reference)
+    cells = (
+        Cell(reference.name),
+        row_cell(row),
+        number_cell(reference.value, 4),
+        number_cell(reference.sigma, 4),
+        number_cell(reference.solved, 4),
+        number_cell(reference.solved - reference.value, 4, True),
+        Cell(fixed(sigmas, 2, True), abs(sigmas)),
+        Cell(reference.unit),
+    )
+    return Line(cells, "off" if is_off(reference) else "")

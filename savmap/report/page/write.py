@@ -1,71 +1,61 @@
-"""The page from a report: templates filled, style and script put in, written whole."""
+"""The page from a report: records put into templates, with style and script, written whole."""
 
 import base64
 import hashlib
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from savmap.evaluation import pool
 from savmap.files.atomic import write_bytes
-from savmap.report.page.boxes import box_plot
+from savmap.report.box_plot import box_plot
 from savmap.report.page.errors import class_table, distance_table, headline, row_errors
-from savmap.report.page.rowtable import reference_table, row_table
 from savmap.report.page.sections import section, tiles
-from savmap.report.page.siteplan import site_plan, without_place
-from savmap.report.page.spread import spread_table
-from savmap.report.page.summary import Summary, summaries
+from savmap.report.page.site_plan import site_plan, without_place
+from savmap.report.page.summary import Report, Summary, summaries
+from savmap.report.page.tables import reference_table, row_table
 from savmap.report.page.ties import pair_table, tie_table
-from savmap.report.page.times import stage_looks, stage_table, time_table
-from savmap.report.record import Report
-
-_CONTROLS = dict.fromkeys(code for code in (*range(32), *range(127, 160)) if code not in (9, 10))
+from savmap.report.page.times import stage_styles, stage_table, time_table
+from savmap.report.page.uncertainty import sigma_table
+from savmap.report.templating import rendered, resource
+from savmap.types import Score, pool
 
 
 def write_page(report: Report, path: Path) -> None:
     """Write the report as one HTML file, whole or not at all. Raises OutputError."""
-    write_bytes(path, page_text(report).encode("utf-8", "replace"))
+    write_bytes(path, page_text(report).encode())
 
 
 def page_text(report: Report) -> str:
-    """The page. It asks nothing of the network, and its script alone may run in it (by its digest)."""
-    rows = summaries(report.site_map, report.drawings, report.log, report.evaluation)
-    script = _resource("page.js")
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    text = (
-        _environment()
-        .get_template("page.html.jinja")
-        .render(
-            report=report,
-            style=Markup(_resource("page.css")),
-            script=Markup(script),
-            digest=digest,
-            tiles=tiles(report, rows),
-            rows=row_table(rows),
-            failed=[row for row in rows if row.row is None],
-            sections=[section(row) for row in rows],
-            plan=site_plan(rows, report.site_map),
-            unplaced=without_place(rows, report.site_map),
-            references=reference_table(rows),
-            spread=spread_table(rows),
-            **_tied(report, rows),
-            **_scored(report, rows),
-            **_timed(report, rows),
-        )
+    """The page. It loads nothing, and only its own script may run in it (by its digest)."""
+    rows = summaries(report)
+    score = pool(report.evaluation.rows.values()) if report.evaluation else None
+    script = resource("page.js")
+    return rendered(
+        "page.html.jinja",
+        report=report,
+        style=Markup(resource("figure.css") + resource("page.css")),
+        script=Markup(script),
+        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        tiles=tiles(report, rows, score),
+        rows=row_table(rows),
+        failed=[row for row in rows if row.row is None],
+        sections=[section(row) for row in rows],
+        plan=site_plan(rows, report.site_map),
+        unplaced=without_place(rows, report.site_map),
+        references=reference_table(rows),
+        sigmas=sigma_table(rows),
+        **_ties(report, rows),
+        **_errors(report, rows, score),
+        **_times(report, rows),
     )
-    return text.translate(_CONTROLS)
 
 
-def _scored(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
-    if report.evaluation is None:
+def _errors(report: Report, rows: tuple[Summary, ...], score: Score | None) -> dict[str, Any]:
+    if report.evaluation is None or score is None:
         return {"errors": None}
-    score = pool(report.evaluation.rows.values())
     return {
-        "errors": class_table(report.evaluation),
+        "errors": class_table(score),
         "error_headline": headline(score),
         "boxes": box_plot(report.evaluation),
         "distances": distance_table(score.apart),
@@ -73,32 +63,17 @@ def _scored(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
     }
 
 
-def _timed(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
+def _times(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
     if report.log is None:
         return {"stages": None}
     return {
         "stages": stage_table(report.log),
-        "stage_looks": stage_looks(report.log),
+        "stage_styles": stage_styles(report.log),
         "times": time_table(rows, report.log),
     }
 
 
-def _tied(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
+def _ties(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
     ties = report.site_map.ties
     anchors = {row.name: row.anchor for row in rows}
     return {"pairs": pair_table(ties), "ties": tie_table(ties, anchors)} if ties else {"pairs": None}
-
-
-@cache
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("savmap.report.page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def _resource(name: str) -> str:
-    return (files("savmap.report.page") / "templates" / name).read_text(encoding="utf-8")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.evaluation import Distances, Score
-from savmap.types import Structure
+from savmap.types import Distances, Score, Structure
 from savmap_lights.evaluate import evaluate, match
 from savmap_lights.sketch import draw
 
@@ -73,7 +72,7 @@ def test_matching_is_one_to_one_within_the_gate() -> None:
 
 
 def test_a_survey_without_lamps_is_not_compared(surveyed: Row) -> None:
-    assert evaluate(strips(surveyed), {"uprights": surveyed["uprights"]}) == Score()
+    assert vars(evaluate(strips(surveyed), {"uprights": surveyed["uprights"]})) == vars(Score())
     assert len(draw(strips(surveyed), {"uprights": surveyed["uprights"]}, {})) == 6
 
 

@@ -9,8 +9,8 @@ import pytest
 from perfect_maps import Row, structures_of, surveyed_row
 
 from savmap.errors import OutputError
-from savmap.evaluation import Score, mean_absolute_error, score_json
-from savmap.types import Structure
+from savmap.report.evaluation import mean_absolute_error, score_json
+from savmap.types import Score, Structure
 from savmap_shelves.evaluate import evaluate
 
 

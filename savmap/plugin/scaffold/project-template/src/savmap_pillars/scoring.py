@@ -5,12 +5,10 @@ from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from scipy.optimize import linear_sum_assignment
 
-from savmap.evaluation import Distances, Score
 from savmap.files.validation import checked
-from savmap.report.drawing import Drawing
-from savmap.types import CrossRowLandmark, Floats, Structure
+from savmap.geometry.matching import matched
+from savmap.types import CrossRowLandmark, Distances, Drawing, Floats, Score, Structure
 
 GATE_M = 0.5
 OFF_M = 0.05
@@ -44,13 +42,11 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
     truth = checked(Surveyed, survey, "survey").points
     mapped = np.array([own.vertices for own in structures]).reshape(-1, 2, 3)
     apart = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
-    far = apart.max(axis=-1)
-    chosen = linear_sum_assignment(np.where(far < GATE_M, far, GATE_M * (1 + len(truth))))
-    pairs = [(i, j) for i, j in zip(*chosen, strict=True) if far[i, j] < GATE_M]
-    found = np.array([apart[i, j] for i, j in pairs]).ravel()
+    pairs = matched(apart.max(axis=-1), GATE_M).items()
+    distances = np.array([apart[i, j] for i, j in pairs]).ravel()
     deviations = {own.id: float("inf") for own in structures}
     deviations |= {structures[j].id: float(apart[i, j].max()) for i, j in pairs}
-    scores = Distances(found, len(truth) - len(pairs), len(mapped) - len(pairs))
+    scores = Distances(distances, len(truth) - len(pairs), len(mapped) - len(pairs))
     return Score(apart={"pillars": scores}, deviations=deviations)
 
 

@@ -1,6 +1,7 @@
 """`savmap report`: a map file, its run and a survey make a page with what the plugins draw and score."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,9 @@ from savmap.cli.app import app
 from savmap.errors import OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.sitereport import drawings_of, plugins_of_map, report_files
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.report.page import page_text
+from savmap.report.site_report import drawings_of, plugins_of_map, report_for, write_report
+from savmap.types import Drawing, FrameTable, RowMap, Score, SiteMap, Structure, Survey, Trajectory
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
 
@@ -58,9 +60,34 @@ def survey(tmp_path: Path, name: str) -> Path:
 
 def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
     row = site.rows["A"]
-    rooms = plugins_of_map(site)
-    drawn = drawings_of([rooms[name] for name in row.structures], row, None)
+    drawn = drawings_of(row, plugins_of_map(site), None, {})
     assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
+
+
+class AskedPlugin:
+    """Notes what it is asked, and says that its structures are 10 cm off."""
+
+    def __init__(self, name: str, asked: list[tuple[str, str]]) -> None:
+        self.name, self.asked = name, asked
+
+    def evaluate(self, structures: Sequence[Structure], survey: dict[str, Any]) -> Score:
+        self.asked.append((self.name, "evaluate"))
+        return Score({"width": np.array([0.1])}, deviations={own.id: 0.1 for own in structures})
+
+    def draw(self, structures: Sequence[Structure], survey: Any, deviations: dict[str, float]) -> tuple[Drawing, ...]:
+        assert [deviations[own.id] for own in structures] == [0.1] * len(structures)
+        self.asked.append((self.name, "draw"))
+        return (Drawing("point", structures[0].vertices, "off", "structure", "things"),)
+
+
+def test_plugins_score_and_draw_a_row_once(site: SiteMap) -> None:
+    asked: list[tuple[str, str]] = []
+    plugins: Any = {name: AskedPlugin(name, asked) for name in ("shelves", "lights")}
+    report = report_for(site, plugins, Survey({"A": {}}))
+    page_text(report)
+    assert sorted(asked) == [(name, hook) for name in ("lights", "shelves") for hook in ("draw", "evaluate")]
+    assert report.evaluation is not None
+    assert len(report.evaluation.rows["A"].errors["width"]) == len(report.drawings["A"]) == 2
 
 
 def test_the_command_writes_a_page_from_a_map_alone(map_file: Path, tmp_path: Path) -> None:
@@ -75,7 +102,7 @@ def test_the_command_writes_a_page_from_a_map_alone(map_file: Path, tmp_path: Pa
 
 def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path) -> None:
     write_log(RunLog(rows={"A": RowRun(status="mapped", seconds={"solve": 1.5})}, wall_s=2.0), tmp_path / "run.json")
-    report_files(map_file, tmp_path / "page.html", tmp_path / "run.json", survey(tmp_path, "A"))
+    write_report(map_file, tmp_path / "page.html", tmp_path / "run.json", survey(tmp_path, "A"))
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert '<section id="errors">' in text
     assert '<section id="time">' in text
@@ -83,7 +110,7 @@ def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path)
 
 
 def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Path) -> None:
-    report_files(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    write_report(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "The survey has none of the rows that were mapped" in text
     assert '<section id="errors">' not in text
@@ -91,10 +118,10 @@ def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Pa
 
 def test_a_map_of_failed_rows_only_is_reported(site: SiteMap, tmp_path: Path) -> None:
     write_map(replace(site, rows={}), tmp_path / "none.json")
-    report_files(tmp_path / "none.json", tmp_path / "page.html", None, survey(tmp_path, "Z"))
+    write_report(tmp_path / "none.json", tmp_path / "page.html", None, survey(tmp_path, "Z"))
     assert "no video" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_the_page_must_be_named_as_one(map_file: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"a report is an HTML page; name it \.html"):
-        report_files(map_file, tmp_path / "page.pdf")
+        write_report(map_file, tmp_path / "page.pdf")

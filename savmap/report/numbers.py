@@ -1,7 +1,7 @@
 """Numbers and names as people read them."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 MINUS, NOTHING = "\u2212", "\u2013"
 
@@ -39,22 +39,17 @@ def natural(names: Iterable[str]) -> list[str]:
 
 def anchors(names: Iterable[str]) -> dict[str, str]:
     """For each name an id of letters, digits and dashes that no other name has."""
-    found: dict[str, str] = {}
+    ids: dict[str, str] = {}
     for name in names:
         plain = "row-" + (re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:40] or "x")
-        tried = (plain if k == 1 else f"{plain}-{k}" for k in range(1, len(found) + 2))
-        found[name] = next(one for one in tried if one not in found.values())
-    return found
+        candidates = (plain if k == 1 else f"{plain}-{k}" for k in range(1, len(ids) + 2))
+        ids[name] = next(candidate for candidate in candidates if candidate not in ids.values())
+    return ids
 
 
 def shortened(text: str, most: int = 24) -> str:
     """The text, or its beginning with an ellipsis."""
     return text if len(text) <= most else text[: most - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
-
-
-def counted(counts: Mapping[str, int]) -> str:
-    """Such as "16 upright, 121 beam", or "none"."""
-    return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
 
 
 def _parts(name: str) -> list[str]:

@@ -7,18 +7,8 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.evaluation import (
-    Distances,
-    Evaluation,
-    Score,
-    Survey,
-    as_json,
-    as_table,
-    evaluate_site,
-    mean_absolute_error,
-    pool,
-)
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.report.evaluation import as_json, as_table, evaluate_site, mean_absolute_error
+from savmap.types import Distances, Evaluation, FrameTable, RowMap, Score, SiteMap, Structure, Survey, Trajectory, pool
 
 
 def score(errors: list[float], missing: int = 0, spurious: int = 0, far: list[float] | None = None) -> Score:

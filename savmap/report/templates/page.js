@@ -52,15 +52,15 @@
 
   /* Words under the pointer: titles of shapes, taken out of the browser's own slow tips. */
   const tip = byId("tip");
-  const said = (shape) => {
+  const hintOf = (shape) => {
     const title = shape.querySelector(":scope > title");
-    if (title) { shape.dataset.said = title.textContent; title.remove(); }
-    return shape.dataset.said;
+    if (title) { shape.dataset.hint = title.textContent; title.remove(); }
+    return shape.dataset.hint;
   };
   const pointed = (x, y) => {
     for (const [dx, dy] of [[0, 0], [-4, 0], [4, 0], [0, -4], [0, 4]]) {
       const shape = document.elementFromPoint(x + dx, y + dy);
-      if (shape && shape.tagName === "path" && said(shape)) return shape;
+      if (shape && shape.tagName === "path" && hintOf(shape)) return shape;
     }
     return null;
   };
@@ -68,7 +68,7 @@
     const shape = pointed(event.clientX, event.clientY);
     tip.hidden = !shape;
     if (!shape) return;
-    if (tip.textContent !== shape.dataset.said) tip.textContent = shape.dataset.said;
+    if (tip.textContent !== shape.dataset.hint) tip.textContent = shape.dataset.hint;
     const { width, height } = tip.getBoundingClientRect();
     const below = event.clientY + 18 + height < innerHeight;
     tip.style.left = `${Math.max(4, Math.min(event.clientX + 12, innerWidth - width - 8))}px`;
@@ -213,7 +213,7 @@
   all("details.elements").forEach((own) => own.addEventListener("toggle", () => {
     if (!own.open || own.querySelector("ul")) return;
     const list = document.createElement("ul");
-    const words = new Set(all(`#${own.dataset.of} svg.zoom path`).map(said).filter((text) => text && text !== "camera"));
+    const words = new Set(all(`#${own.dataset.of} svg.zoom g:not(.camera) > path`).map(hintOf).filter(Boolean));
     words.forEach((text) => { const item = document.createElement("li"); item.textContent = text; list.append(item); });
     own.append(list);
   }));

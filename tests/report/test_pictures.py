@@ -2,18 +2,18 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from xml.etree import ElementTree
 
-import matplotlib
 import numpy as np
 import pytest
+from PIL import Image
 
 from savmap.errors import OutputError
-from savmap.evaluation import Evaluation, Score
-from savmap.report.drawing import Drawing, Kind, Role, Tone
-from savmap.report.plots import write_box_plot, write_face_view, write_plan_view
-from savmap.types import FrameTable, RowMap, Trajectory
+from savmap.report.picture import write_box_plot, write_row_view
+from savmap.report.row_views import row_view
+from savmap.types import Drawing, Evaluation, FrameTable, Kind, Picture, Role, RowMap, Score, Tone, Trajectory
 
 
 def row(frames: int) -> RowMap:
@@ -40,50 +40,73 @@ DRAWINGS = [
 ]
 
 
-@pytest.mark.parametrize("writer", [write_face_view, write_plan_view])
-def test_svg_shows_captions_and_one_legend_entry_a_look(writer: Any, tmp_path: Path) -> None:
-    with matplotlib.rc_context({"svg.fonttype": "none"}):
-        writer(DRAWINGS, row(20), tmp_path / "view.svg")
+@pytest.mark.parametrize("picture", ["face", "plan"])
+def test_svg_shows_captions_and_one_legend_entry_a_style(picture: Picture, tmp_path: Path) -> None:
+    write_row_view(row(20), DRAWINGS, picture, tmp_path / "view.svg")
     text = (tmp_path / "view.svg").read_text()
     assert text.count(">survey: posts<") == text.count(">map: posts<") == 1
     assert ">map, off by more than 5 cm or spurious: posts<" in text
     assert ">map: spots<" in text
     assert ">1<" in text
     assert ">2<" in text
-    assert (">camera, there<" in text) == (">camera, back<" in text) == (writer is write_plan_view)
+    assert (">camera, there</text>" in text) == (">camera, back</text>" in text) == (picture == "plan")
+
+
+def test_svg_has_no_variables_and_is_sound_xml(tmp_path: Path) -> None:
+    odd = replace(row(20), name="<A> & \x07 \ud800")
+    write_row_view(odd, DRAWINGS, "plan", tmp_path / "plan.svg")
+    text = (tmp_path / "plan.svg").read_text()
+    assert "Row <A> &  ?: plan" in "".join(ElementTree.fromstring(text).itertext())
+    assert "var(" not in text
+    assert "calc(" not in text
 
 
 @pytest.mark.parametrize(("x", "whole"), [(8.5, True), (-1.4, True), (12.0, False)])
-def test_no_fixture_is_cut_through(x: float, whole: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    shown: list[tuple[float, float]] = []
-    monkeypatch.setattr("savmap.report.plots.save", lambda figure, path: shown.append(figure.axes[0].get_xlim()))
-    write_plan_view([*DRAWINGS[:2], drawing("line", "mapped", "fixture", x)], row(20), tmp_path / "plan.png")
-    left, right = shown[0]
+def test_no_fixture_is_cut_through(x: float, whole: bool) -> None:
+    figure = row_view(row(20), [*DRAWINGS[:2], drawing("line", "mapped", "fixture", x)], "plan")
+    left, right = figure.frame[0] / 1000, (figure.frame[0] + figure.frame[2]) / 1000
     assert (left < x and x + 1 < right) == whole
 
 
 def test_unequal_scales_are_told(tmp_path: Path) -> None:
-    with matplotlib.rc_context({"svg.fonttype": "none"}):
-        write_plan_view(
-            [drawing("polygon", "mapped", "structure", x) for x in (0.0, 60.0)], row(20), tmp_path / "a.svg"
-        )
-        write_face_view([drawing("polygon", "mapped", "structure", x) for x in (0.0, 2.0)], row(20), tmp_path / "b.svg")
-    assert "times that along x" in (tmp_path / "a.svg").read_text()
-    assert "times that along x" not in (tmp_path / "b.svg").read_text()
+    for name, places in (("long", (0.0, 60.0)), ("short", (0.0, 2.0))):
+        drawings = [drawing("polygon", "mapped", "structure", x) for x in places]
+        write_row_view(row(20), drawings, "plan" if name == "long" else "face", tmp_path / f"{name}.svg")
+    assert "times that along x" in (tmp_path / "long.svg").read_text()
+    assert "times that along x" not in (tmp_path / "short.svg").read_text()
+
+
+def test_a_stretched_grid_has_the_metres_of_its_axis() -> None:
+    plain = row_view(row(20), DRAWINGS, "face")
+    ratio = plain.frame[3] / plain.frame[2]
+    stretched = row_view(row(20), DRAWINGS, "face", least_ratio=2 * ratio)
+    assert stretched.frame[3] == 2 * plain.frame[3]
+    assert row_view(row(20), DRAWINGS, "face", least_ratio=ratio / 2).frame == plain.frame
+    heights = [
+        {label.text: label.y for label in figure.labels if label.style == "tick y"} for figure in (plain, stretched)
+    ]
+    assert heights[1]["2 m"] == 2 * heights[0]["2 m"] == -4000
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])
 def test_pictures_are_the_same_bytes_each_time(tmp_path: Path, ending: str) -> None:
     for name in ("one", "two"):
-        write_plan_view(DRAWINGS, row(20), tmp_path / f"{name}.{ending}")
+        write_row_view(row(20), DRAWINGS, "plan", tmp_path / f"{name}.{ending}")
     assert (tmp_path / f"one.{ending}").read_bytes() == (tmp_path / f"two.{ending}").read_bytes()
+
+
+def test_a_picture_has_the_colours_of_what_it_shows(tmp_path: Path) -> None:
+    write_row_view(row(20), DRAWINGS, "face", tmp_path / "face.png")
+    pixels = np.asarray(Image.open(tmp_path / "face.png").convert("RGB")).reshape(-1, 3)
+    for colour, least in (((255, 212, 59), 500), ((18, 53, 91), 500), ((197, 15, 31), 500), ((23, 33, 43), 100)):
+        assert (pixels == colour).all(axis=1).sum() > least  # survey, map, off, text
 
 
 @pytest.mark.parametrize("frames", [0, 1])
 @pytest.mark.parametrize("drawings", [[], DRAWINGS[-1:], DRAWINGS[:1]])
 def test_little_to_show_is_no_error(tmp_path: Path, frames: int, drawings: list[Drawing]) -> None:
-    write_face_view(drawings, row(frames), tmp_path / "face.png")
-    write_plan_view(drawings, row(frames), tmp_path / "plan.png")
+    write_row_view(row(frames), drawings, "face", tmp_path / "face.png")
+    write_row_view(row(frames), drawings, "plan", tmp_path / "plan.png")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["face.png", "plan.png"]
 
 
@@ -109,5 +132,5 @@ def test_a_drawing_without_points_is_refused() -> None:
 
 
 def test_reports_are_imported_without_matplotlib() -> None:
-    code = "import sys, savmap.report.plots; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, savmap.report.picture; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

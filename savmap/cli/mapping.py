@@ -1,0 +1,42 @@
+"""What the commands `map` and `demo` do and print."""
+
+import typer
+
+from savmap.assembly import site_lines
+from savmap.cli.console import Console
+from savmap.jobs.cache import locked
+from savmap.jobs.map_site import map_job_into
+from savmap.jobs.scheduler import RunOptions
+from savmap.jobs.tasks import request_for
+from savmap.pipeline.initial_poses import initial_attitudes
+from savmap.pipeline.preview import previews
+from savmap.report.evaluation import as_table
+from savmap.site.job import Job, prepare
+from savmap.site.preflight import require_ready
+
+
+def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluster: str | None = None) -> None:
+    """Map a job into its folder. Progress goes to standard error and `savmap.log`; the files that were written, the scores and the rows'
+    places to standard output. Raises SavmapError; what could be mapped is written before."""
+    require_ready(job)
+    prepare(job.output)
+    with locked(job.output), Console(job.output / "savmap.log") as console:
+        run = map_job_into(job, RunOptions(jobs, fresh, cluster), console)
+        for file in run.files:
+            typer.echo(f"wrote {file}")
+        if run.evaluation is not None:
+            typer.echo(as_table(run.evaluation))
+        for line in site_lines(run.site_map):
+            typer.echo(line)
+        run.raise_if_incomplete(job)
+
+
+def preview_and_print(job: Job) -> None:
+    """Write pictures of the views that plugins choose, one a pass. Raises SavmapError."""
+    prepare(job.output)
+    if job.note:
+        typer.echo(job.note)
+    for name in job.site.rows:
+        request = request_for(job, name)
+        for path in previews(name, request.passes, request.plugins, job.output, initial_attitudes(request.path)):
+            typer.echo(f"row {name}: wrote {path}")

@@ -1,0 +1,88 @@
+"""The report of a map: what the plugins score and draw of it, and the page made from that."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from savmap.errors import OutputError
+from savmap.maps.map_file import read_map
+from savmap.maps.run_record import RunLog, read_log
+from savmap.maps.survey import read_survey
+from savmap.plugin.manager import LoadedPlugin, open_plugin
+from savmap.report.evaluation import evaluate_site
+from savmap.report.page import Report, write_page
+from savmap.types import Drawing, Evaluation, RowMap, SiteMap, Survey
+
+PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
+"""Opened plugins by row and name."""
+_NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
+
+
+def report_for(
+    site_map: SiteMap,
+    plugins: PluginsByRow,
+    survey: Survey | None = None,
+    log: RunLog | None = None,
+    title: str = "Site map",
+) -> Report:
+    """The report of a map, with the run that made it and against a survey where they are given. `plugins`: the opened plugins of each row.
+
+    Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where a
+    plugin fails.
+    """
+    surveyed = survey.rows if survey else {}
+    common = any(name in surveyed for name in site_map.rows)
+    evaluation = evaluation_of(site_map, survey, plugins) if survey and common else None
+    scores = evaluation.rows if evaluation else {}
+    drawings = {
+        name: drawings_of(row, plugins[name], surveyed.get(name), scores[name].deviations if name in scores else {})
+        for name, row in site_map.rows.items()
+    }
+    remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
+    return Report(site_map, drawings, log, evaluation, remarks, title)
+
+
+def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
+    """Write the report of a map.json as an HTML page. Raises SavmapError."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path}: a report is an HTML page; name it .html")
+    log = read_log(run_file) if run_file else None
+    site_map = read_map(map_file)
+    survey = read_survey(survey_file) if survey_file else None
+    write_page(report_for(site_map, plugins_of_map(site_map), survey, log), path)
+
+
+def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:
+    """A map file against a survey file. Raises SavmapError."""
+    site_map = read_map(map_file)
+    return evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map))
+
+
+def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
+    """The plugins that made a map, opened with their default settings: for a map file, which does not say which settings made it.
+    Raises PluginError."""
+    names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
+    plugins = {name: open_plugin(name, {}) for name in names}
+    return dict.fromkeys(site_map.rows, plugins)
+
+
+def evaluation_of(site_map: SiteMap, survey: Survey, plugins: PluginsByRow) -> Evaluation:
+    """A map against a survey, scored by the plugins that made it. Raises OutputError."""
+    return evaluate_site(
+        site_map,
+        survey,
+        lambda row, name, structures, surveyed: plugins[row][name].evaluate(structures=structures, survey=surveyed),
+    )
+
+
+def drawings_of(
+    row: RowMap,
+    plugins: Mapping[str, LoadedPlugin],
+    surveyed: Mapping[str, Any] | None,
+    deviations: Mapping[str, float],
+) -> list[Drawing]:
+    """What the plugins draw of a row, over its survey where there is one; `deviations`: by structure id, m."""
+    drawings: list[Drawing] = []
+    for name, structures in row.structures.items():
+        drawings += plugins[name].draw(structures=structures, survey=surveyed, deviations=deviations)
+    return drawings

@@ -1,0 +1,35 @@
+"""Drawings: what a plugin's `draw` hook returns. They say what is drawn where, not how it is painted."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from savmap.types.common import Floats
+
+Kind = Literal["polygon", "line", "point"]
+Role = Literal["survey", "mapped", "off"]
+Tone = Literal["structure", "fixture"]
+Picture = Literal["face", "plan"]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A shape of points (n, 3) m in the row's frame, closed where `kind` is "polygon".
+
+    role: surveyed (painted underneath), mapped, or mapped and further off the survey than is shown as right. tone: part of
+    the structure that bounds the picture, or a fixture around it. legend: what such shapes are called in the legend.
+    caption: a short text beside it. name: the id of the structure that it shows, by which the report finds its standard
+    deviations. Raises ValueError where the points have another shape.
+    """
+
+    kind: Kind
+    points: Floats
+    role: Role
+    tone: Tone
+    legend: str
+    pictures: tuple[Picture, ...] = ("face", "plan")
+    caption: str = ""
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or not len(self.points):
+            raise ValueError(f"Drawing: points of {self.legend} must be (n, 3), not {self.points.shape}")
