@@ -152,6 +152,19 @@ def _row_entry(row: RowMap) -> Entry:
     }
 
 
+def _quaternion(rotation: Floats) -> list[float]:
+    """x, y, z, w of a rotation (3, 3). Rounded numbers are no unit quaternion: they are taken as a reader takes them, so that a map that
+    is read and written again has the same bytes."""
+    first = rounded(Rotation.from_matrix(rotation).as_quat(canonical=True), _QUATERNION)
+    read = Rotation.from_quat(first).as_matrix()
+    return rounded(Rotation.from_matrix(read).as_quat(canonical=True), _QUATERNION)
+
+
+def _upper(covariance: Floats) -> list[float]:
+    """A covariance (3, 3) as six numbers. Standard deviations follow from these, as a reader sees them."""
+    return [significant(value) for value in covariance[UPPER]]
+
+
 def _trajectory_entries(table: FrameTable, trajectory: Trajectory) -> list[Entry]:
     where = {int(frame): index for index, frame in enumerate(trajectory.frames)}
     return [
@@ -164,10 +177,9 @@ def _pose_entry(trajectory: Trajectory, index: int | None) -> Entry:
     if index is None:
         return {"position_m": None, "orientation_xyzw": None, "sigma_m": None}
     pose = trajectory.world_from_rig[index]
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
     sigma = None if trajectory.sigma_m is None else rounded(trajectory.sigma_m[index], SIGMA)
     position = rounded(pose[:3, 3], _COORDINATE)
-    return {"position_m": position, "orientation_xyzw": rounded(quaternion, _QUATERNION), "sigma_m": sigma}
+    return {"position_m": position, "orientation_xyzw": _quaternion(pose[:3, :3]), "sigma_m": sigma}
 
 
 def _view_entry(spec: ViewSpec) -> Entry:
@@ -184,8 +196,8 @@ def _structure_entry(own: Structure) -> Entry:
             {
                 "label": label,
                 "position_m": rounded(vertex, _COORDINATE),
-                "sigma_m": rounded(np.sqrt(np.diag(covariance)), SIGMA),
-                "covariance_m2": [significant(value) for value in covariance[UPPER]],
+                "sigma_m": rounded(np.sqrt(np.diag(symmetric(_upper(covariance)))), SIGMA),
+                "covariance_m2": _upper(covariance),
             }
             for label, vertex, covariance in zip(own.vertex_labels, own.vertices, own.covariances, strict=True)
         ],
