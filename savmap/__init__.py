@@ -1,1 +1,90 @@
-"""savmap: metric, semantic wireframe maps of structured places from panoramic video."""
+"""savmap: metric, semantic wireframe maps of structured places from panoramic video.
+
+    import savmap
+    site_map = savmap.map_video("aisle.mp4", camera_height_m=3.05)
+    site_map.to_dataframe()
+
+What is named here is public: it stays as it is within a major version. It is imported when it is first used, so that `import savmap`
+takes no time. docs/python-api.md shows it at work; plugin authors begin with `Plugin` and `hookimpl`, and docs/writing-plugins.md.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from savmap.errors import SavmapError
+    from savmap.jobs.api import evaluate, export, load_map, map_site, map_video
+    from savmap.maps.map_file import write_map
+    from savmap.plugin.hookspecs import hookimpl
+    from savmap.types import (
+        CrossRowLandmark,
+        Detection,
+        Evaluation,
+        Feature,
+        FrameTable,
+        Panorama,
+        Placement,
+        ReferenceUse,
+        RowFacts,
+        RowMap,
+        Score,
+        SiteMap,
+        Structure,
+        Survey,
+        Track,
+        Trajectory,
+        View,
+        ViewPlan,
+        ViewSpec,
+    )
+    from savmap.types.progress import Monitor
+
+__all__ = [
+    "CrossRowLandmark",
+    "Detection",
+    "Evaluation",
+    "Feature",
+    "FrameTable",
+    "Monitor",
+    "Panorama",
+    "Placement",
+    "ReferenceUse",
+    "RowFacts",
+    "RowMap",
+    "SavmapError",
+    "Score",
+    "SiteMap",
+    "Structure",
+    "Survey",
+    "Track",
+    "Trajectory",
+    "View",
+    "ViewPlan",
+    "ViewSpec",
+    "evaluate",
+    "export",
+    "hookimpl",
+    "load_map",
+    "map_site",
+    "map_video",
+    "write_map",
+]
+_MODULES = {
+    "SavmapError": "savmap.errors",
+    "Monitor": "savmap.types.progress",
+    "write_map": "savmap.maps.map_file",
+    "hookimpl": "savmap.plugin.hookspecs",
+    **dict.fromkeys(("evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'savmap' has no attribute {name!r}")
+    value = getattr(import_module(_MODULES.get(name, "savmap.types")), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.errors import ModelError, PluginError, SavmapError, SiteError, format_error
+from savmap.errors import ModelError, SiteError
 from savmap.plugin.manager import exporters, installed, lacking, load_class
 from savmap.site.job import prepare
 from savmap.types import ViewSpec
@@ -53,23 +53,15 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
 
     Raises SiteError for a format or row that is not there, PluginError for an exporter that fails.
     """
-    from savmap.files.atomic import write_with
+    from savmap.maps.exports import export_map
     from savmap.maps.map_file import read_map
 
-    formats = exporters()
-    if name not in formats:
-        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}")
     site_map = read_map(map_file)
     if row is not None:
         if row not in site_map.rows:
             raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
         site_map = replace(site_map, rows={row: site_map.rows[row]})
-    try:
-        write_with(lambda part: formats[name](site_map, part), output)
-    except SavmapError:
-        raise
-    except Exception as error:
-        raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error
+    export_map(site_map, name, output, exporters())
     yield f"wrote {output}"
 
 

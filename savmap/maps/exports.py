@@ -5,16 +5,17 @@ Rows that are placed are given in the site's frame, others in their own.
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from savmap.errors import OutputError
-from savmap.files.atomic import write_text
+from savmap.errors import OutputError, PluginError, SavmapError, SiteError, format_error
+from savmap.files.atomic import write_text, write_with
 from savmap.types import Placement, SiteMap, Structure
 
+Exporter = Callable[[SiteMap, Path], None]
 COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
 COLUMNS = [
     "row",
@@ -99,3 +100,16 @@ def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
 
 def _spaced(colour: tuple[int, int, int]) -> str:
     return " ".join(map(str, colour))
+
+
+def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter]) -> None:
+    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError for an exporter
+    that fails, OutputError."""
+    if name not in formats:
+        raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}")
+    try:
+        write_with(lambda part: formats[name](site_map, part), path)
+    except SavmapError:
+        raise
+    except Exception as error:
+        raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error

@@ -16,7 +16,7 @@ import pytest
 from savmap.cli.console import Console
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text, write_with
-from savmap.jobs.cache import Store, locked
+from savmap.jobs.cache import FolderCache, locked
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.picture import write_box_plot
@@ -60,7 +60,7 @@ def _box_plot(path: Path) -> None:
 WRITERS: dict[str, Callable[[Path], object]] = {
     "map.json": _map,
     "run.json": lambda path: write_log(RunLog(rows={f"{i}": RowRun(status="kept") for i in range(20)}), path),
-    "stages/A/seen": lambda path: Store(path.parents[2]).keep("A", "seen", "print", NOISE.tobytes()),
+    "stages/A/seen": lambda path: FolderCache(path.parents[2]).save("A", "seen", "print", NOISE.tobytes()),
     "box.png": _box_plot,
     "picture.png": lambda path: write_picture(path, NOISE),
     "map.ply": lambda path: write_with(lambda part: write_text(part, "ply\n" * 999), path),

@@ -5,38 +5,38 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import OutputError
-from savmap.jobs.cache import Store, locked
+from savmap.jobs.cache import FolderCache, locked
 
 NAME = "B/2 ../ü"
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
-    kept = Store(tmp_path)
-    kept.keep(NAME, "seen", "ab12", b"one\ntwo")
+def store(tmp_path: Path) -> FolderCache:
+    kept = FolderCache(tmp_path)
+    kept.save(NAME, "seen", "ab12", b"one\ntwo")
     return kept
 
 
-def test_what_was_kept_comes_back_for_the_same_fingerprint_only(store: Store) -> None:
-    assert store.kept(NAME, "seen", "ab12") == b"one\ntwo"
-    assert store.kept(NAME, "seen", "ab13") is None
-    assert store.kept(NAME, "solved", "ab12") is None
-    assert store.kept("other", "seen", "ab12") is None
-    assert Store(store.folder, fresh=True).kept(NAME, "seen", "ab12") is None
+def test_what_was_kept_comes_back_for_the_same_fingerprint_only(store: FolderCache) -> None:
+    assert store.load(NAME, "seen", "ab12") == b"one\ntwo"
+    assert store.load(NAME, "seen", "ab13") is None
+    assert store.load(NAME, "solved", "ab12") is None
+    assert store.load("other", "seen", "ab12") is None
+    assert FolderCache(store.folder, fresh=True).load(NAME, "seen", "ab12") is None
 
 
-def test_rows_keep_to_the_folder_whatever_their_names(store: Store, tmp_path: Path) -> None:
+def test_rows_keep_to_the_folder_whatever_their_names(store: FolderCache, tmp_path: Path) -> None:
     files = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert len(files) == 1
     assert files[0].parent.parent == tmp_path / "stages"
 
 
 @pytest.mark.parametrize("damage", [b"", b"one", b"one\ntwO", b"one\ntwo\n"])
-def test_a_damaged_file_is_made_again(store: Store, tmp_path: Path, damage: bytes) -> None:
+def test_a_damaged_file_is_made_again(store: FolderCache, tmp_path: Path, damage: bytes) -> None:
     file = next(path for path in tmp_path.rglob("seen"))
     head = file.read_bytes().partition(b"\n")[0]
     file.write_bytes(head + b"\n" + damage)
-    assert store.kept(NAME, "seen", "ab12") is None
+    assert store.load(NAME, "seen", "ab12") is None
 
 
 def test_one_run_at_a_time(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_one_run_at_a_time(tmp_path: Path) -> None:
         pass
 
 
-def test_what_a_killed_run_left_is_swept_up(store: Store, tmp_path: Path) -> None:
+def test_what_a_killed_run_left_is_swept_up(store: FolderCache, tmp_path: Path) -> None:
     row = next(tmp_path.glob("stages/*"))
     left = [row / ".seen.1234.part", tmp_path / ".map.json.77.part"]
     mine = tmp_path / ".notes.part"
@@ -57,4 +57,4 @@ def test_what_a_killed_run_left_is_swept_up(store: Store, tmp_path: Path) -> Non
         assert not any(path.exists() for path in left)
         assert not (tmp_path / ".savmap-abcd1234").exists()
         assert mine.exists()
-    assert store.kept(NAME, "seen", "ab12") is not None
+    assert store.load(NAME, "seen", "ab12") is not None

@@ -1,4 +1,4 @@
-"""Workers: one that dies takes no other's work with it."""
+"""Executors: a task that ends its process does not end the others."""
 
 import operator
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from savmap.jobs.executors import Beside, Here, WorkerCrashedError
+from savmap.jobs.executors import ProcessExecutor, SerialExecutor, WorkerCrashedError
 from savmap.types.progress import SilentMonitor
 
 DIES_ONCE = """
@@ -14,36 +14,36 @@ __import__("os").path.exists(mark) and "second time" or (open(mark, "w").close()
 """.strip()
 
 
-def test_here_works_in_order_and_takes_more_meanwhile() -> None:
-    here = Here(SilentMonitor())
-    here.submit("a", operator.mul, 2, 1)
+def test_serial_executor_goes_on_from_results_first() -> None:
+    executor = SerialExecutor(SilentMonitor())
+    executor.submit("a", operator.mul, 2, 1)
     found = []
-    for key, result in here.results():
+    for key, result in executor.results():
         found.append((key, result))
         if key == "a":
-            here.submit("b", operator.mul, 2, 21)
+            executor.submit("b", operator.mul, 2, 21)
     assert found == [("a", 2), ("b", 42)]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_one_that_dies_is_told_and_the_others_are_done(jobs: int) -> None:
-    beside = Beside(jobs)
+    executor = ProcessExecutor(jobs)
     for number in range(3):
-        beside.submit(number, operator.mul, 2, number)
-    beside.submit("bad", os._exit, 1)
-    beside.submit("wrong", int, "wrong")
+        executor.submit(number, operator.mul, 2, number)
+    executor.submit("bad", os._exit, 1)
+    executor.submit("wrong", int, "wrong")
     found = {}
-    for key, result in beside.results():
+    for key, result in executor.results():
         found[key] = result
         if key == 0:
-            beside.submit("late", operator.mul, 2, 50)
+            executor.submit("late", operator.mul, 2, 50)
     assert {key: found[key] for key in (0, 1, 2, "late")} == {0: 0, 1: 2, 2: 4, "late": 100}
     assert isinstance(found["bad"], WorkerCrashedError)
     assert isinstance(found["wrong"], ValueError)
 
 
 def test_work_that_was_only_near_is_done_again(tmp_path: Path) -> None:
-    beside = Beside(2)
-    beside.submit("near", eval, DIES_ONCE, {"mark": str(tmp_path / "mark")})
-    beside.submit("other", operator.mul, 2, 4)
-    assert dict(beside.results()) == {"near": "second time", "other": 8}
+    executor = ProcessExecutor(2)
+    executor.submit("near", eval, DIES_ONCE, {"mark": str(tmp_path / "mark")})
+    executor.submit("other", operator.mul, 2, 4)
+    assert dict(executor.results()) == {"near": "second time", "other": 8}

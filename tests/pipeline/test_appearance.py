@@ -16,14 +16,14 @@ FACE, CEILING = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0
 
 
 def test_only_the_views_of_the_face_are_looked_at() -> None:
-    walk = measure.Walk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([]), FlowWatch())
+    walk = measure.RowWalk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([]), FlowWatch())
     aims = {"racks": ViewPlan((FACE,), np.eye(3)), "lamps": ViewPlan((CEILING,))}
     aimed = measure.PassPlan("pass 1", Clip(Path("none")), aims)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):
         panorama = Panorama(frame, frame / 15, picture)
-        walk._frame(panorama, walk._look(panorama, aimed), aimed)
+        walk._extract(panorama, walk._render(panorama, aimed), aimed)
     assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
     assert len(walk.flow.flows[0].pixels) > 50
 

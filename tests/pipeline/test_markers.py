@@ -6,8 +6,8 @@ import numpy as np
 
 from savmap.graph import KnownMarker, References, gauge
 from savmap.pipeline import measure
-from savmap.pipeline.row import Row
-from savmap.pipeline.row import marked as marker_notes
+from savmap.pipeline.records import LocatedRow, RowRequest
+from savmap.pipeline.row import marker_constraints
 from savmap.site.model import Site
 from savmap.site.preflight import tells_scale
 from savmap.types import FrameTable, RowFacts, Trajectory
@@ -22,12 +22,12 @@ MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 
 
 def test_every_frame_that_is_walked_through_is_looked_at() -> None:
-    walk = measure.Walk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
+    walk = measure.RowWalk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
     aimed = measure.PassPlan("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
-        walk._frame(panorama, walk._look(panorama, aimed), aimed)
-    assert walk.watch.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
+        walk._extract(panorama, walk._render(panorama, aimed), aimed)
+    assert walk.markers.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
 
 
 def test_one_that_was_not_seen_is_noted() -> None:
@@ -35,8 +35,9 @@ def test_one_that_was_not_seen_is_noted() -> None:
     start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
     references = References(markers=(MARKER,))
     seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
-    row = Row("A", (), references)
-    found, notes = marker_notes(row, seen, start, gauge(facts, start, references))
+    request = RowRequest("A", (), (), references)
+    row = LocatedRow(request, seen, start, gauge(facts, start, references))
+    found, notes = marker_constraints(row)
     assert not found
     assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
 

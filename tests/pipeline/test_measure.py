@@ -59,8 +59,8 @@ def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
 
-def walk_of(rooms: list[LoadedPlugin]) -> measure.Walk:
-    return measure.Walk(rooms, SegmenterPool(rooms), Renderer(), MarkerWatch(()), NoFlow())
+def walk_of(rooms: list[LoadedPlugin]) -> measure.RowWalk:
+    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), MarkerWatch(()), NoFlow())
 
 
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassPlan) -> None:
@@ -85,7 +85,7 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
     here = threading.get_ident()
     assert asked == [(name, frame, view, here) for frame in range(12) for name, view in views]
     renderer, network = Renderer(), SegmenterPool(rooms).networks["one"]
-    alone = [renderer.render(one, spec) for one in panoramas(aimed.clip) for spec in aimed.watched]
+    alone = [renderer.render(one, spec) for one in panoramas(aimed.clip) for spec in aimed.plugins_by_view]
     for (image, probability), view in zip(seen, alone, strict=True):
         assert np.array_equal(image, view.image)
         assert not probability.shape or np.array_equal(probability, network.probabilities(view.image)[1])
@@ -100,7 +100,7 @@ def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassPlan) -> None
         return []
 
     walk = walk_of([room("one", extract)])
-    seldom = replace(aimed, aims={"one": ViewPlan((AHEAD, replace(UP, every=3)))})
+    seldom = replace(aimed, plans={"one": ViewPlan((AHEAD, replace(UP, every=3)))})
     walk.over("A", seldom, SilentMonitor())
     assert [frame for name, frame in seen if name.endswith("up")] == [0, 3, 6, 9]
     assert [frame for name, frame in seen if name.endswith("ahead")] == list(range(12))

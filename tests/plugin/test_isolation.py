@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pluggy
 import pytest
-from savmap.jobs.run import run
+from savmap.cli.mapping import map_and_print
 
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
 from savmap.jobs.scheduler import RunOptions
@@ -208,7 +208,7 @@ def site(place: Path, folder: Path, mode: str, bad: str, rows: str = "A", scored
 def mapped(path: Path, out: Path, jobs: int = 0) -> dict[str, Any]:
     """The rows of map.json after a run; the run's error is raised."""
     try:
-        list(run(job_for(path, None, out), RunOptions(jobs)))
+        map_and_print(job_for(path, None, out), jobs)
     finally:
         rows = json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"] if (out / "map.json").exists() else {}
     return dict(rows)

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import PluginError, SiteError, StructureError
-from savmap.jobs import run
+from savmap.cli.mapping import map_and_print, preview_and_print
 from savmap.jobs.check import check
 from savmap.site.job import job_for
+from savmap.types.progress import NoteCollector, SilentMonitor
 
 VIDEO = Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4"
 SITE = "rows: {{A: {{passes: [{{video: {}}}]}}}}\n"
@@ -53,17 +54,22 @@ def test_where_none_has_what_it_needs_one_must_be_named(monkeypatch: pytest.Monk
 
 
 def test_an_option_that_names_none_is_refused(site: Path) -> None:
-    for refused in (lambda: job_for(site, [], Path("out")), lambda: list(check(site, [], Path("out")))):
+    for refused in (lambda: job_for(site, [], Path("out")), lambda: check(site, [], Path("out"), SilentMonitor())):
         with pytest.raises(SiteError, match="--plugins: names none"):
             refused()
 
 
-def test_the_user_is_told(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.pipeline.preview.previews", lambda *_: iter(()))
+def test_the_user_is_told(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("savmap.cli.mapping.previews", lambda *_: iter(()))
     monkeypatch.setattr("savmap.jobs.check.of_job", lambda *_: iter(()))
-    (line,) = run.preview(job_for(site, None, tmp_path))
+    preview_and_print(job_for(site, None, tmp_path))
+    (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("no plugins are named: looking for ")
-    assert next(check(site, None, tmp_path)) == line
+    notes = NoteCollector()
+    assert check(site, None, tmp_path, notes) == []
+    assert notes.lines == [line]
 
 
 def test_a_run_tells_it_on_the_terminal_and_in_the_log(
@@ -72,9 +78,9 @@ def test_a_run_tells_it_on_the_terminal_and_in_the_log(
     def nothing(*_: object) -> None:
         raise StructureError("enough")
 
-    monkeypatch.setattr("savmap.jobs.run.mapped_rows", nothing)
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", nothing)
     job = job_for(VIDEO, None, tmp_path, camera_height_m=3.05)
     with pytest.raises(StructureError, match="enough"):
-        list(run.run(job))
+        map_and_print(job)
     assert job.note in capsys.readouterr().err
     assert job.note in (tmp_path / "savmap.log").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import PluginError
-from savmap.jobs import run
+from savmap.jobs.map_site import in_one_frame
 from savmap.site.job import job_for
 from savmap.types import SiteMap
 
@@ -18,8 +18,8 @@ def test_a_plugin_that_fails_at_the_end_costs_the_rows_places_alone(
     def fails(*_: object) -> None:
         raise PluginError("plugin `things` failed in `shared`")
 
-    monkeypatch.setattr("savmap.assembly.assembled", fails)
+    monkeypatch.setattr("savmap.jobs.map_site.assembled", fails)
     mapped = SiteMap({}, {"savmap": "0"})
-    site_map, notes = run.in_one_frame(job_for(EXAMPLE / "site.yaml", None, tmp_path), mapped)
+    site_map, notes = in_one_frame(job_for(EXAMPLE / "site.yaml", None, tmp_path), mapped, {"A": {}})
     assert site_map is mapped
     assert notes == ("rows are not placed in one frame: plugin `things` failed in `shared`",)

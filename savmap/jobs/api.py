@@ -1,0 +1,103 @@
+"""The public Python API: maps from site files and videos, their scores, and other formats. See docs/python-api.md."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from savmap.errors import SiteError
+from savmap.jobs.cache import locked
+from savmap.jobs.map_site import map_job, map_job_into
+from savmap.jobs.scheduler import RunOptions
+from savmap.maps.exports import export_map
+from savmap.maps.map_file import read_map
+from savmap.maps.survey import read_survey
+from savmap.plugin.manager import exporters
+from savmap.report.site_report import evaluation_of, plugins_of_map
+from savmap.site.job import Job, job_for, prepare
+from savmap.site.overrides import overrides_of
+from savmap.site.preflight import require_ready
+from savmap.types import Evaluation, SiteMap, Survey
+from savmap.types.progress import Monitor, SilentMonitor
+
+PathLike = str | Path
+
+
+def map_site(
+    site: PathLike,
+    plugins: Sequence[str] | None = None,
+    *,
+    output: PathLike | None = None,
+    progress: Monitor | None = None,
+    jobs: int = 0,
+    overrides: Sequence[str] = (),
+) -> SiteMap:
+    """Map all rows of a site.
+
+    site: a site file. plugins: names of those that look at the rows; default: the site's, else all installed ones. output: a folder
+    for all that `savmap map` writes, which also keeps what need not be done again; default: nothing is written. progress: is told what is
+    done. jobs: rows mapped at a time, each in a process of its own (0: all in this one, in which a hook that never returns is never
+    ended). overrides: single keys of the site file, such as "rows.A.fps=5".
+
+    Rows that could not be mapped are in `failed` of the result. Raises SavmapError's kinds; the first row's error where no row could be
+    mapped.
+    """
+    folder = Path(output) if output is not None else Path()
+    job = job_for(Path(site), plugins, folder, overrides=overrides_of(list(overrides), {}))
+    return _mapped(job, output is not None, progress, jobs)
+
+
+def map_video(
+    video: PathLike,
+    plugins: Sequence[str] | None = None,
+    *,
+    camera_height_m: float | None = None,
+    side: str | None = None,
+    output: PathLike | None = None,
+    progress: Monitor | None = None,
+    jobs: int = 0,
+    overrides: Sequence[str] = (),
+) -> SiteMap:
+    """Map one row from one panoramic video (or a folder of pictures): a first map. The row's name is "1".
+
+    camera_height_m: above the floor; it gives the map its scale. side: "left" or "right", the hand the face is on as one drives along;
+    default: found in the pictures. The other arguments, and the errors raised, are those of `map_site`.
+    """
+    folder = Path(output) if output is not None else Path()
+    job = job_for(Path(video), plugins, folder, camera_height_m, side, None, overrides_of(list(overrides), {}))
+    return _mapped(job, output is not None, progress, jobs)
+
+
+def load_map(path: PathLike) -> SiteMap:
+    """A map from map.json. Raises OutputError where it is none."""
+    return read_map(Path(path))
+
+
+def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
+    """A map against a survey (a file's path, or a record), scored by the plugins that made it.
+
+    Raises OutputError where they have no row in common, or the survey is malformed; PluginError for a plugin that is not installed.
+    """
+    truth = survey if isinstance(survey, Survey) else read_survey(Path(survey))
+    return evaluation_of(site_map, truth, plugins_of_map(site_map))
+
+
+def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:
+    """Write a map in another format: "csv", "ply", or a format of an installed plugin; default: by the path's ending.
+
+    Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
+    """
+    target = Path(path)
+    name = format or target.suffix.removeprefix(".").lower()
+    if not name:
+        raise SiteError(f"{target}: has no ending that names a format; give `format`")
+    export_map(site_map, name, target, exporters())
+    return target
+
+
+def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteMap:
+    monitor, options = progress or SilentMonitor(), RunOptions(jobs)
+    if not write:
+        return map_job(job, options, monitor).site_map
+    require_ready(job)
+    prepare(job.output)
+    with locked(job.output):
+        return map_job_into(job, options, monitor).site_map
