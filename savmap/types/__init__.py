@@ -5,7 +5,7 @@ towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x ri
 at integer coordinates.
 """
 
-from savmap.types.common import Axis, Floats, Ints, Place
+from savmap.types.common import Axis, Bools, Floats, Ints, Place
 from savmap.types.pictures import Aim, Detection, Feature, Flow, Panorama, View, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import (
@@ -25,6 +25,7 @@ from savmap.types.rows import (
 __all__ = [
     "Aim",
     "Axis",
+    "Bools",
     "Detection",
     "Feature",
     "FilmedPanorama",

@@ -10,7 +10,7 @@ from rack_pictures import HEIGHT, WIDTH, Camera, Image, Picture, Rack, painted, 
 from savmap.stages.segment import regions
 from savmap.types import Detection
 from savmap_shelves.boundaries import extract_features
-from savmap_shelves.boundary_settings import BoundarySettings
+from savmap_shelves.boundaries.settings import BoundarySettings
 
 
 def test_a_missed_beam_changes_nothing_else() -> None:

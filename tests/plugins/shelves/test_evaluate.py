@@ -11,7 +11,7 @@ from perfect_maps import Row, structures_of, surveyed_row
 from savmap.errors import OutputError
 from savmap.evaluation import Score, mean_absolute_error, score_json
 from savmap.types import Structure
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.evaluation import evaluate
 
 
 @pytest.fixture

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import synth
+from tracking_truth import counted
 
 from savmap.geometry import pinhole
 from savmap.types import Feature
-from savmap_shelves.levels import _support, _unlike
-from savmap_shelves.tracking import summary, track_structures
+from savmap_shelves.tracking import track_structures
+from savmap_shelves.tracking.levels import _support, _unlike
 
 CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
@@ -36,15 +37,13 @@ def feet(footage: synth.Footage, height: float = 0.0) -> list[Feature]:
     return found
 
 
-def levels_of(footage: synth.Footage, *more: Feature) -> str:
-    return str(
-        summary(track_structures([*footage.features, *more], footage.facts, attitudes=footage.attitudes))["levels"]
-    )
+def levels_of(footage: synth.Footage, *more: Feature) -> list[int]:
+    return counted(track_structures([*footage.features, *more], footage.facts, attitudes=footage.attitudes))[1]
 
 
-def counts(footage: synth.Footage, less: int) -> str:
+def counts(footage: synth.Footage, less: int) -> list[int]:
     """How many levels each section has, if `less` of those of the second section do not count."""
-    return ", ".join(str(count - less * (section == 1)) for section, count in enumerate(footage.rack.counts))
+    return [count - less * (section == 1) for section, count in enumerate(footage.rack.counts)]
 
 
 MARKINGS = {"far below": (-0.75, -0.65), "thin": (-0.25, -0.21), "wide": (-0.4, -0.2)}

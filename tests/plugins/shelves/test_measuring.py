@@ -3,16 +3,18 @@
 import cv2
 import numpy as np
 import pytest
-from rack_pictures import HEIGHT, WIDTH, Camera, Picture
+from rack_pictures import Camera, Picture
 
 from savmap.geometry import pinhole, sphere
 from savmap.stages.profiles import RADIANCE
 from savmap.stages.segment import regions
 from savmap.types import Detection, Feature, Floats, Panorama, ViewSpec
 from savmap_shelves.boundaries import extract_features
-from savmap_shelves.measuring import _face_axes
-from savmap_shelves.plugin import Settings, Shelves
-from savmap_shelves.strips import Strips
+from savmap_shelves.boundaries.features import Extraction, _beams, _separators
+from savmap_shelves.boundaries.measuring import _face_axes
+from savmap_shelves.boundaries.settings import BoundarySettings
+from savmap_shelves.plugin import Shelves
+from savmap_shelves.settings import ShelvesSettings
 
 FACING = Picture(camera=Camera(x=1.3, y=2.1, z=1.6, hfov=118.0))
 TURNED = Picture(camera=Camera(x=1.2, y=2.2, z=1.5, hfov=122.0, yaw=4.0, pitch=-3.0, roll=2.0))
@@ -67,7 +69,8 @@ def test_corners_have_the_covariance_of_what_was_measured() -> None:
 def test_it_can_be_switched_off() -> None:
     detections, panorama = too_wide(FACING), panorama_of(FACING)
     on, off = (
-        Shelves(Settings(subpixel=on)).extract_features(FACING.view, detections, panorama) for on in (True, False)
+        Shelves(ShelvesSettings(subpixel=on)).extract_features(FACING.view, detections, panorama)
+        for on in (True, False)
     )
     plain = extract_features(FACING.view, detections)
     assert all(np.array_equal(a.pixels, b.pixels) for a, b in zip(off, plain, strict=True))
@@ -75,15 +78,13 @@ def test_it_can_be_switched_off() -> None:
 
 
 def test_the_faces_axes_follow_from_the_edges() -> None:
-    from savmap_shelves.boundaries import BoundarySettings, Frame, _beams, _separators
-
-    frame = Frame(TURNED.view, WIDTH, HEIGHT, BoundarySettings(), 0.3)
-    separators = _separators(frame, TURNED.detections())
-    uprights: Strips = separators.strips[separators.kept]
+    extraction = Extraction(TURNED.view, BoundarySettings(), 0.3)
+    separators = _separators(extraction, TURNED.detections())
+    uprights = separators.strips[separators.kept]
     camera = TURNED.camera
     truth = pinhole.rig_from_view(camera.yaw, camera.pitch, camera.roll).T
     spec: ViewSpec = camera.spec
-    axes = _face_axes(spec, uprights, _beams(frame, TURNED.detections(), separators))
+    axes = _face_axes(spec, uprights, _beams(extraction, TURNED.detections(), separators))
     assert np.abs(axes - truth).max() < 0.01
     none = uprights[np.zeros(len(uprights), dtype=np.bool_)]
     assert np.allclose(_face_axes(spec, none, none), np.eye(3))
