@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Feature, Floats, Ints, Track
-from savmap_shelves.tracking.sightings import Sightings, Tangents, feature_points, tangents
+from savmap_shelves.tracking.sightings import FaceSightings, Tangents, feature_points, tangents
 
 PART = "foot"
 LEAST_SIGHTINGS = 3
@@ -74,11 +74,11 @@ class Feet:
         )
 
 
-def feet_of(features: Sequence[Feature], sightings: Sightings, world_from_rig: Floats) -> Feet:
-    """The feet among features, as sighted with attitudes world_from_rig (n, 3, 3)."""
+def feet_of(features: Sequence[Feature], sightings: FaceSightings) -> Feet:
+    """The feet among features, with the attitudes of the sightings."""
     feet = tuple(f for f in features if f.part == PART and f.view in sightings.names)
     points = feature_points(feet, sightings.names)
-    face = tangents(points, sightings.views, world_from_rig, np.zeros(len(feet), dtype=np.bool_))
+    face = tangents(points, sightings.views, sightings.world_from_rig, np.zeros(len(feet), dtype=np.bool_))
     return Feet(feet, points.frame, face)
 
 

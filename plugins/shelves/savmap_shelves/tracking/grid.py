@@ -1,7 +1,8 @@
 """The grid of uprights and beam levels with the camera's path, all on the face plane: from features to a labelled fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,10 +12,10 @@ from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
 from savmap_shelves.tracking.levels import Levels, find_levels
-from savmap_shelves.tracking.odometry import frame_observations, typical_spacing
+from savmap_shelves.tracking.odometry import frame_observations
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
 from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
-from savmap_shelves.tracking.sightings import Sightings, Tangents, collect_sightings, tangents
+from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_sightings, on_face
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
 
 STATE_PRIOR = np.array([0.05, 0.15, 0.08, 0.01, 0.01, 0.01])
@@ -39,9 +40,7 @@ class FaceGrid:
     and upper edges.
     """
 
-    sightings: Sightings
-    face: Tangents
-    world_from_rig: Floats
+    sightings: FaceSightings
     uprights: Uprights
     levels: Levels
     fit: GridFit
@@ -50,19 +49,15 @@ class FaceGrid:
     feet: Feet
 
 
-def observed_edges(
-    sightings: Sightings, face: Tangents, uprights: Uprights, levels: Levels
-) -> tuple[EdgeObservations, Ints]:
+def observed_edges(sightings: FaceSightings, uprights: Uprights, levels: Levels) -> tuple[EdgeObservations, Ints]:
     """All observations of the uprights' edges (both ends) and beams' corners, and the row of each in FeaturePoints."""
-    vertical, posts = upright_edges(sightings, face, uprights)
+    vertical, posts = upright_edges(sightings, uprights)
     beams = np.flatnonzero(levels.which >= 0)
     level = 2 * (len(uprights.x) + levels.which[beams])[:, None, None] + np.arange(2) + np.zeros((2, 1), dtype=np.int64)
     usable = (sightings.corners[beams] >= 0) & levels.ends[beams][:, :, None]
-    horizontal, corners = edge_observations(sightings, face, sightings.corners[beams][usable], level[usable], 1)
-    both = (
-        np.concatenate([getattr(part, f.name) for part in (vertical, horizontal)]) for f in fields(EdgeObservations)
-    )
-    return EdgeObservations(*both), np.concatenate([posts, corners])
+    horizontal, corners = edge_observations(sightings, sightings.corners[beams][usable], level[usable], 1)
+    both = zip(vars(vertical).values(), vars(horizontal).values(), strict=True)
+    return EdgeObservations(*(np.concatenate(pair) for pair in both)), np.concatenate([posts, corners])
 
 
 def fit_grid(
@@ -72,28 +67,23 @@ def fit_grid(
 
     Raises StructureError where there are too few frames, too little motion, or no uprights or beams.
     """
-    sightings = collect_sightings(features, facts)
-    _require_sightings(sightings, facts, settings)
-    world_from_rig = _attitudes(sightings, facts, attitudes)
-    across = np.zeros(len(sightings.points.frame), dtype=np.bool_)
-    across[sightings.edges.ravel()] = True
-    face = tangents(sightings.points, sightings.views, world_from_rig, across)
+    collected = collect_sightings(features, facts)
+    _require_sightings(collected, facts, settings)
+    sightings = on_face(collected, _attitudes(collected, facts, attitudes))
     passes = [frames for name in dict.fromkeys(facts.frames.passes) if len(frames := facts.frames.of_pass(name))]
     states = np.tile([1.0, 0, 0, 0, 0, 0], (len(facts.frames), 1))
-    spacing = typical_spacing(sightings, face)
+    spacing = sightings.upright_spacing()
     if not np.isfinite(spacing):
         raise StructureError(f"row {facts.name}: no picture shows two uprights; widen the view or check its direction")
-    views = frame_observations(sightings, face, len(facts.frames))
+    views = frame_observations(sightings, len(facts.frames))
     sizes = (0.06 * spacing, 0.18 * spacing, settings.upright_support)
     for frames in passes:
         odometry = pass_odometry(views, facts, frames, spacing)
-        states[frames] = along_uprights(sightings, face, world_from_rig, views, odometry, sizes)
-    fitter = GridFitter(
-        sightings, face, world_from_rig, settings, spacing, feet_of(features, sightings, world_from_rig)
-    )
+        states[frames] = along_uprights(sightings, views, odometry, sizes)
+    fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings))
     if len(passes) > 1:
-        states = _joined([fitter.grid(states, frames, facts.name) for frames in passes], passes, facts.name)
-    return fitter.grid(states, np.arange(len(facts.frames)), facts.name)
+        states = _joined([fitter.grid(states, frames) for frames in passes], passes, facts.name)
+    return fitter.grid(states, np.arange(len(facts.frames)))
 
 
 def _require_sightings(sightings: Sightings, facts: RowFacts, settings: TrackingSettings) -> None:
@@ -113,16 +103,14 @@ def _require_sightings(sightings: Sightings, facts: RowFacts, settings: Tracking
 
 
 def _attitudes(sightings: Sightings, facts: RowFacts, attitudes: Floats | None) -> Floats:
-    begins = np.array(
-        [a != b for a, b in zip(facts.frames.passes[:-1], facts.frames.passes[1:], strict=True)], dtype=np.bool_
-    )
+    """World_from_rig (n, 3, 3): those given, or those of views that face the rack, turned so that edges are level and plumb."""
+    begins = np.array([a != b for a, b in pairwise(facts.frames.passes)], dtype=np.bool_)
     neighbour = np.where(begins, np.inf, np.radians(1.0 if attitudes is not None else 2.0))
     if attitudes is not None:
         return rectified(sightings, attitudes, neighbour, np.radians(3.0))
     main = int(np.bincount(sightings.upright_view, minlength=len(sightings.views)).argmax())
-    return rectified(
-        sightings, np.tile(facing(sightings.views[main]), (len(facts.frames), 1, 1)), neighbour, np.radians(20.0)
-    )
+    start = np.tile(facing(sightings.views[main]), (len(facts.frames), 1, 1))
+    return rectified(sightings, start, neighbour, np.radians(20.0))
 
 
 def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floats:
@@ -143,39 +131,36 @@ def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floa
 
 @dataclass(frozen=True)
 class GridFitter:
-    """Finds uprights and levels and fits the grid, in turns that sharpen each other."""
+    """Finds uprights and levels of a row and fits the grid, in turns that sharpen each other."""
 
-    sightings: Sightings
-    face: Tangents
-    world_from_rig: Floats
+    row: str
+    sightings: FaceSightings
     settings: TrackingSettings
     spacing: float
     feet: Feet
 
-    def grid(self, states: Floats, frames: Ints, row: str) -> FaceGrid:
+    def grid(self, states: Floats, frames: Ints) -> FaceGrid:
         """The grid that `frames` show, from a rough path `states` (n, 6)."""
         for width, height in ((0.06, 0.6), (0.04, 0.4), (0.03, 0.35)):
-            uprights, levels = self._elements(states, frames, (width, height), row)
-            observations, source = observed_edges(self.sightings, self.face, uprights, levels)
+            uprights, levels = self._elements(states, frames, width, height)
+            observations, source = observed_edges(self.sightings, uprights, levels)
             start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
             fit = adjusted(states, start, observations, STATE_PRIOR, rounds=4)
             states = filled(states, fit.states, observations, frames, 6)
         fitted = replace(uprights, x=fit.edges[: 2 * len(uprights.x)].reshape(-1, 2))
-        return FaceGrid(
-            self.sightings, self.face, self.world_from_rig, fitted, levels, fit, observations, source, self.feet
-        )
+        return FaceGrid(self.sightings, fitted, levels, fit, observations, source, self.feet)
 
-    def _elements(self, states: Floats, frames: Ints, sizes: tuple[float, float], row: str) -> tuple[Uprights, Levels]:
-        width, height = sizes
+    def _elements(self, states: Floats, frames: Ints, width: float, height: float) -> tuple[Uprights, Levels]:
+        """Uprights and levels of `frames`; kernels' width as a share of the spacing, height as one of a beam's height."""
         limits = (width * self.spacing, 3 * width * self.spacing, self.settings.upright_support)
-        uprights = find_uprights(self.sightings, self.face, states, self.world_from_rig, frames, limits)
+        uprights = find_uprights(self.sightings, states, frames, limits)
         if len(uprights.x) < 2:
             raise StructureError(
-                f"row {row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
+                f"row {self.row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
             )
         kernel = (height, self.settings.level_support)
         floor = self.feet.floor(states, uprights.x)
-        levels = find_levels(self.sightings, self.face, states, self.world_from_rig, uprights, frames, kernel, floor)
+        levels = find_levels(self.sightings, states, uprights, frames, kernel, floor)
         if not len(levels.section):
-            raise StructureError(f"row {row}: {len(uprights.x)} uprights but no beam between them were found")
+            raise StructureError(f"row {self.row}: {len(uprights.x)} uprights but no beam between them were found")
         return uprights, levels

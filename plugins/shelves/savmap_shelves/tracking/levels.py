@@ -1,4 +1,4 @@
-"""Beam levels of every section by kernel density over the corners' heights, and which sighting is of which (paper, III.D)."""
+"""Beam levels of each section by kernel density over the corners' heights, and which sighting is of which (paper, III.D)."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.types import Bools, Floats, Ints
 from savmap_shelves.tracking.density import cheapest_in_group, modes, nearest, supported
-from savmap_shelves.tracking.sightings import Sightings, Tangents, visible
+from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
 
 THIN, RARE, THICK = 0.86, 0.92, 2.0
@@ -15,7 +15,7 @@ NEAR_FLOOR, SURE = 0.12, 0.6
 
 @dataclass(frozen=True)
 class Levels:
-    """Beams: section (k,) from 0, y (k, 2) of their lower and upper edges, sorted by section, then height; support (k,).
+    """Beams: section (k,) from 0, y (k, 2) of their lower and upper edges, sorted by section, then height.
 
     which (m,): which beam each sighting is of, or -1. ends (m, 2): whether its corners at the left and right upright may
     be used.
@@ -25,22 +25,21 @@ class Levels:
     y: Floats
     which: Ints
     ends: Bools
-    support: Floats
 
 
-def _heights(sightings: Sightings, face: Tangents, states: Floats) -> Floats:
-    """y (m, 2, 2) of every sighted beam's corners: side (left, right), edge (lower, upper); nan where not seen."""
-    p, q = face.p[sightings.corners], face.q[sightings.corners]
+def _heights(sightings: FaceSightings, states: Floats) -> Floats:
+    """y (m, 2, 2) of each sighted beam's corners: side (left, right), edge (lower, upper); nan where missing."""
+    p, q = sightings.face.p[sightings.corners], sightings.face.q[sightings.corners]
     state = states[sightings.beam_frame][:, None, None]
     y = (q + state[..., 2] - state[..., 3] * p * q - state[..., 4] * (1 + q**2) + state[..., 5] * p) / state[..., 0]
     return np.where(sightings.corners >= 0, y, np.nan)
 
 
-def _sections(sightings: Sightings, face: Tangents, states: Floats, uprights: Uprights) -> tuple[Ints, Bools]:
+def _sections(sightings: FaceSightings, states: Floats, uprights: Uprights) -> tuple[Ints, Bools]:
     """The section (m,) that each sighted beam lies in, -1 if that is not sure, and which of its ends (m, 2) are in it.
 
-    A beam whose two uprights are not neighbours, or whose own extent passes over an upright that was not seen in that
-    frame, may lie in either section and is not used.
+    A beam whose two uprights are not neighbours, or whose extent passes over an upright that was not sighted in
+    that frame, may lie in either section and is not used.
     """
     bound = uprights.beside(sightings)
     left = np.where(bound[:, 0] >= 0, bound[:, 0], -1)
@@ -48,14 +47,14 @@ def _sections(sightings: Sightings, face: Tangents, states: Floats, uprights: Up
     section = np.where(left >= 0, left, right)
     unsure = (left >= 0) & (right >= 0) & (left != right)
     outside = (section < 0) | (section > len(uprights.x) - 2)
-    section = np.where(unsure | outside | _crosses(sightings, face, states, uprights), -1, section)
+    section = np.where(unsure | outside | _crosses(sightings, states, uprights), -1, section)
     return section, (bound >= 0) & (section >= 0)[:, None]
 
 
-def _crosses(sightings: Sightings, face: Tangents, states: Floats, uprights: Uprights) -> Bools:
-    """Whether a beam's own extent (m,) passes over the middle of an upright."""
+def _crosses(sightings: FaceSightings, states: Floats, uprights: Uprights) -> Bools:
+    """Whether a beam's extent (m,) passes over the middle of an upright."""
     state = states[sightings.beam_frame][:, None]
-    x = (np.where(sightings.spans >= 0, face.p[sightings.spans], np.nan) + state[..., 1]) / state[..., 0]
+    x = (np.where(sightings.spans >= 0, sightings.face.p[sightings.spans], np.nan) + state[..., 1]) / state[..., 0]
     inner = uprights.x.mean(axis=1)
     margin = 0.04 * float(np.median(np.diff(inner))) if len(inner) > 1 else 0.0
     over = (inner > x.min(axis=1)[:, None] + margin) & (inner < x.max(axis=1)[:, None] - margin)
@@ -64,35 +63,32 @@ def _crosses(sightings: Sightings, face: Tangents, states: Floats, uprights: Upr
 
 
 def find_levels(
-    sightings: Sightings,
-    face: Tangents,
+    sightings: FaceSightings,
     states: Floats,
-    world_from_rig: Floats,
     uprights: Uprights,
     frames: Ints,
     sizes: tuple[float, float],
     floor: float = -np.inf,
 ) -> Levels:
-    """Levels with enough support among the sightings of `frames`. sizes: the kernel's bandwidth as a share of a beam's
-    height; the least support, as a share of the usual one. floor: below it levels are doubted."""
-    section, ends = _sections(sightings, face, states, uprights)
-    edges = _edges(np.where(ends[:, :, None], _heights(sightings, face, states), np.nan))
+    """Levels with enough support among the sightings of `frames`.
+
+    sizes: the kernel's bandwidth as a share of a beam's height; the least support, as a share of the usual one. floor: the
+    height below which levels are doubted.
+    """
+    section, ends = _sections(sightings, states, uprights)
+    edges = _edges(np.where(ends[:, :, None], _heights(sightings, states), np.nan))
     centre = edges.mean(axis=1)
     section = np.where(np.isin(sightings.beam_frame, frames), section, -1)
     if not (section >= 0).any():
-        return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends, np.zeros(0))
+        return Levels(np.zeros(0, np.int64), np.zeros((0, 2)), np.full(len(section), -1), ends)
     thickness = float(np.median(np.diff(edges[section >= 0], axis=1)))
-    places = [
-        np.column_stack([np.full(len(peaks), number), peaks])
-        for number in range(len(uprights.x) - 1)
-        for peaks in [modes(centre[section == number], sizes[0] * thickness)]
-    ]
-    levels = np.concatenate(places)
+    peaks = [modes(centre[section == number], sizes[0] * thickness) for number in range(len(uprights.x) - 1)]
+    levels = np.column_stack([np.repeat(np.arange(len(peaks)), [len(y) for y in peaks]), np.concatenate(peaks)])
     for _ in range(20):
         which = _assigned(sightings, section, centre, levels, 0.8 * thickness)
         hits, cover = _hits(sightings, which, (len(levels), len(states)))
         hits, cover = hits[:, frames], cover[:, frames]
-        shown = _shown(sightings, states, world_from_rig, uprights, levels)[:, frames]
+        shown = _shown(sightings, states, uprights, levels)[:, frames]
         kept = _distinct(levels, hits, thickness)
         support = _support(hits, cover, shown)
         if kept.all():
@@ -104,18 +100,18 @@ def find_levels(
         if kept.all():
             break
         levels = levels[kept]
-    y = _medians(edges, which, len(levels))
-    return Levels(levels[:, 0].astype(np.int64), y, which, ends, support)
+    y = np.array([np.median(edges[which == k], axis=0) for k in range(len(levels))]).reshape(-1, 2)
+    return Levels(levels[:, 0].astype(np.int64), y, which, ends)
 
 
 def _edges(y: Floats) -> Floats:
-    """Heights (m, 2) of the lower and upper edge: means over the sides (left, right) that were seen."""
+    """Heights (m, 2) of the lower and upper edge: means over the sides (left, right) that were sighted."""
     known = np.isfinite(y)
     total = np.where(known, y, 0.0).sum(axis=1)
     return np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
 
 
-def _assigned(sightings: Sightings, section: Ints, centre: Floats, levels: Floats, reach: float) -> Ints:
+def _assigned(sightings: FaceSightings, section: Ints, centre: Floats, levels: Floats, reach: float) -> Ints:
     which = np.full(len(section), -1)
     for number in np.unique(section[section >= 0]):
         members = np.flatnonzero(levels[:, 0] == number)
@@ -126,7 +122,7 @@ def _assigned(sightings: Sightings, section: Ints, centre: Floats, levels: Float
     return cheapest_in_group(group, which, np.abs(centre - np.append(levels[:, 1], np.nan)[which]))
 
 
-def _hits(sightings: Sightings, which: Ints, shape: tuple[int, int]) -> tuple[Bools, Floats]:
+def _hits(sightings: FaceSightings, which: Ints, shape: tuple[int, int]) -> tuple[Bools, Floats]:
     """Whether a level (k, n) was sighted in a frame, and how much of it its mask covered there, 0 where it was not.
 
     A beam of a rack behind, seen through an open section, fills only part of the space between the uprights.
@@ -152,8 +148,8 @@ def _support(hits: Bools, cover: Floats, shown: Bools) -> Floats:
     return support
 
 
-def _shown(sightings: Sightings, states: Floats, world_from_rig: Floats, uprights: Uprights, levels: Floats) -> Bools:
-    """Frames (k, n) that should show a level: its middle is in a view and one of its uprights was seen."""
+def _shown(sightings: FaceSightings, states: Floats, uprights: Uprights, levels: Floats) -> Bools:
+    """Frames (k, n) that should show a level: its middle is in a view and an upright beside it was sighted."""
     known = np.zeros((len(uprights.x) + 1, len(states)), dtype=np.bool_)
     known[uprights.which, sightings.upright_frame] = uprights.which >= 0
     number = levels[:, 0].astype(np.int64)
@@ -161,16 +157,12 @@ def _shown(sightings: Sightings, states: Floats, world_from_rig: Floats, upright
     p = middle[:, None] * states[:, 0] - states[:, 1]
     q = levels[:, 1:] * states[:, 0] - states[:, 2]
     frame = np.tile(np.arange(len(states)), len(levels))
-    inside = visible(sightings, (p.ravel(), q.ravel()), frame, world_from_rig, 0.02).reshape(p.shape)
+    inside = sightings.visible(p.ravel(), q.ravel(), frame, 0.02).reshape(p.shape)
     return inside & (known[number] | known[number + 1])
 
 
-def _medians(edges: Floats, which: Ints, count: int) -> Floats:
-    return np.array([np.median(edges[which == k], axis=0) for k in range(count)]).reshape(-1, 2)
-
-
 def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> Bools:
-    """Levels below `floor` that are far below it, not as thick as the beams above it, or seen less: floor markings.
+    """Levels below `floor` that are far below it, not as thick as the beams above it, or sighted less: floor markings.
 
     The floor is known from the uprights' feet only, which guards may hide to above the lowest beams.
     """
@@ -187,7 +179,7 @@ def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: fl
 
 def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> Bools:
     """Levels thinner, even where they seem thickest, or much thicker, even where they seem thinnest, than the sure ones of
-    their section (or of the row, where it has less than two), and seen less.
+    their section (or of the row, where it has less than two), and sighted less.
 
     Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
@@ -221,7 +213,7 @@ def _quantiles(edges: Floats, which: Ints, count: int, share: float) -> Floats:
 
 
 def _distinct(levels: Floats, hits: Bools, thickness: float) -> Bools:
-    """Leaves the stronger of two levels that overlap, or that are close and hardly ever seen together."""
+    """Leaves the stronger of two levels that overlap, or that are close and hardly ever sighted together."""
     count = hits.sum(axis=1)
     together = hits.astype(float) @ hits.T.astype(float)
     share = together / np.maximum(np.minimum(count[:, None], count), 1)

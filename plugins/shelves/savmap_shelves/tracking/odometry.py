@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.tracking.sightings import Sightings, Tangents
+from savmap_shelves.tracking.sightings import FaceSightings
 
 BIN = 0.01
 KERNEL = 0.05
@@ -41,18 +41,9 @@ class FrameObservations:
     kind: Ints
 
 
-def at_horizon(sightings: Sightings, face: Tangents) -> Floats:
-    """Tangents p (n, 2) of the uprights' edges (left, right) at q = 0."""
-    p, q = face.p[sightings.uprights], face.q[sightings.uprights]
-    rise = q[:, :, 1] - q[:, :, 0]
-    lean = (p[:, :, 1] - p[:, :, 0]) / np.where(np.abs(rise) > 1e-3, rise, np.nan)
-    horizon: Floats = p[:, :, 0] - lean * q[:, :, 0]
-    return horizon
-
-
-def frame_observations(sightings: Sightings, face: Tangents, count: int) -> list[FrameObservations]:
+def frame_observations(sightings: FaceSightings, count: int) -> list[FrameObservations]:
     """All frames 0 .. count - 1 as their edges and corners on the face plane."""
-    edges = at_horizon(sightings, face)
+    edges, face = sightings.horizon(), sightings.face
     corners = np.stack([face.p[sightings.corners], face.q[sightings.corners]], axis=-1)
     corners[sightings.corners < 0] = np.nan
     frame = np.concatenate([np.repeat(sightings.upright_frame, 2), np.repeat(sightings.beam_frame, 4)])
@@ -62,16 +53,6 @@ def frame_observations(sightings: Sightings, face: Tangents, count: int) -> list
     order = np.flatnonzero(usable)[np.argsort(frame[usable], kind="stable")]
     starts = np.searchsorted(frame[order], np.arange(count + 1))
     return [FrameObservations(positions[order[a:b]], kind[order[a:b]]) for a, b in pairwise(starts)]
-
-
-def typical_spacing(sightings: Sightings, face: Tangents) -> float:
-    """The median distance between neighbouring uprights of a frame, as a tangent; nan where no frame shows two."""
-    centre = at_horizon(sightings, face).mean(axis=1)
-    order = np.lexsort((centre, sightings.upright_view, sightings.upright_frame))
-    same = (np.diff(sightings.upright_frame[order]) == 0) & (np.diff(sightings.upright_view[order]) == 0)
-    gaps = np.diff(centre[order])[same]
-    gaps = gaps[np.isfinite(gaps) & (gaps > 0.2)]
-    return float(np.median(gaps)) if len(gaps) else float("nan")
 
 
 def shifts(views: Sequence[FrameObservations], steps: Floats, reach: float, travel: int) -> Floats:

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 from savmap.types import Floats, Ints, RowFacts
 from savmap_shelves.tracking.adjust import EdgeObservations
 from savmap_shelves.tracking.odometry import FrameObservations, chained, rise_between, shifts, steps_between
-from savmap_shelves.tracking.sightings import Sightings, Tangents
+from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
 
 RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
@@ -38,22 +38,21 @@ def pass_odometry(views: Sequence[FrameObservations], facts: RowFacts, frames: I
     """
     stamps = facts.frames.stamps_s[frames]
     usual = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
-    showing_frames = np.flatnonzero([len(views[frame].kind) > 0 for frame in frames])
-    times = (
-        np.clip(np.diff(stamps[showing_frames]) / usual, 0.2, LONGEST)
-        if usual > 0
-        else np.ones(max(len(showing_frames) - 1, 0))
-    )
-    showing = [views[frame] for frame in frames[showing_frames]]
+    index = np.flatnonzero([len(views[frame].kind) > 0 for frame in frames])
+    times = np.clip(np.diff(stamps[index]) / usual, 0.2, LONGEST) if usual > 0 else np.ones(max(len(index) - 1, 0))
+    showing = [views[frame] for frame in frames[index]]
     reach = float(np.clip(0.6 * spacing, 0.4, 1.5))
     moved = shifts(showing, times, reach, int(facts.travel.get(facts.frames.passes[frames[0]], 0)))
-    return PassOdometry(frames, _in_parts(steps_between(showing, moved), showing_frames, len(frames)))
+    return PassOdometry(frames, _in_parts(steps_between(showing, moved), index, len(frames)))
 
 
-def _in_parts(steps: Floats, showing_frames: Ints, count: int) -> Floats:
-    """Steps (count - 1, 3) between all frames, equal ones where a step (n - 1, 3) passes over some; none beyond the ends."""
+def _in_parts(steps: Floats, index: Ints, count: int) -> Floats:
+    """Steps (count - 1, 3) between all frames, from those (n - 1, 3) between the frames at `index` (n,).
+
+    They are equal where a step passes over frames; beyond the ends there is no motion.
+    """
     whole = np.tile([1.0, 0.0, 0.0], (max(count - 1, 0), 1))
-    for (ratio, slide, rise), first, last in zip(steps, showing_frames[:-1], showing_frames[1:], strict=True):
+    for (ratio, slide, rise), first, last in zip(steps, index[:-1], index[1:], strict=True):
         part = ratio ** (1 / (last - first))
         share = 1 / (part ** np.arange(last - first)).sum()
         whole[first:last] = (part, slide * share, rise * share)
@@ -61,20 +60,18 @@ def _in_parts(steps: Floats, showing_frames: Ints, count: int) -> Floats:
 
 
 def along_uprights(
-    sightings: Sightings,
-    face: Tangents,
-    world_from_rig: Floats,
+    sightings: FaceSightings,
     views: Sequence[FrameObservations],
     odometry: PassOdometry,
     sizes: tuple[float, float, float],
 ) -> Floats:
     """States (f, 6) of a pass's frames, fitted to the uprights alone and to the odometry; `sizes` as in `find_uprights`."""
     frames, steps = odometry.frames, odometry.steps
-    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(world_from_rig), 1))
+    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(sightings.world_from_rig), 1))
     states[frames, :3] = chained(steps)
     for _ in range(3):
-        uprights = find_uprights(sightings, face, states, world_from_rig, frames, sizes)
-        observations, _ = upright_edges(sightings, face, uprights)
+        uprights = find_uprights(sightings, states, frames, sizes)
+        observations, _ = upright_edges(sightings, uprights)
         states[frames, :2] = _fitted(states[frames, :2], uprights.x.ravel(), observations, odometry)
     states[frames, 2] = _heights(views, states, frames) * states[frames, 0]
     return states[frames]
@@ -112,17 +109,9 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
     doubt = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
     known, links = len(frame), np.arange(count - 1)
     rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
-    columns = np.concatenate(
-        [
-            2 * frame,
-            2 * frame + 1,
-            2 * count + observations.edge,
-            2 * links + 2,
-            2 * links + 3,
-            2 * links,
-            2 * links + 1,
-        ]
-    )
+    columns = np.concatenate([
+        2 * frame, 2 * frame + 1, 2 * count + observations.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1
+    ])  # fmt: skip
     ratio, slide = odometry.steps[:, 0], odometry.steps[:, 1]
     for _ in range(8):
         s, u, edge = np.exp(value[: 2 * count : 2]), value[1 : 2 * count : 2], value[2 * count :]
@@ -132,15 +121,9 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
             ratio * u[:-1] - slide - u[1:],
         ]) / sigma  # fmt: skip
         weight = 1 / sigma / np.sqrt(1 + (misfit / doubt) ** 2)
-        slopes = [
-            edge[observations.edge] * s[frame],
-            -np.ones(known),
-            s[frame],
-            np.ones(2 * count - 2),
-            -np.ones(count - 1),
-            -ratio,
-        ]
-        jacobian = coo_array((np.concatenate(slopes) * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()
+        by_frame = [edge[observations.edge] * s[frame], -np.ones(known), s[frame]]
+        slopes = np.concatenate([*by_frame, np.ones(2 * count - 2), -np.ones(count - 1), -ratio])
+        jacobian = coo_array((slopes * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()
         normal = jacobian.T @ jacobian + 1e-3 * eye_array(size)
         value = value + spsolve(normal.tocsc(), jacobian.T @ (misfit * sigma * weight))
     solved = value[: 2 * count].reshape(-1, 2)
@@ -148,17 +131,16 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
     return np.column_stack([np.exp(solved[:, 0] + drift), solved[:, 1]])
 
 
-def upright_edges(sightings: Sightings, face: Tangents, uprights: Uprights) -> tuple[EdgeObservations, Ints]:
+def upright_edges(sightings: FaceSightings, uprights: Uprights) -> tuple[EdgeObservations, Ints]:
     """The observations of the uprights' edges, at both ends, and the row of each in FeaturePoints."""
     known = np.flatnonzero(uprights.which >= 0)
     edge = (2 * uprights.which[known][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)
-    return edge_observations(sightings, face, sightings.uprights[known].ravel(), edge.ravel(), 0)
+    return edge_observations(sightings, sightings.uprights[known].ravel(), edge.ravel(), 0)
 
 
-def edge_observations(
-    sightings: Sightings, face: Tangents, source: Ints, edge: Ints, row: int
-) -> tuple[EdgeObservations, Ints]:
+def edge_observations(sightings: FaceSightings, source: Ints, edge: Ints, row: int) -> tuple[EdgeObservations, Ints]:
     """Observations of edges (N,) at points `source` (N,), without those that do not meet the face, and their points."""
+    face = sightings.face
     sigma = (face.sigma_p, face.sigma_q)[row][source]
     fine = np.isfinite(face.p[source]) & np.isfinite(sigma)
     source, edge, sigma = source[fine], edge[fine], sigma[fine]

@@ -67,6 +67,52 @@ class Sightings:
     open_views: Bools
 
 
+@dataclass(frozen=True, eq=False)
+class FaceSightings(Sightings):
+    """Sightings with the attitudes world_from_rig (n, 3, 3) of the frames, and the points' tangents that follow."""
+
+    world_from_rig: Floats
+    face: Tangents
+
+    def visible(self, p: Floats, q: Floats, frame: Ints, margin: float) -> Bools:
+        """Whether tangents p, q (N,) lie in a view that is open at `frame` (N,), `margin` of its size inside its border."""
+        rays = np.stack([p, q, -np.ones_like(p)], axis=1)
+        rig = np.einsum("nji,nj->ni", self.world_from_rig[frame], rays)
+        inside = np.zeros(len(frame), dtype=np.bool_)
+        for number in np.flatnonzero(self.open_views.any(axis=0)):
+            view = self.views[number]
+            pixel = pinhole.project(rig @ view.rig_from_view, view.camera)
+            size = np.array([view.width, view.height])
+            within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
+            inside |= within & self.open_views[frame, number]
+        return inside
+
+    def horizon(self) -> Floats:
+        """Tangents p (n, 2) of the uprights' edges (left, right) at q = 0."""
+        p, q = self.face.p[self.uprights], self.face.q[self.uprights]
+        rise = q[:, :, 1] - q[:, :, 0]
+        lean = (p[:, :, 1] - p[:, :, 0]) / np.where(np.abs(rise) > 1e-3, rise, np.nan)
+        horizon: Floats = p[:, :, 0] - lean * q[:, :, 0]
+        return horizon
+
+    def upright_spacing(self) -> float:
+        """The median distance between neighbouring uprights of a frame, as a tangent; nan where no frame shows two."""
+        centre = self.horizon().mean(axis=1)
+        order = np.lexsort((centre, self.upright_view, self.upright_frame))
+        same = (np.diff(self.upright_frame[order]) == 0) & (np.diff(self.upright_view[order]) == 0)
+        gaps = np.diff(centre[order])[same]
+        gaps = gaps[np.isfinite(gaps) & (gaps > 0.2)]
+        return float(np.median(gaps)) if len(gaps) else float("nan")
+
+
+def on_face(sightings: Sightings, world_from_rig: Floats) -> FaceSightings:
+    """Sightings on the face plane, for attitudes world_from_rig (n, 3, 3) of the frames."""
+    across = np.zeros(len(sightings.points.frame), dtype=np.bool_)
+    across[sightings.edges.ravel()] = True
+    face = tangents(sightings.points, sightings.views, world_from_rig, across)
+    return FaceSightings(**vars(sightings), world_from_rig=world_from_rig, face=face)
+
+
 def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings:
     """Sort features into uprights and beams. Features of other labels, or of unknown views, are left out."""
     names = tuple(facts.views)
@@ -179,19 +225,3 @@ def _across_only(covariance: Floats) -> Floats:
     normal = vectors[:, :, 0]
     across: Floats = values[:, 0, None, None] * normal[:, :, None] * normal[:, None, :]
     return across
-
-
-def visible(
-    sightings: Sightings, tangent: tuple[Floats, Floats], frame: Ints, world_from_rig: Floats, margin: float
-) -> Bools:
-    """Whether face tangents p, q (N,) lie in a view that is open at `frame` (N,), `margin` of its size inside its border."""
-    rays = np.stack([*tangent, -np.ones_like(tangent[0])], axis=1)
-    rig = np.einsum("nji,nj->ni", world_from_rig[frame], rays)
-    inside = np.zeros(len(frame), dtype=np.bool_)
-    for number in np.flatnonzero(sightings.open_views.any(axis=0)):
-        view = sightings.views[number]
-        pixel = pinhole.project(rig @ view.rig_from_view, view.camera)
-        size = np.array([view.width, view.height])
-        within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
-        inside |= within & sightings.open_views[frame, number]
-    return inside

@@ -94,7 +94,7 @@ def _along_beams(grid: FaceGrid) -> Floats:
         np.zeros(len(source), dtype=np.int64),
         observations.p[corner],
         observations.q[corner],
-        np.hypot(grid.face.sigma_p[source], LEAST_SIGMA),
+        np.hypot(grid.sightings.face.sigma_p[source], LEAST_SIGMA),
     )
     apart: Floats = (at_upright.p - predicted(grid.fit.states, grid.fit.edges, at_upright)) / at_upright.sigma
     return apart

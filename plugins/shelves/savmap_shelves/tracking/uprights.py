@@ -6,8 +6,7 @@ import numpy as np
 
 from savmap.types import Bools, Floats, Ints
 from savmap_shelves.tracking.density import cheapest_in_group, modes, nearest, supported
-from savmap_shelves.tracking.odometry import at_horizon
-from savmap_shelves.tracking.sightings import Sightings, Tangents, visible
+from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 
 LEAST_AT_END = 0.3
 NARROW = 0.75
@@ -15,33 +14,27 @@ NARROW = 0.75
 
 @dataclass(frozen=True)
 class Uprights:
-    """Uprights, left to right: x (k, 2) of their left and right edges; which upright each sighting (n,) is of, or -1.
-
-    support (k,): in what share of the frames that should show it an upright was sighted.
-    """
+    """Uprights, left to right: x (k, 2) of their left and right edges; which upright each sighting (n,) is of, or -1."""
 
     x: Floats
     which: Ints
-    support: Floats
 
     def beside(self, sightings: Sightings) -> Ints:
         """Which uprights each sighted beam ends at (m, 2), -1 where that is not known."""
         return np.where(sightings.bounds >= 0, np.append(self.which, -1)[sightings.bounds], -1)
 
 
-def _positions(sightings: Sightings, face: Tangents, states: Floats) -> Floats:
+def _positions(sightings: FaceSightings, states: Floats) -> Floats:
     """x (n, 2) of the edges of each sighted upright."""
-    horizon = at_horizon(sightings, face)
+    horizon = sightings.horizon()
     state = states[sightings.upright_frame]
     x: Floats = (horizon + state[:, 1:2] - state[:, 3:4] * (1 + horizon**2)) / state[:, :1]
     return x
 
 
 def find_uprights(
-    sightings: Sightings,
-    face: Tangents,
+    sightings: FaceSightings,
     states: Floats,
-    world_from_rig: Floats,
     frames: Ints,
     sizes: tuple[float, float, float],
 ) -> Uprights:
@@ -50,7 +43,7 @@ def find_uprights(
     sizes: kernel bandwidth and reach of a cluster, in x; and the least support, as a share of the usual one.
     """
     bandwidth, reach, least = sizes
-    x = _positions(sightings, face, states)
+    x = _positions(sightings, states)
     usable = np.isin(sightings.upright_frame, frames) & np.isfinite(x).all(axis=1)
     centre = np.where(usable, x.mean(axis=1), np.nan)
     centres = modes(centre[usable], bandwidth)
@@ -58,7 +51,7 @@ def find_uprights(
     for _ in range(20):
         which = nearest(centre, centres, reach)
         which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
-        support, sized, count = _support(sightings, centres, which, states, world_from_rig, frames)
+        support, sized, count = _support(sightings, centres, which, states, frames)
         kept = _strong(centres, support, sized, count, least, 2 * reach)
         if kept.all():
             kept = _trimmed(centres, _widths(x, which, len(centres)), count)
@@ -66,16 +59,16 @@ def find_uprights(
             break
         centres = centres[kept]
     edges = np.array([np.median(x[which == k], axis=0) for k in range(len(centres))]).reshape(-1, 2)
-    return Uprights(edges, which, support)
+    return Uprights(edges, which)
 
 
 def _support(
-    sightings: Sightings, x: Floats, which: Ints, states: Floats, world_from_rig: Floats, frames: Ints
+    sightings: FaceSightings, x: Floats, which: Ints, states: Floats, frames: Ints
 ) -> tuple[Floats, Ints, Ints]:
     """Of each (k,): the share of the frames that should show it that do, their number, and how many frames show it."""
     state = states[frames]
     p = x[:, None] * state[:, 0] - state[:, 1]
-    shown, edge = (_inside(sightings, p, frames, world_from_rig, margin) for margin in (0.06, 0.0))
+    shown, edge = (_inside(sightings, p, frames, margin) for margin in (0.06, 0.0))
     shown = np.where(shown.sum(axis=1, keepdims=True) >= 5, shown, edge)
     hits = np.zeros((len(x), len(states)), dtype=np.bool_)
     hits[which[which >= 0], sightings.upright_frame[which >= 0]] = True
@@ -84,12 +77,10 @@ def _support(
     return np.where(shown.sum(axis=1) >= 3, share, 0.0), shown.sum(axis=1), hits.sum(axis=1)
 
 
-def _inside(sightings: Sightings, p: Floats, frames: Ints, world_from_rig: Floats, margin: float) -> Bools:
+def _inside(sightings: FaceSightings, p: Floats, frames: Ints, margin: float) -> Bools:
     """Whether uprights at tangents p (k, f) lie in a view of `frames` (f,) at some height."""
     number = np.tile(frames, len(p))
-    parts = [
-        visible(sightings, (p.ravel(), np.full(p.size, q)), number, world_from_rig, margin) for q in (-1.0, 0.0, 1.0)
-    ]
+    parts = [sightings.visible(p.ravel(), np.full(p.size, q), number, margin) for q in (-1.0, 0.0, 1.0)]
     return np.asarray(np.any(parts, axis=0).reshape(p.shape))
 
 
