@@ -26,6 +26,17 @@ class EdgeObservations:
     q: Floats
     sigma: Floats
 
+    @property
+    def measured(self) -> Floats:
+        """The observed tangent (N,)."""
+        return np.where(self.row == 0, self.p, self.q)
+
+    @property
+    def tilt_terms(self) -> Floats:
+        """Derivatives (N, 3) of the observed tangent to yaw, pitch and roll."""
+        p, q = self.p, self.q
+        return np.array([[1 + p**2, p * q, q], [p * q, 1 + q**2, -p]])[self.row, :, np.arange(len(self.row))]
+
 
 @dataclass(frozen=True)
 class GridFit:
@@ -36,37 +47,30 @@ class GridFit:
     residual: Floats
 
 
-def tilt_terms(p: Floats, q: Floats) -> Floats:
-    """Derivatives (2, 3, N) of p and q to yaw, pitch and roll."""
-    return np.array([[1 + p**2, p * q, q], [p * q, 1 + q**2, -p]])
-
-
 def predicted(states: Floats, edges: Floats, observations: EdgeObservations) -> Floats:
     """The tangent (N,) that each observation should have."""
     state = states[observations.frame]
-    tilt = tilt_terms(observations.p, observations.q)[observations.row, :, np.arange(len(observations.row))]
     offset = np.where(observations.row == 0, state[:, 1], state[:, 2])
-    value: Floats = edges[observations.edge] * state[:, 0] - offset + (tilt * state[:, 3:]).sum(axis=1)
+    value: Floats = (
+        edges[observations.edge] * state[:, 0] - offset + (observations.tilt_terms * state[:, 3:]).sum(axis=1)
+    )
     return value
 
 
 def adjusted(
     states: Floats, edges: Floats, observations: EdgeObservations, prior: Floats, rounds: int = 8, scale: float = 3.0
 ) -> GridFit:
-    """Fit robustly (Cauchy weights at `scale` sigmas) from a start; prior (6,): sigmas that hold each state to its start,
-    tilts to zero."""
+    """A robust fit (Cauchy weights at `scale` sigmas); prior (6,): sigmas that hold states to their start, tilts to 0."""
     anchor = states.copy()
     anchor[:, 3:] = 0.0
     sigma = np.hypot(observations.sigma, LEAST_SIGMA)
-    measured = np.where(observations.row == 0, observations.p, observations.q)
     for _ in range(rounds):
-        residual = (measured - predicted(states, edges, observations)) / sigma
+        residual = (observations.measured - predicted(states, edges, observations)) / sigma
         weight = 1 / (1 + (residual / scale) ** 2) / sigma**2
-        step_states, step_edges = _step(
-            states, edges, observations, weight * residual * sigma, weight, (anchor - states, prior)
-        )
+        pull, hold = weight * residual * sigma, (anchor - states) / prior**2
+        step_states, step_edges = _step(states, edges, observations, pull, weight, hold, prior)
         states, edges = states + step_states, edges + step_edges
-    return GridFit(states, edges, (measured - predicted(states, edges, observations)) / sigma)
+    return GridFit(states, edges, (observations.measured - predicted(states, edges, observations)) / sigma)
 
 
 def _step(
@@ -75,33 +79,30 @@ def _step(
     observations: EdgeObservations,
     pull: Floats,
     weight: Floats,
-    hold: tuple[Floats, Floats],
+    hold: Floats,
+    prior: Floats,
 ) -> tuple[Floats, Floats]:
     """One Gauss-Newton step of the states (n, 6) and of the edges (k,)."""
-    count = len(observations.frame)
+    frame, count = observations.frame, len(observations.frame)
     by_state = np.zeros((count, 6))
     by_state[:, 0] = edges[observations.edge]
     by_state[np.arange(count), 1 + observations.row] = -1.0
-    by_state[:, 3:] = tilt_terms(observations.p, observations.q)[observations.row, :, np.arange(count)]
-    by_edge = states[observations.frame, 0]
-    off, prior = hold
+    by_state[:, 3:] = observations.tilt_terms
+    by_edge = states[frame, 0]
     frames, edge_count = len(states), len(edges)
-    blocks = np.stack([
-        np.bincount(observations.frame, weight * by_state[:, i] * by_state[:, j], minlength=frames) for i in range(6) for j in range(6)
-    ], axis=1).reshape(frames, 6, 6) + np.diag(1 / prior**2)  # fmt: skip
-    right = (
-        np.stack([np.bincount(observations.frame, pull * by_state[:, i], minlength=frames) for i in range(6)], axis=1)
-        + off / prior**2
-    )
+    products = [weight * by_state[:, i] * by_state[:, j] for i, j in np.ndindex(6, 6)]
+    sums = [np.bincount(frame, product, minlength=frames) for product in products]
+    blocks = np.stack(sums, axis=1).reshape(frames, 6, 6) + np.diag(1 / prior**2)
+    pulls = [np.bincount(frame, pull * by_state[:, i], minlength=frames) for i in range(6)]
+    right = np.stack(pulls, axis=1) + hold
     coupling = _coupling(observations, weight * by_edge, by_state, (frames, edge_count))
     inverse = bsr_array((np.linalg.inv(blocks), np.arange(frames), np.arange(frames + 1))).tocsr()
     solved = inverse @ coupling
     free = inverse @ right.ravel()
     diagonal = np.bincount(observations.edge, weight * by_edge**2, minlength=edge_count)
     reduced = np.diag(diagonal * (1 + 1e-9) + 1e-6) - (coupling.T @ solved).toarray()
-    step_edges = np.linalg.solve(
-        reduced, np.bincount(observations.edge, pull * by_edge, minlength=edge_count) - coupling.T @ free
-    )
+    pulls_edges = np.bincount(observations.edge, pull * by_edge, minlength=edge_count)
+    step_edges = np.linalg.solve(reduced, pulls_edges - coupling.T @ free)
     return (free - solved @ step_edges).reshape(frames, 6), step_edges
 
 

@@ -40,6 +40,15 @@ class FrameObservations:
     positions: Floats
     kind: Ints
 
+    @property
+    def corner(self) -> Bools:
+        """Which are corners of beams (k,)."""
+        return self.kind >= FIRST_CORNER
+
+    def part(self, chosen: Bools) -> "FrameObservations":
+        """Those chosen (k,)."""
+        return FrameObservations(self.positions[chosen], self.kind[chosen])
+
 
 def frame_observations(sightings: FaceSightings, count: int) -> list[FrameObservations]:
     """All frames 0 .. count - 1 as their edges and corners on the face plane."""
@@ -69,11 +78,11 @@ def shifts(views: Sequence[FrameObservations], steps: Floats, reach: float, trav
         for a, b, step in zip(views[:-1], views[1:], steps, strict=True)
     ]
     moved = _smoothest(grid, cost, CHANGE[1])
-    calmer: Floats = _smoothest(grid, cost, float(np.clip(pace(moved) / 2, *CHANGE))) * steps
+    calmer: Floats = _smoothest(grid, cost, float(np.clip(_pace(moved) / 2, *CHANGE))) * steps
     return calmer
 
 
-def pace(moved: Floats) -> float:
+def _pace(moved: Floats) -> float:
     """The usual size of a shift."""
     return float(np.median(np.abs(moved))) if len(moved) else 0.0
 
@@ -105,12 +114,13 @@ def _evidence(first: FrameObservations, second: FrameObservations, grid: Floats)
 
 def _votes(first: FrameObservations, second: FrameObservations, grid: Floats, ratio: float) -> Floats:
     """For each shift, the share of edges and corners of a frame that have a match in the other (near 1 at best)."""
-    (a, b), (c, d) = ((frame.kind < FIRST_CORNER, frame.kind >= FIRST_CORNER) for frame in (first, second))
-    edges, corners = _differences(first, second, (a, c), ratio), _differences(first, second, (b, d), ratio)
-    possible = min(a.sum(), c.sum()) + CORNER_VOTE * min(b.sum(), d.sum())
     width = float(grid[1] - grid[0])
+    possible = min((~first.corner).sum(), (~second.corner).sum())
+    possible = possible + CORNER_VOTE * min(first.corner.sum(), second.corner.sum())
     if possible == 0 or width < 1e-6:
         return np.zeros_like(grid)
+    edges = _differences(first.part(~first.corner), second.part(~second.corner), ratio)
+    corners = _differences(first.part(first.corner), second.part(second.corner), ratio)
     values, weights = np.concatenate([edges, corners]), np.repeat([1.0, CORNER_VOTE], [len(edges), len(corners)])
     bins = np.round((values - grid[0]) / width).astype(np.int64)
     inside = (bins >= 0) & (bins < len(grid))
@@ -121,23 +131,111 @@ def _votes(first: FrameObservations, second: FrameObservations, grid: Floats, ra
     return share
 
 
-def _differences(
-    first: FrameObservations, second: FrameObservations, chosen: tuple[Bools, Bools], ratio: float
-) -> Floats:
-    a, b = chosen
-    apart = ratio * first.positions[a][:, None] - second.positions[b]
-    like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 1]) < MATCH)
+def _differences(first: FrameObservations, second: FrameObservations, ratio: float) -> Floats:
+    """Shifts in p of all pairs of a kind that are at much the same q."""
+    apart = ratio * first.positions[:, None] - second.positions
+    like = (first.kind[:, None] == second.kind) & (np.abs(apart[..., 1]) < MATCH)
     differences: Floats = apart[..., 0][like]
     return differences
 
 
 def steps_between(views: Sequence[FrameObservations], moved: Floats) -> Floats:
     """Ratio, slide and rise (n - 1, 3) from each frame to the next: p' = ratio p + slide, q' = ratio q + rise."""
-    usual = pace(moved)
+    usual = _pace(moved)
     loose = np.array([np.clip(0.5 * usual, 0.01, 0.05), np.clip(usual, 0.05, 0.2), 0.05]) / MATCH_SIGMA
     likely = LEVEL * np.maximum(1.0, np.abs(moved) / max(usual, 1e-6))
     pairs = zip(views[:-1], views[1:], moved, likely, strict=True)
-    return np.array([_fit(a, b, shift, loose, change) for a, b, shift, change in pairs]).reshape(-1, 3)
+    steps = [FrameMatcher(a, b).motion(shift, loose, change) for a, b, shift, change in pairs]
+    return np.array(steps).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMatcher:
+    """Two frames and the motion (3,) between them: p' = ratio p + slide, q' = ratio q + rise."""
+
+    first: FrameObservations
+    second: FrameObservations
+
+    def motion(self, shift: float, loose: Floats, likely: float) -> Floats:
+        """The motion, held to a shift as far as `loose` (3,), sigmas over MATCH_SIGMA, says; the shift alone as a last resort.
+
+        Where hardly anything agrees, a ratio further from 1 than is `likely` is refused: it comes from chance, and the
+        chain of frames would break there.
+        """
+        usual = np.array([1.0, -shift, 0.0])
+        starts, possible = [usual], min(len(self.first.kind), len(self.second.kind))
+        if self._agreement(usual, MATCH / 2) < GOOD_MATCH * possible:
+            ratios = [ratio for ratio in (1.0, *RATIOS) if abs(ratio - 1) < 3 * loose[0] * MATCH_SIGMA]
+            starts = [np.array([ratio, -shift + slip, 0.0]) for slip in (0.0, -MATCH, MATCH) for ratio in ratios]
+            starts = sorted(starts, key=lambda motion: -self._agreement(motion, MATCH / 2))[:HOPEFUL]
+        for _ in range(2):
+            starts = [self._refined(start, usual, loose) for start in starts]
+        best = max(starts, key=lambda motion: self._agreement(motion, MATCH / 4))
+        if self._agreement(best, MATCH / 4) < HOPELESS * possible and abs(best[0] - 1) > likely:
+            return self._refined(usual, usual, np.append(LEVEL_SIGMA / MATCH_SIGMA, loose[1:]))
+        return best
+
+    def _agreement(self, motion: Floats, sigma: float) -> float:
+        """How many edges and corners match, closer ones counting more; less if the distance from the face changes much."""
+        a, b = self._matches(motion)
+        apart = np.abs(self._moved(motion)[a] - self.second.positions[b]).max(axis=1, initial=0.0)
+        return float(np.exp(-0.5 * (apart / sigma) ** 2).sum() * (1 - 1.5 * abs(motion[0] - 1)))
+
+    def _refined(self, start: Floats, usual: Floats, loose: Floats) -> Floats:
+        """Robust least squares over what matches under `start` (3,), held to the usual motion as far as `loose` says."""
+        a, b = self._matches(start)
+        before, after, corner = self.first.positions[a], self.second.positions[b], self.first.corner[a]
+        rows = np.concatenate([_rows(before[:, 0], 1), _rows(before[corner, 1], 2), np.diag(1 / loose)])
+        values = np.concatenate([after[:, 0], after[corner, 1], usual / loose])
+        solution, trust = start, np.ones(len(rows))
+        for _ in range(3):
+            misfit = (values - rows @ solution) / MATCH_SIGMA
+            trust[:-3] = 1 / (1 + misfit[:-3] ** 2)
+            weighted = rows * trust[:, None]
+            solution = np.linalg.solve(weighted.T @ rows, weighted.T @ values)
+        return solution
+
+    def _matches(self, motion: Floats) -> tuple[Ints, Ints]:
+        """Edges and corners of both frames that are each other's nearest of their kind after the first is moved."""
+        if not len(self.first.kind) or not len(self.second.kind):
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        moved, positions = self._moved(motion), self.second.positions
+        apart = np.maximum(np.abs(moved[:, :1] - positions[:, 0]), np.abs(moved[:, 1:] - positions[:, 1]))
+        apart[(self.first.kind[:, None] != self.second.kind) | (apart > MATCH)] = np.inf
+        best = apart.argmin(axis=1)
+        rows = np.arange(len(best))
+        mutual = (apart.argmin(axis=0)[best] == rows) & np.isfinite(apart[rows, best])
+        return np.flatnonzero(mutual), best[mutual]
+
+    def _moved(self, motion: Floats) -> Floats:
+        """The first frame's positions (k, 2) after the motion; edges stay at the horizon."""
+        offset = np.where(self.first.corner[:, None], motion[1:], [motion[1], 0.0])
+        return np.asarray(motion[0] * self.first.positions + offset)
+
+
+def _rows(tangent: Floats, column: int) -> Floats:
+    rows = np.zeros((len(tangent), 3))
+    rows[:, 0], rows[:, column] = tangent, 1.0
+    return rows
+
+
+def rise_between(
+    first: FrameObservations, second: FrameObservations, ratio: float, slide: float
+) -> tuple[float, float]:
+    """What q grew by beside `ratio`, for a known ratio and slide, and how many agree on it.
+
+    It is the densest of the matching corners' differences.
+    """
+    before, after = first.part(first.corner), second.part(second.corner)
+    apart = after.positions - ratio * before.positions[:, None]
+    like = (before.kind[:, None] == after.kind) & (np.abs(apart[..., 0] - slide) < MATCH)
+    values = apart[..., 1][like & (np.abs(apart[..., 1]) < LARGEST_RISE)]
+    if not len(values):
+        return 0.0, 0.0
+    near = np.abs(values[:, None] - values) < RISE_SPREAD
+    density = near.sum(axis=1) * np.exp(-0.5 * (values / USUAL_RISE) ** 2)
+    best = near[density.argmax()]
+    return float(np.mean(values[best])), float(best.sum())
 
 
 def chained(steps: Floats) -> Floats:
@@ -148,90 +246,3 @@ def chained(steps: Floats) -> Floats:
         s, u, v = states[index]
         states[index + 1] = ratio * s, ratio * u - slide, ratio * v - rise
     return states
-
-
-def _fit(first: FrameObservations, second: FrameObservations, shift: float, loose: Floats, likely: float) -> Floats:
-    """Ratio, slide and rise of `second`: p' = ratio p + slide, q' = ratio q + rise. Falls back on the shift alone. Where hardly
-    anything agrees, a ratio further from 1 than is `likely` is not believed: chance finds such, and the chain would break there."""
-    usual = np.array([1.0, -shift, 0.0])
-    starts = [usual]
-    if _agreement(first, second, usual, MATCH / 2) < GOOD_MATCH * min(len(first.kind), len(second.kind)):
-        ratios = [ratio for ratio in (1.0, *RATIOS) if abs(ratio - 1) < 3 * loose[0] * MATCH_SIGMA]
-        starts = [np.array([ratio, -shift + slip, 0.0]) for slip in (0.0, -MATCH, MATCH) for ratio in ratios]
-        starts = sorted(starts, key=lambda motion: -_agreement(first, second, motion, MATCH / 2))[:HOPEFUL]
-    for _ in range(2):
-        starts = [_refined(first, second, start, (usual, loose)) for start in starts]
-    best = max(starts, key=lambda motion: _agreement(first, second, motion, MATCH / 4))
-    few = _agreement(first, second, best, MATCH / 4) < HOPELESS * min(len(first.kind), len(second.kind))
-    if few and abs(best[0] - 1) > likely:
-        return _refined(first, second, usual, (usual, np.append(LEVEL_SIGMA / MATCH_SIGMA, loose[1:])))
-    return best
-
-
-def _agreement(first: FrameObservations, second: FrameObservations, motion: Floats, sigma: float) -> float:
-    """How many edges and corners match under `motion`, closer ones counting more; less if the distance from the face changes much."""
-    a, b = _matches(first, second, motion)
-    apart = np.abs(_moved(first, motion)[a] - second.positions[b]).max(axis=1, initial=0.0)
-    return float(np.exp(-0.5 * (apart / sigma) ** 2).sum() * (1 - 1.5 * abs(motion[0] - 1)))
-
-
-def _refined(
-    first: FrameObservations, second: FrameObservations, start: Floats, prior: tuple[Floats, Floats]
-) -> Floats:
-    """Least squares over what matches under `start` (3,), robust, held to `prior` (value, sigma over MATCH_SIGMA)."""
-    a, b = _matches(first, second, start)
-    before, after, level = first.positions[a], second.positions[b], first.kind[a] >= FIRST_CORNER
-    rows = np.concatenate([_rows(before[:, 0], 1), _rows(before[level, 1], 2), np.diag(1 / prior[1])])
-    values = np.concatenate([after[:, 0], after[level, 1], prior[0] / prior[1]])
-    solution, trust = start, np.ones(len(rows))
-    for _ in range(3):
-        misfit = (values - rows @ solution) / MATCH_SIGMA
-        trust[:-3] = 1 / (1 + misfit[:-3] ** 2)
-        weighted = rows * trust[:, None]
-        solution = np.linalg.solve(weighted.T @ rows, weighted.T @ values)
-    return solution
-
-
-def _rows(tangent: Floats, column: int) -> Floats:
-    rows = np.zeros((len(tangent), 3))
-    rows[:, 0], rows[:, column] = tangent, 1.0
-    return rows
-
-
-def _matches(first: FrameObservations, second: FrameObservations, motion: Floats) -> tuple[Ints, Ints]:
-    """Edges and corners of two frames that are each other's nearest of their kind after the first is moved by `motion` (3,)."""
-    if not len(first.kind) or not len(second.kind):
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    moved = _moved(first, motion)
-    apart = np.maximum(
-        np.abs(moved[:, :1] - second.positions[:, 0]),
-        np.abs(moved[:, 1:] - second.positions[:, 1]),
-    )
-    apart[(first.kind[:, None] != second.kind) | (apart > MATCH)] = np.inf
-    best = apart.argmin(axis=1)
-    rows = np.arange(len(best))
-    mutual = (apart.argmin(axis=0)[best] == rows) & np.isfinite(apart[rows, best])
-    return np.flatnonzero(mutual), best[mutual]
-
-
-def _moved(frame: FrameObservations, motion: Floats) -> Floats:
-    return np.asarray(
-        motion[0] * frame.positions + np.where(frame.kind[:, None] >= FIRST_CORNER, motion[1:], [motion[1], 0.0])
-    )
-
-
-def rise_between(
-    first: FrameObservations, second: FrameObservations, ratio: float, slide: float
-) -> tuple[float, float]:
-    """What q grew by beside `ratio`, for a known ratio and slide: the densest of the matching corners' differences, and how
-    many agree on it."""
-    a, b = first.kind >= FIRST_CORNER, second.kind >= FIRST_CORNER
-    apart = second.positions[b] - ratio * first.positions[a][:, None]
-    like = (first.kind[a][:, None] == second.kind[b]) & (np.abs(apart[..., 0] - slide) < MATCH)
-    values = apart[..., 1][like & (np.abs(apart[..., 1]) < LARGEST_RISE)]
-    if not len(values):
-        return 0.0, 0.0
-    near = np.abs(values[:, None] - values) < RISE_SPREAD
-    liking = near.sum(axis=1) * np.exp(-0.5 * (values / USUAL_RISE) ** 2)
-    best = near[liking.argmax()]
-    return float(np.mean(values[best])), float(best.sum())
