@@ -41,8 +41,7 @@ def _mapped(structure: Structure, deviation_m: float) -> Iterator[Drawing]:
 def _outline(structure: Structure) -> Floats:
     """The corners in order around the middle, whatever their order in the map."""
     x, y = (structure.vertices - structure.vertices.mean(axis=0))[:, :2].T
-    outline: Floats = structure.vertices[np.argsort(np.arctan2(y, x))]
-    return outline
+    return structure.vertices[np.argsort(np.arctan2(y, x))]
 
 
 def _foot(structure: Structure) -> Floats:

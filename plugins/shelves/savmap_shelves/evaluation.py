@@ -148,8 +148,7 @@ def _disagreement(ends: Floats) -> Floats:
 
 def gaps(intervals: Floats) -> Floats:
     """Free lengths (n - 1,) between consecutive intervals (n, 2)."""
-    free: Floats = intervals[1:, 0] - intervals[:-1, 1]
-    return free
+    return intervals[1:, 0] - intervals[:-1, 1]
 
 
 @dataclass(frozen=True)

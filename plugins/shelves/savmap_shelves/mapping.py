@@ -183,5 +183,4 @@ def _mean(structure: Structure, axis: int, side: str) -> float:
 
 
 def _extent(beams: list[Structure]) -> Floats:
-    extent: Floats = np.median([_span(beam, 0, ("left", "right")) for beam in beams], axis=0)
-    return extent
+    return np.median([_span(beam, 0, ("left", "right")) for beam in beams], axis=0)

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.stages.edges import Probability, Runs, separated, union_of_longest
@@ -23,7 +22,7 @@ LEAST_SEPARATOR = 0.25
 FITTED, LOWEST = 0.9, 0.4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Extraction:
     """What features are extracted with: the view, the settings, and the least sigma that its edges may have."""
 
@@ -36,8 +35,21 @@ class Extraction:
         """Width and height of the view, px."""
         return self.view.spec.width, self.view.spec.height
 
+    def feature(
+        self,
+        name: tuple[str, str, int],
+        pixels: Floats,
+        covariance: Floats,
+        axis: Axis | None,
+        score: float,
+        neighbours: Mapping[str, int] | None = None,
+    ) -> Feature:
+        """The feature of this name: label, part and instance."""
+        frame, view = self.view.frame, self.view.spec.name
+        return Feature(frame, view, *name, pixels, covariance, axis, min(score, 1.0), neighbours or {})
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Separators:
     """What may bound a section, left to right: strips (s,), and which are uprights to be reported (s,).
 
@@ -80,26 +92,22 @@ def extract_features(
     return [*upright_edges(extraction, separators), *beam_features(extraction, beams, separators)]
 
 
-def _class_mask(
-    detections: Sequence[Detection], label: str, turned: bool, overlap: float
-) -> tuple[NDArray[np.uint8], Probability] | None:
-    """The union of a class's masks, duplicates left out, and its probability; both transposed if `turned`."""
+def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
+    """Runs (n,) of a class's masks, duplicates left out, the region of each (n,), and the probability. Uprights lie transposed."""
+    settings, stands = extraction.settings, label == "upright"
     of_class = [detection for detection in detections if detection.label == label]
-    if not of_class:
-        return None
-    union = union_of_longest([detection.mask for detection in of_class], overlap, int(turned))
-    probability = of_class[0].probability
-    return (np.ascontiguousarray(union.T), np.ascontiguousarray(probability.T)) if turned else (union, probability)
+    union, probability = np.zeros(extraction.size[::-1], np.uint8), np.zeros(extraction.size[::-1], np.float32)
+    if of_class:
+        union = union_of_longest([detection.mask for detection in of_class], settings.overlap, int(stands))
+        probability = of_class[0].probability
+    if stands:
+        union, probability = np.ascontiguousarray(union.T), np.ascontiguousarray(probability.T)
+    return *separated(union, settings.least_run_px, settings.most_thick), probability
 
 
 def _separators(extraction: Extraction, detections: Sequence[Detection]) -> Separators:
-    settings = extraction.settings
-    masked = _class_mask(detections, "upright", True, settings.overlap)
-    if masked is None:
-        return Separators(_no_strips(settings), np.zeros(0, dtype=np.bool_))
-    mask, probability = masked
-    runs, part = separated(mask, settings.least_run_px, settings.most_thick)
-    strips = strips_of(runs, part, np.zeros_like(part), probability, settings)
+    runs, part, probability = _class_runs(extraction, detections, "upright")
+    strips = strips_of(runs, part, np.zeros_like(part), probability, extraction.settings)
     tall = _apparent_height(strips, extraction)
     return sorted_separators(extraction, strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * tall)], tall)
 
@@ -119,22 +127,11 @@ def _apparent_height(strips: Strips, extraction: Extraction) -> float:
     return float(np.clip(float(strips.length.max(initial=0.0)) / FITTED, LOWEST * height, height))
 
 
-def _no_strips(settings: BoundarySettings) -> Strips:
-    none = np.zeros(0, dtype=np.int64)
-    return strips_of(Runs(none, none, none), none, none, np.zeros((1, 1), dtype=np.float32), settings)
-
-
 def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators) -> Strips:
-    """Beams, section by section from the left, each from the top."""
-    settings = extraction.settings
-    masked = _class_mask(detections, "beam", False, settings.overlap)
-    if masked is None:
-        return _no_strips(settings)
-    mask, probability = masked
-    runs, part = separated(mask, settings.least_run_px, settings.most_thick)
+    runs, part, probability = _class_runs(extraction, detections, "beam")
     cell = _cells(runs, separators.strips)
     inside = cell >= 0
-    strips = strips_of(runs[inside], part[inside], cell[inside], probability, settings)
+    strips = strips_of(runs[inside], part[inside], cell[inside], probability, extraction.settings)
     return sorted_beams(extraction, strips, separators)
 
 
@@ -178,7 +175,7 @@ def upright_edges(extraction: Extraction, separators: Separators) -> Iterator[Fe
         pixels = np.stack([across, borders], axis=-1)
         for index in range(len(strips)):
             name, score = ("upright", part, index), float(strips.score[index])
-            yield _feature(extraction, name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score, {})
+            yield extraction.feature(name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score)
     yield from _feet(extraction, strips)
 
 
@@ -190,7 +187,7 @@ def _feet(extraction: Extraction, strips: Strips) -> Iterator[Feature]:
     covariance = np.diag([settings.foot_across_px**2, settings.foot_along_px**2])[None]
     for index in np.flatnonzero(row < extraction.size[1] - settings.foot_margin_px).tolist():
         name, pixel = ("upright", "foot", index), np.array([[middle[index], row[index]]])
-        yield _feature(extraction, name, pixel, covariance, None, float(strips.score[index]), {})
+        yield extraction.feature(name, pixel, covariance, None, float(strips.score[index]))
 
 
 def _line_ends(lines: Lines, u: Floats, extraction: Extraction) -> tuple[Floats, Floats]:
@@ -224,26 +221,10 @@ def beam_features(extraction: Extraction, beams: Strips, separators: Separators)
             ends[at, end] = points[:, 0]
             for index, point, covariance in zip(at.tolist(), points, covariances, strict=True):
                 name, score = ("beam", f"{part} {role}", index), float(beams.score[index])
-                yield _feature(extraction, name, point[None], covariance[None], None, score, touching[index])
+                yield extraction.feature(name, point[None], covariance[None], None, score, touching[index])
         across, spread = _line_ends(lines, ends, extraction)
         pixels = np.stack([ends, across], axis=-1)
         cover = np.clip(beams.columns / np.maximum(ends[:, 1] - ends[:, 0], 1.0), 0.0, 1.0)
         for index in range(len(beams)):
             name, score = ("beam", part, index), float(beams.score[index] * cover[index])
-            yield _feature(extraction, name, pixels[index], spread[index], "x", score, touching[index])
-
-
-def _feature(
-    extraction: Extraction,
-    name: tuple[str, str, int],
-    pixels: Floats,
-    covariance: Floats,
-    axis: Axis | None,
-    score: float,
-    neighbours: Mapping[str, int],
-) -> Feature:
-    label, part, instance = name
-    view = extraction.view
-    return Feature(
-        view.frame, view.spec.name, label, part, instance, pixels, covariance, axis, min(score, 1.0), neighbours
-    )
+            yield extraction.feature(name, pixels[index], spread[index], "x", score, touching[index])

@@ -18,7 +18,7 @@ LEAST_SHARE = 0.35
 LEAST_THICKNESS_PX = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Borders:
     """Border points of strips (n,): part, u, upper and lower v (nan where not known), probability inside."""
 
@@ -36,7 +36,7 @@ class Borders:
         return Borders(number[self.part][inside], *(value[inside] for value in list(vars(self).values())[1:]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Strips:
     """p strips: lines of both edges; cell, first and last u and number of columns of the mask, mean probability (p,)."""
 

@@ -15,7 +15,7 @@ from savmap.types import Floats, Ints
 LEAST_SIGMA = 0.004
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EdgeObservations:
     """N observations of edges: frame, edge (index of its coordinate), row (0: an x observed as p, 1: a y as q), p, q, sigma."""
 
@@ -38,7 +38,7 @@ class EdgeObservations:
         return np.array([[1 + p**2, p * q, q], [p * q, 1 + q**2, -p]])[self.row, :, np.arange(len(self.row))]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GridFit:
     """States (n, 6): s, u, v, yaw, pitch, roll; coordinates of the edges (k,); residuals (N,) over their sigma."""
 

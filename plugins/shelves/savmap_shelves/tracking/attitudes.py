@@ -19,8 +19,7 @@ SCALES = (30.0, 30.0, 10.0, 5.0, 3.0, 3.0, 3.0)
 
 def facing(view: ViewSpec) -> Floats:
     """World_from_rig (3, 3) for a view that looks straight at the face."""
-    looking: Floats = np.diag([1.0, -1.0, -1.0]) @ view.rig_from_view.T
-    return looking
+    return np.diag([1.0, -1.0, -1.0]) @ view.rig_from_view.T
 
 
 def rectified(sightings: Sightings, start: Floats, neighbour: Floats, prior_sigma: float) -> Floats:
@@ -90,5 +89,4 @@ def _solve_chain(blocks: Floats, right: Floats, stiffness: Floats) -> Floats:
         ),
         shape=(3 * count, 3 * count),
     )
-    solution: Floats = spsolve(matrix.tocsc(), right.ravel()).reshape(count, 3)
-    return solution
+    return spsolve(matrix.tocsc(), right.ravel()).reshape(count, 3)

@@ -43,6 +43,20 @@ def cheapest_in_group(group: Ints, target: Ints, cost: Floats) -> Ints:
     return kept
 
 
+def medians(values: Floats, which: Ints, count: int) -> Floats:
+    """The median (count, ...) of the values (n, ...) in each cluster, by the cluster of each value (n,)."""
+    middle = [np.median(values[which == k], axis=0) for k in range(count)]
+    return np.array(middle, dtype=np.float64).reshape(count, *values.shape[1:])
+
+
+def strongest(order: Ints, clash: Bools) -> Bools:
+    """Which clusters (k,) stay, taken in `order` (k,), if none may clash (k, k) with one that stays."""
+    kept = np.zeros(len(order), dtype=np.bool_)
+    for index in order:
+        kept[index] = not (clash[index] & kept).any()
+    return kept
+
+
 def supported(support: Floats, shown: Ints, count: Ints, least: float) -> Bools:
     """Which clusters (k,) are sure: sighted three times or more, and often enough in the frames that should show them.
 

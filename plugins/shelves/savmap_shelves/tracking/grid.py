@@ -32,7 +32,7 @@ class TrackingSettings:
     least_frames: int = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FaceGrid:
     """Uprights, levels, and the fit of both over `observations`; source (N,): the row of each in FeaturePoints.
 
@@ -129,7 +129,7 @@ def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floa
     return states
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GridFitter:
     """Finds uprights and levels of a row and fits the grid, in turns that sharpen each other."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.tracking.density import cheapest_in_group, modes, nearest, supported
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
 
@@ -13,7 +13,7 @@ THIN, RARE, THICK = 0.86, 0.92, 2.0
 NEAR_FLOOR, SURE = 0.12, 0.6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Levels:
     """Beams: section (k,) from 0, y (k, 2) of their lower and upper edges, sorted by section, then height.
 
@@ -100,8 +100,7 @@ def find_levels(
         if kept.all():
             break
         levels = levels[kept]
-    y = np.array([np.median(edges[which == k], axis=0) for k in range(len(levels))]).reshape(-1, 2)
-    return Levels(levels[:, 0].astype(np.int64), y, which, ends)
+    return Levels(levels[:, 0].astype(np.int64), medians(edges, which, len(levels)), which, ends)
 
 
 def _edges(y: Floats) -> Floats:
@@ -220,7 +219,4 @@ def _distinct(levels: Floats, hits: Bools, thickness: float) -> Bools:
     apart = np.abs(levels[:, 1, None] - levels[:, 1]) / thickness
     clash = (apart < 1.1) | ((apart < 2.5) & (share < 0.2)) | ((apart < 8) & (share < 0.1))
     clash &= levels[:, 0, None] == levels[:, 0]
-    kept = np.zeros(len(levels), dtype=np.bool_)
-    for index in np.argsort(count, kind="stable")[::-1]:
-        kept[index] = not clash[index, kept].any()
-    return kept
+    return strongest(np.argsort(count, kind="stable")[::-1], clash)

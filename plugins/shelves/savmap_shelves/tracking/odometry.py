@@ -30,7 +30,7 @@ RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 FIRST_CORNER = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameObservations:
     """A frame on the face plane: tangents p, q (k, 2) of its edges and corners, and their kind (k,).
 
@@ -78,8 +78,7 @@ def shifts(views: Sequence[FrameObservations], steps: Floats, reach: float, trav
         for a, b, step in zip(views[:-1], views[1:], steps, strict=True)
     ]
     moved = _smoothest(grid, cost, CHANGE[1])
-    calmer: Floats = _smoothest(grid, cost, float(np.clip(_pace(moved) / 2, *CHANGE))) * steps
-    return calmer
+    return _smoothest(grid, cost, float(np.clip(_pace(moved) / 2, *CHANGE))) * steps
 
 
 def _pace(moved: Floats) -> float:
@@ -100,8 +99,7 @@ def _smoothest(grid: Floats, cost: Sequence[Floats], change: float) -> Floats:
     for came in reversed(back):
         path.append(state)
         state = int(came[state])
-    smoothest: Floats = grid[np.array(path[::-1], dtype=np.int64)]
-    return smoothest
+    return grid[np.array(path[::-1], dtype=np.int64)]
 
 
 def _evidence(first: FrameObservations, second: FrameObservations, grid: Floats) -> Floats:

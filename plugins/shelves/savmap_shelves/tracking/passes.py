@@ -14,7 +14,7 @@ UPRIGHT_REACH = 0.08
 LEVEL_REACH = 0.04
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PassGrid:
     """The grid that a pass showed: uprights' centres x (k,) from the left, levels' section (m,) and y (m,)."""
 

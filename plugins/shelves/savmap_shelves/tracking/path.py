@@ -23,7 +23,7 @@ LONGEST = 20.0
 GAPS, NO_VOTE, RISE_DOUBT = (1, 2, 4), 0.05, 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PassOdometry:
     """The frames (f,) of a pass, and the motion from each to the next (f - 1, 3): ratio, slide and rise."""
 

@@ -92,8 +92,7 @@ class FaceSightings(Sightings):
         p, q = self.face.p[self.uprights], self.face.q[self.uprights]
         rise = q[:, :, 1] - q[:, :, 0]
         lean = (p[:, :, 1] - p[:, :, 0]) / np.where(np.abs(rise) > 1e-3, rise, np.nan)
-        horizon: Floats = p[:, :, 0] - lean * q[:, :, 0]
-        return horizon
+        return p[:, :, 0] - lean * q[:, :, 0]
 
     def upright_spacing(self) -> float:
         """The median distance between neighbouring uprights of a frame, as a tangent; nan where no frame shows two."""

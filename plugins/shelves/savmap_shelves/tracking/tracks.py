@@ -96,8 +96,7 @@ def _along_beams(grid: FaceGrid) -> Floats:
         observations.q[corner],
         np.hypot(grid.sightings.face.sigma_p[source], LEAST_SIGMA),
     )
-    apart: Floats = (at_upright.p - predicted(grid.fit.states, grid.fit.edges, at_upright)) / at_upright.sigma
-    return apart
+    return (at_upright.p - predicted(grid.fit.states, grid.fit.edges, at_upright)) / at_upright.sigma
 
 
 def _sides(grid: FaceGrid) -> Ints:

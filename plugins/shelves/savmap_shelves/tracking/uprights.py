@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.tracking.density import cheapest_in_group, modes, nearest, supported
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 
 LEAST_AT_END = 0.3
 NARROW = 0.75
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Uprights:
     """Uprights, left to right: x (k, 2) of their left and right edges; which upright each sighting (n,) is of, or -1."""
 
@@ -28,8 +28,7 @@ def _positions(sightings: FaceSightings, states: Floats) -> Floats:
     """x (n, 2) of the edges of each sighted upright."""
     horizon = sightings.horizon()
     state = states[sightings.upright_frame]
-    x: Floats = (horizon + state[:, 1:2] - state[:, 3:4] * (1 + horizon**2)) / state[:, :1]
-    return x
+    return (horizon + state[:, 1:2] - state[:, 3:4] * (1 + horizon**2)) / state[:, :1]
 
 
 def find_uprights(
@@ -54,12 +53,11 @@ def find_uprights(
         support, sized, count = _support(sightings, centres, which, states, frames)
         kept = _strong(centres, support, sized, count, least, 2 * reach)
         if kept.all():
-            kept = _trimmed(centres, _widths(x, which, len(centres)), count)
+            kept = _trimmed(centres, medians(np.diff(x, axis=1)[:, 0], which, len(centres)), count)
         if kept.all():
             break
         centres = centres[kept]
-    edges = np.array([np.median(x[which == k], axis=0) for k in range(len(centres))]).reshape(-1, 2)
-    return Uprights(edges, which)
+    return Uprights(medians(x, which, len(centres)), which)
 
 
 def _support(
@@ -86,21 +84,15 @@ def _inside(sightings: FaceSightings, p: Floats, frames: Ints, margin: float) ->
 
 def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float) -> Bools:
     """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
-    kept = np.zeros(len(x), dtype=np.bool_)
-    for index in np.lexsort((count, support))[::-1]:
-        kept[index] = not (np.abs(x[kept] - x[index]) < apart).any()
-    if not kept.all():
-        return kept
-    return supported(support, shown, count, least)
-
-
-def _widths(x: Floats, which: Ints, count: int) -> Floats:
-    return np.array([np.median(np.diff(x[which == k], axis=1)) for k in range(count)])
+    kept = strongest(np.lexsort((count, support))[::-1], np.abs(x[:, None] - x) < apart)
+    return supported(support, shown, count, least) if kept.all() else kept
 
 
 def _trimmed(x: Floats, width: Floats, count: Ints) -> Bools:
-    """Leaves out an outermost upright that was in view for a moment only, for its section is seen only in part, or that is
-    narrower than the others, for it is of another row that comes into view behind this one's end."""
+    """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others.
+
+    The section of the first is seen only in part. The second is of another row that comes into view behind the end of this.
+    """
     kept = np.ones(len(x), dtype=np.bool_)
     if len(x) > 2:
         ends = np.argsort(x)[[0, -1]]
