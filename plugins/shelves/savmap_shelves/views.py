@@ -29,7 +29,6 @@ def aim_at_face(
     scout: Scout, see: See, extract: Extract, side: Literal["left", "right"] | None, manual: Mapping[str, Manual]
 ) -> Aim:
     """The view "face" of a pass, the attitude and the direction of travel that go with it."""
-
     see = cached(see)
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
