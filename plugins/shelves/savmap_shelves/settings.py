@@ -50,8 +50,8 @@ class ShelvesSettings(BaseModel):
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
     every: Annotated[int, Field(gt=0)] | None = None
-    """The face is measured in the first of each so many of the frames used. Default: two or four in a long pass so slow that
-    the face moves by no more than 7.4 degrees in between; else 1."""
+    """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a long pass
+    so slow that things move by no more than 7.4 degrees in between, else 1."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
     """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
     bay_pitch_m: BayPitch | None = None

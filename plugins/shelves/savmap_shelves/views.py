@@ -46,7 +46,7 @@ def aim_at_face(
 
 
 def frame_interval(scout: Scout, spec: ViewSpec) -> int:
-    """Of how many frames the view is measured in the first: four or two where a long pass is slow, else 1.
+    """How many frames apart the view is measured: 4 or 2 in a long pass that is slow, else 1.
 
     Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
     """

@@ -1,4 +1,4 @@
-"""What a picture's perspective says about its strips: their edges lead to one vanishing point (paper, section III.C, step 3).
+"""Perspective: the edges of a picture's strips lead to a common vanishing point (paper, section III.C, step 3).
 
 Lines through a common vanishing point obey slope = level + turn v(0), v(0) being where they cross u = 0.
 """
@@ -37,8 +37,8 @@ class Perspective:
 def askew(strips: Strips, shape: tuple[float, float], settings: BoundarySettings) -> Bools:
     """Which strips' edges, extended, meet within the picture plane enlarged by `plane_margin` in each dimension (p,).
 
-    `shape` is the picture's size along u and along v. Published, but for two allowances: edges may meet as far as their
-    fit's noise explains it, and what converges as all strips of the picture do is perspective, not askew.
+    `shape` is the picture's size along u and along v. This is published, with two exceptions: edges may meet as far as
+    their fit's noise explains it, and what converges as all strips of the picture do is in perspective, not askew.
     """
     slack = settings.plane_margin / 2
     ends = np.array([[-slack], [1 + slack]]) * shape[0]
@@ -54,15 +54,15 @@ def askew(strips: Strips, shape: tuple[float, float], settings: BoundarySettings
 
 
 def crossed(strips: Strips, ends: Floats) -> Bools:
-    """Which strips are not of much the same thickness at their `ends` (p, 2), to which they are extended, as between."""
+    """Which strips (p,), extended to `ends` (p, 2), are much thinner or thicker there than in the middle."""
     share = (strips.lower.column.at(ends) - strips.upper.column.at(ends)) / strips.thickness[:, None]
     return np.asarray(((share < 1 / MOST_TAPER) | (share > MOST_TAPER)).any(axis=1))
 
 
 def paralleled(strips: Strips, settings: BoundarySettings) -> Strips:
-    """Strips whose edges' slopes differ as the picture's perspective wants it, as far as they are not known better.
+    """Strips with a prior on the difference of their edges' slopes: that of the picture's perspective, `parallel_sigma`.
 
-    A prior of `parallel_sigma` on the difference: it steadies short strips, and long ones do not feel it.
+    It steadies short strips and hardly changes long ones.
     """
     upper, lower = strips.upper, strips.lower
     total = upper.slope_var + lower.slope_var + settings.parallel_sigma**2
@@ -79,9 +79,9 @@ def paralleled(strips: Strips, settings: BoundarySettings) -> Strips:
 
 
 def steadied(strips: Strips, borders: Borders, settings: BoundarySettings) -> Strips:
-    """Strips of which those that do not lead to the common vanishing point are fitted again so that they do.
+    """Strips, those that do not lead to the common vanishing point fitted again so that they do.
 
-    Masks that are too wide or cut obliquely by goods mislead lines; nothing is done where a picture has no clear vanishing
+    Masks that are too wide or cut obliquely by goods mislead lines. Nothing is changed if a picture has no clear vanishing
     point. Edges that still lead elsewhere lose their support.
     """
     common = _common_point(strips, settings.perspective_tolerance)
@@ -99,7 +99,7 @@ def steadied(strips: Strips, borders: Borders, settings: BoundarySettings) -> St
 
 
 def _drawn_to(lines: Lines, slopes: Floats, sigma: float) -> Lines:
-    """Lines drawn to the slopes (g,) expected, as far as they are not known better, and without support if still astray."""
+    """Lines with a prior on their slopes (g,); those that still differ by more than `sigma` lose their support."""
     share = lines.slope_var / (lines.slope_var + (sigma / 3) ** 2)
     slope = lines.slope + share * (slopes - lines.slope)
     inliers = np.where(np.abs(slope - slopes) > sigma, 0.0, lines.inliers)

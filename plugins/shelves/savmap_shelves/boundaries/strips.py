@@ -100,7 +100,7 @@ class Strips:
 
 
 def borders_of(runs: Runs, part: Ints, probability: Probability, settings: BoundarySettings) -> Borders:
-    """Border points of the strips that runs (n,) of parts (n,) 0..p-1 belong to, but for the strips' rounded ends."""
+    """Border points of the strips that runs (n,) of parts (n,) 0..p-1 belong to; nan at the strips' rounded ends."""
     runs, part = enveloped(runs, part)
     upper, lower = border_points(runs, probability)
     u = runs.column.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Masks' edges lie outside their structure, or inside it, by much the same everywhere: unknowns of the solve.
+"""The masks' biases as unknowns of the solve: their edges lie outside their structure, or inside it, by much the same everywhere.
 
 A bias of b px makes every width too large by 2 b px and every gap too small by as much (paper, section IV.B). What a pixel
 is worth in metres changes with the camera's distance and, in a wide view, with its attitude; widths do not: so the
@@ -66,8 +66,10 @@ def _which(track: Track, number: Mapping[Column | Row, int]) -> Ints:
 
 
 def _moves(track: Track, axes: Floats) -> Floats:
-    """(n, 2, 5): a corner slides along one of its edges where the other moves; axes (n, 2, 2) are the image's x and y
-    directions."""
+    """What each of five biases adds to the pixels (n, 2, 5): a corner slides along an edge if the other moves.
+
+    axes (n, 2, 2): image directions of x and y, as columns.
+    """
     if is_foot(track):
         return np.zeros((len(axes), 2, 5))
     x, y = axes[:, :, 0], axes[:, :, 1]

@@ -42,11 +42,11 @@ class FrameObservations:
 
     @property
     def corner(self) -> Bools:
-        """Which are corners of beams (k,)."""
+        """Whether it is a corner of a beam (k,)."""
         return self.kind >= FIRST_CORNER
 
     def part(self, chosen: Bools) -> "FrameObservations":
-        """Those chosen (k,)."""
+        """The edges and corners chosen (k,)."""
         return FrameObservations(self.positions[chosen], self.kind[chosen])
 
 

@@ -63,7 +63,7 @@ def find_uprights(
 def _support(
     sightings: FaceSightings, x: Floats, which: Ints, states: Floats, frames: Ints
 ) -> tuple[Floats, Ints, Ints]:
-    """Of each (k,): the share of the frames that should show it that do, their number, and how many frames show it."""
+    """Of each upright (k,): its share of sightings in the frames that should show it, their number, and its frames."""
     state = states[frames]
     p = x[:, None] * state[:, 0] - state[:, 1]
     shown, edge = (_inside(sightings, p, frames, margin) for margin in (0.06, 0.0))
