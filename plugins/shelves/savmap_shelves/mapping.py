@@ -36,19 +36,25 @@ def _uprights(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solu
         left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
         heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, grid, landmarks), TOP_SIGMA_M))
         ends = [_at_height(landmarks[name], y, sigma) for y, sigma in heights for name in (left, right)]
-        yield Structure(
-            f"upright {upright}",
-            "upright",
-            np.array([position for position, _ in ends]),
-            np.array([covariance for _, covariance in ends]),
-            tuple(f"upright {upright} / {corner}" for corner in UPRIGHT_CORNERS),
-            RING,
-            {
-                "upright": upright,
-                "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
-                "width_sigma_m": solution.difference_sigma(room, left, right, 0),
-            },
-        )
+        attributes = {
+            "upright": upright,
+            "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
+            "width_sigma_m": solution.difference_sigma(room, left, right, 0),
+        }
+        yield _structure(f"upright {upright}", "upright", UPRIGHT_CORNERS, ends, attributes)
+
+
+def _structure(
+    name: str,
+    label: str,
+    corners: Sequence[str],
+    vertices: Sequence[tuple[Floats, Floats]],
+    attributes: Mapping[str, float],
+) -> Structure:
+    """The structure whose corners have these positions and covariances."""
+    positions, covariances = (np.array(part) for part in zip(*vertices, strict=True))
+    labels = tuple(f"{name} / {corner}" for corner in corners)
+    return Structure(name, label, positions, covariances, labels, RING, attributes)
 
 
 def _top(upright: int, grid: TrackGrid, landmarks: Mapping[str, Landmark]) -> float:
@@ -71,20 +77,13 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             continue
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
         lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
-        yield Structure(
-            f"section {section} / beam {beam}",
-            "beam",
-            np.array([position for position, _ in corners]),
-            np.array([covariance for _, covariance in corners]),
-            tuple(f"section {section} / beam {beam} / {corner}" for corner in BEAM_CORNERS),
-            RING,
-            {
-                "section": section,
-                "beam": beam,
-                "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
-                "height_sigma_m": solution.difference_sigma(room, lower, upper, 1),
-            },
-        )
+        attributes = {
+            "section": section,
+            "beam": beam,
+            "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
+            "height_sigma_m": solution.difference_sigma(room, lower, upper, 1),
+        }
+        yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 
 def _corner(
