@@ -33,10 +33,10 @@ from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Score, Track
-from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.constraints.bias import NO_BIAS
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 
 ROOT = Path(__file__).parent.parent
 SCENE = ROOT / "examples" / "scenes" / "precise-row.yaml"

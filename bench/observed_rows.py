@@ -21,10 +21,10 @@ from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import Marks
-from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.constraints.bias import BiasSettings
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 from savmap_shelves.observed import observed_features
 from savmap_shelves.tracking import track_structures
 

@@ -21,8 +21,8 @@ from savmap.graph import gauge, merge, solve
 from savmap.pipeline.initial_poses import initial_path
 from savmap.types import Floats
 from savmap_shelves.constraints import constrain
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -21,7 +21,8 @@ from savmap.files.atomic import write_text
 from savmap.graph import Solution
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
-from savmap_shelves.constraints import GridSettings, grid_of
+from savmap_shelves.constraints import GridSettings
+from savmap_shelves.constraints.track_grid import grid_of
 
 ROOT = Path(__file__).parent.parent
 LEVEL = 1.96

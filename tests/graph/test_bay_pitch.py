@@ -7,7 +7,7 @@ import pytest
 from savmap.errors import SiteError
 from savmap.graph import References, Solution, gauge, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.heights import assignments
+from savmap_shelves.constraints.constrain import assignments
 
 
 @pytest.fixture(scope="module")

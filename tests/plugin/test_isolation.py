@@ -12,10 +12,9 @@ import cv2
 import numpy as np
 import pluggy
 import pytest
-from savmap.cli.mapping import map_and_print
 
+from savmap.cli.mapping import map_and_print
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
-from savmap.jobs.scheduler import RunOptions
 from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.site_report import plugins_of_map
