@@ -3,7 +3,7 @@
     python bench/appearance.py SITE.yaml ... [--sigmas 1] [--keep DIR] [-o bench/results/appearance.json]
 
 The first row of each site of simulated footage is seen once and solved without such points, then with them, as `appearance`
-of the site file has it (`savmap.stages.flow`, `savmap.graph.appearance`), for each standard deviation that they are believed to,
+of the site file has it (`savmap.stages.flow`, `savmap.graph.factors.appearance`), for each standard deviation that they are believed to,
 px. Printed: mean absolute errors, cm: of all measures, of the uprights' widths, of the gaps between them, of their edges along x;
 root mean square errors, mm: of the camera's places after rotation and translation, of its steps along x from frame to
 frame. Besides: how many elements are missing or spurious, and the share of points that are left out.
@@ -23,7 +23,7 @@ from peers import misplaced
 
 from savmap.engine import Followed, Row, follow
 from savmap.evaluation import score_json
-from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
+from savmap.graph import CameraPriors, Problem, Solution, camera_priors, locate_camera, merge, motion_constraints, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.io.video import panoramas
@@ -49,7 +49,7 @@ class Case:
     row: Row
     room: Room
     seen: Observations
-    frames: Frames
+    frames: CameraPriors
     followed: Followed
     truth: Trajectory
     survey: Mapping[str, Any]
@@ -93,7 +93,7 @@ def case_of(site: Path, keep: Path) -> Case:
     rooms = rooms_for(job, name)
     seen = looked(row, rooms, keep / f"{site.parent.name}.pickle")
     start = first_path(row, seen)
-    frames = gauge(seen.facts, start, row.references)
+    frames = camera_priors(seen.facts, start, row.references)
     survey = read_survey(site.with_name("survey.json")).rows[name]
     return Case(row, rooms[0], seen, frames, follow(row, rooms, seen, start, frames), true_path(site, name), survey)
 
@@ -130,10 +130,10 @@ def ways(case: Case, sigmas: Sequence[float]) -> Iterator[tuple[str, Figures]]:
     """Figures without points, then with them."""
     problem = case.problem
     yield "without", case.figures(solve(problem))
-    points, path = flows(case), located(problem)
+    points, path = flows(case), locate_camera(problem).path
     for sigma in sigmas:
         motion, counts = motion_constraints(points, path, problem.used, sigma)
-        solution = solve(merge(problem.frames, *problem.rooms, motion))
+        solution = solve(merge(problem.camera, *problem.parts, motion))
         yield f"{sigma:g} px", case.figures(solution, 1.0 - counts["points used"] / counts["points followed"])
 
 

@@ -23,7 +23,7 @@ from savmap.console import Console
 from savmap.engine import Row
 from savmap.errors import SavmapError
 from savmap.evaluation import Score, mean_absolute_error
-from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
+from savmap.graph import PUBLISHED, Solution, SolveOptions, camera_priors, merge, solve
 from savmap.io.files import write_text
 from savmap.io.survey import read_survey
 from savmap.job import job_for
@@ -74,7 +74,7 @@ def solved(looked: Looked, settings: GridSettings, options: SolveOptions | None 
     """The row's solve with given settings."""
     start = first_path(looked.row, looked.seen)
     grid = constrain(looked.tracks, looked.seen.facts, start, settings=settings)
-    return solve(merge(gauge(looked.seen.facts, start, looked.row.references), grid), options)
+    return solve(merge(camera_priors(looked.seen.facts, start, looked.row.references), grid), options)
 
 
 def ours(looked: Looked) -> GridSettings:

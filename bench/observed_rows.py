@@ -12,7 +12,17 @@ import numpy as np
 
 from savmap.engine import Row
 from savmap.evaluation import Score
-from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
+from savmap.graph import (
+    Calibration,
+    CameraHeight,
+    KnownLength,
+    References,
+    Solution,
+    SolveOptions,
+    camera_priors,
+    merge,
+    solve,
+)
 from savmap.observe import Observations
 from savmap.paths import attitudes_of, first_path
 from savmap.sim.build import Built, build
@@ -183,7 +193,7 @@ def mapped(
     own = tracked(one) if tracks is None else tracks
     first = start or start_of(one, known)
     grid = constrain(own, one.seen.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M))
-    frames = gauge(one.seen.facts, first, known.references, calibration=calibration)
+    frames = camera_priors(one.seen.facts, first, known.references, calibration=calibration)
     solution = solve(merge(frames, grid), options)
     structures = describe(own, solution)
     seconds = time.perf_counter() - begin

@@ -93,9 +93,9 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
 
 def nothing(expected: type, room: str) -> Any:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, observe
+    from savmap.graph import Constraints, image_measurements
     from savmap.types import Aim
 
     if expected is Constraints:
-        return Constraints(room, {}, observe([], {}, {}), (), {})
+        return Constraints(room, {}, image_measurements([], {}, {}), (), {})
     return Aim(()) if expected is Aim else expected()

@@ -7,18 +7,17 @@ from typing import TypeVar
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import (
     Calibration,
+    CameraPriors,
     Constraints,
-    Frames,
+    LocatedCamera,
     Problem,
     References,
     Solution,
-    SolveOptions,
-    gauge,
-    located,
+    camera_priors,
+    locate_camera,
     marker_constraints,
     merge,
     motion_constraints,
-    solve,
     solve_rows,
 )
 from savmap.monitor import Monitor
@@ -111,7 +110,7 @@ def pose(row: Row, rooms: Sequence[Room], seen: Observations, monitor: Monitor) 
     """From what was seen of a row to its factor graph."""
     references = row.references if row.path is None else References()
     start = first_path(row, seen)
-    frames = gauge(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
+    frames = camera_priors(seen.facts, start, references, fixed=row.path, calibration=row.calibration)
     sound = [room for room in face_first(rooms, seen) if room.name not in seen.failed]
     followed = follow(row, sound, seen, start, frames)
     for note in followed.notes:
@@ -131,17 +130,20 @@ def finished(one: Posed, solution: Solution | SolveError, monitor: Monitor) -> R
     return row_map(one.row, one.seen, one.followed, solution, structures)
 
 
-def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: Frames) -> Followed:
+def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajectory, frames: CameraPriors) -> Followed:
     """Every room's tracks and constraints, and the markers'. What the first room sees locates the camera for those after
-    it, and says which points of no structure may be believed; one of these rooms that finds no structure is left out of
-    the map with a note."""
+    it, with an assumed scale where only these give it; one of these rooms that finds no structure is left out of the map with
+    a note."""
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
     markers, notes = marked(row, seen, start, frames)
-    path, attitudes = row.path, start.world_from_rig[:, :3, :3]
+    path, located, attitudes = row.path, LocatedCamera(start), start.world_from_rig[:, :3, :3]
     for room in rooms:
         if path is None and constraints:
-            path = (vouched if seen.flows else located)(merge(frames, *constraints.values(), *markers))
+            located = locate_camera(
+                merge(frames, *constraints.values(), *markers, partial=True), sigmas=bool(seen.flows)
+            )
+            path = located.path
         try:
             own = room.track(features=seen.features[room.name], facts=seen.facts, attitudes=attitudes, start=path)
         except StructureError as error:
@@ -154,22 +156,18 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
             tracks[room.name], constraints[room.name] = own, bound
     if row.path is not None or not seen.flows:
         return Followed(tracks, constraints, markers, tuple(notes), {})
-    motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
+    metric_path = None if located.assumed else path
+    motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, metric_path)
     return Followed(tracks, constraints, (*markers, motion), tuple(notes), counts)
 
 
 def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
     """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts."""
-    return motion_constraints(flows, path or vouched(problem), problem.used)
-
-
-def vouched(problem: Problem) -> Trajectory:
-    """Where the camera was, and how well that is known: good enough to look for other things."""
-    return solve(problem, SolveOptions(rounds=1)).trajectory
+    return motion_constraints(flows, path or locate_camera(problem, sigmas=True).path, problem.used)
 
 
 def marked(
-    row: Row, seen: Observations, start: Trajectory, frames: Frames
+    row: Row, seen: Observations, start: Trajectory, frames: CameraPriors
 ) -> tuple[tuple[Constraints, ...], list[str]]:
     """Constraints of the markers that were seen, and a note for each of the others."""
     found, missed = marker_constraints(seen.marks.tracks, seen.marks.views, frames.references.markers, start)

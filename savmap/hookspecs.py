@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     import typer
 
     from savmap.evaluation import Score
-    from savmap.graph.constraints import Constraints
-    from savmap.graph.solution import Solution
+    from savmap.graph import Constraints, Solution
     from savmap.report.drawing import Drawing
     from savmap.sim.scene import SceneParts, Site
     from savmap.stages.aim import Manual, Scout

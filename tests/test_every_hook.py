@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from savmap import hookspecs, rooms
 from savmap.errors import PluginError, PluginFailedError
 from savmap.evaluation import Score
-from savmap.graph import Constraints, observe
+from savmap.graph import Constraints, image_measurements
 from savmap.hookspecs import hookimpl
 from savmap.report.drawing import Drawing
 from savmap.rooms import Room, room_of
@@ -100,7 +100,7 @@ def ask_track() -> dict[str, Any]:
 
 
 def ask_constrain() -> dict[str, Any]:
-    nothing = Constraints("made_up", {}, observe([], {}, {}), (), {})
+    nothing = Constraints("made_up", {}, image_measurements([], {}, {}), (), {})
     room, given = asked("constrain", nothing)
     assert room.constrain(tracks=[TRACK], facts=FACTS, start=PATH) is nothing
     return given

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap import engine, observe
-from savmap.graph import KnownMarker, References, gauge
+from savmap.graph import KnownMarker, References, camera_priors
 from savmap.io.clip import Clip
 from savmap.settings import tells_scale
 from savmap.site import Site
@@ -34,7 +34,7 @@ def test_one_that_was_not_seen_is_noted() -> None:
     references = References(markers=(MARKER,))
     seen = observe.Observations(facts, {}, {}, frozenset(), (), Marks({}, {}))
     row = engine.Row("A", (), references)
-    found, notes = engine.marked(row, seen, start, gauge(facts, start, references))
+    found, notes = engine.marked(row, seen, start, camera_priors(facts, start, references))
     assert not found
     assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
 

@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from savmap.engine import moved
 from savmap.graph import frame_key, merge, solve
-from savmap.graph.appearance import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
+from savmap.graph.factors.appearance import (
+    ERROR_PX,
+    SIGMA_PX,
+    motion,
+    motion_constraints,
+    motion_factor,
+    seen_from,
+    trust,
+)
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
 SPEC = ViewSpec("face", 20.0, -5.0, 2.0, 150.0)
@@ -131,7 +139,7 @@ def test_points_steady_the_camera_where_structures_say_little() -> None:
     problem = made.problem(world, made.begin(world))
     constraints, counts = moved(problem, flows_of(world.poses), None)
     assert counts["points used"] > 0.9 * counts["points followed"]
-    plain, helped = solve(problem), solve(merge(problem.frames, *problem.rooms, constraints))
+    plain, helped = solve(problem), solve(merge(problem.camera, *problem.parts, constraints))
     off = [np.diff((one.trajectory.world_from_rig - world.poses)[:, 0, 3]).std() for one in (plain, helped)]
     assert off[1] < 0.85 * off[0]
     edges = [np.abs(made.errors(world, one)[0]).mean() for one in (plain, helped)]

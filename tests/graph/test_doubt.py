@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError, SolveError
-from savmap.graph import Problem, gauge, merge, solve
+from savmap.graph import Problem, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -23,7 +23,7 @@ def blind(world: made.World, sections: set[int], camera: bool = True, length: bo
     ]
     begin = made.begin(world)
     own = constrain(tracks, world.facts, begin, settings=GridSettings(world.rack.lowest))
-    return merge(gauge(world.facts, begin, made.references(world, camera, length)), own)
+    return merge(camera_priors(world.facts, begin, made.references(world, camera, length)), own)
 
 
 @pytest.mark.parametrize(("camera", "length"), [(True, True), (True, False), (False, True)])
@@ -57,7 +57,7 @@ def test_heights_that_agree_are_all_used(four: made.World) -> None:
 def test_on_a_known_path_too(four: made.World) -> None:
     known = made.solved(four).trajectory
     problem = blind(four, {2})
-    solution = solve(replace(problem, frames=replace(problem.frames, fixed=known)))
+    solution = solve(replace(problem, camera=replace(problem.camera, fixed=known)))
     assert any(line.startswith("section 2: the lowest beam at ") for line in solution.warnings)
 
 
@@ -65,7 +65,7 @@ def part(world: made.World, heights: list[float]) -> Problem:
     """The problem where heights are given for more sections than were found, and no length."""
     begin = made.begin(world)
     own = constrain(world.tracks, world.facts, begin, settings=GridSettings(heights))
-    return merge(gauge(world.facts, begin, made.references(world, length=False)), own)
+    return merge(camera_priors(world.facts, begin, made.references(world, length=False)), own)
 
 
 @pytest.mark.parametrize("before", [0, 1, 2])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import two_faces
 
-from savmap.graph import Constraints, KeySpace, Solution, frame_key, merge, observe, solve, solve_rows
-from savmap.graph.constraints import Own
+from savmap.graph import Constraints, KeySpace, Solution, frame_key, image_measurements, merge, solve, solve_rows
+from savmap.graph.keys import Variable
 from savmap.types import Floats
 
 SPACE = KeySpace("things")
@@ -53,13 +53,15 @@ def slopes(place, values: gtsam.Values, key: int) -> Floats:  # type: ignore[no-
     return np.stack(columns, axis=1)
 
 
-def things(world: made.World, frames: Sequence[int], start: Own) -> Constraints:
+def things(world: made.World, frames: Sequence[int], start: Variable) -> Constraints:
     graph = gtsam.NonlinearFactorGraph()
     for frame in frames:
         graph.add(seen_from(frame, world.poses[frame % len(world.poses)]))
     graph.add(gtsam.PriorFactorPose2(THING, start, gtsam.noiseModel.Isotropic.Sigma(3, 1.0)))
     graph.add(gtsam.PriorFactorPoint3(SIZE, SIZES, gtsam.noiseModel.Isotropic.Sigma(3, 0.005)))
-    return Constraints("things", {}, observe((), {}, {}), (), {}, factors=graph, own={THING: start, SIZE: SIZES + 0.1})
+    return Constraints(
+        "things", {}, image_measurements((), {}, {}), (), {}, factors=graph, variables={THING: start, SIZE: SIZES + 0.1}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -69,44 +71,44 @@ def world() -> made.World:
 
 def solved(world: made.World, frames: Sequence[int]) -> Solution:
     plain = made.problem(world, made.begin(world), made.references(world))
-    return solve(merge(plain.frames, *plain.rooms, things(world, frames, gtsam.Pose2(1.2, -0.5, 0.4))))
+    return solve(merge(plain.camera, *plain.parts, things(world, frames, gtsam.Pose2(1.2, -0.5, 0.4))))
 
 
 def test_a_pose_on_the_floor_and_numbers_are_solved_for(world: made.World) -> None:
     solution = solved(world, range(4, 10))
-    found = solution.own[THING]
+    found = solution.variables[THING]
     mark = found.transformFrom(np.array([1.0, 0.0]))
     true = PLACE + np.array([np.cos(TURN), np.sin(TURN)])
     np.testing.assert_allclose(mark, true, atol=0.03)
-    np.testing.assert_allclose(solution.own[SIZE], SIZES, atol=1e-6)
-    np.testing.assert_allclose(np.sqrt(np.diag(solution.own_covariance(SIZE))), 0.005, rtol=0.01)
-    assert np.linalg.eigvalsh(solution.own_covariance(THING)).min() > 0
+    np.testing.assert_allclose(solution.variables[SIZE], SIZES, atol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(solution.variable_covariance(SIZE))), 0.005, rtol=0.01)
+    assert np.linalg.eigvalsh(solution.variable_covariance(THING)).min() > 0
 
 
 def test_factors_of_frames_that_are_not_solved_for_are_left_out(world: made.World) -> None:
     plain = made.problem(world, made.begin(world), made.references(world))
-    merged = merge(plain.frames, *plain.rooms, things(world, [2, 3, 900], gtsam.Pose2()))
-    room = merged.rooms[-1]
-    assert room.factors is not None
-    assert room.factors.size() == 4
-    assert set(room.own) == {THING, SIZE}
+    merged = merge(plain.camera, *plain.parts, things(world, [2, 3, 900], gtsam.Pose2()))
+    part = merged.parts[-1]
+    assert part.factors is not None
+    assert part.factors.size() == 4
+    assert set(part.variables) == {THING, SIZE}
 
 
 def test_a_variable_that_nothing_binds_is_refused() -> None:
     with pytest.raises(ValueError, match="no factor binds 1 of its own variables"):
-        Constraints("things", {}, observe((), {}, {}), (), {}, own={THING: gtsam.Pose2()})
+        Constraints("things", {}, image_measurements((), {}, {}), (), {}, variables={THING: gtsam.Pose2()})
 
 
 def test_rows_solved_together_keep_their_own_variables() -> None:
     a, b = two_faces.faces(4)
     of_a, of_b = two_faces.problems(a, b)
-    of_a = merge(of_a.frames, *of_a.rooms, things(a, range(10, 18), gtsam.Pose2(1.3, -0.6, 0.5)))
-    of_b = merge(of_b.frames, *of_b.rooms, things(b, range(10, 18), gtsam.Pose2(1.3, -0.6, 0.5)))
+    of_a = merge(of_a.camera, *of_a.parts, things(a, range(10, 18), gtsam.Pose2(1.3, -0.6, 0.5)))
+    of_b = merge(of_b.camera, *of_b.parts, things(b, range(10, 18), gtsam.Pose2(1.3, -0.6, 0.5)))
     first, second = solve_rows([of_a, of_b], [range(30)] * 2)
     assert isinstance(first, Solution)
     assert isinstance(second, Solution)
     assert first.report["solved_together"] == "rows A and B"
     for solution in (first, second):
-        mark = solution.own[THING].transformFrom(np.array([1.0, 0.0]))
+        mark = solution.variables[THING].transformFrom(np.array([1.0, 0.0]))
         np.testing.assert_allclose(mark, PLACE + np.array([np.cos(TURN), np.sin(TURN)]), atol=0.05)
-        np.testing.assert_allclose(np.sqrt(np.diag(solution.own_covariance(SIZE))), 0.005, rtol=0.01)
+        np.testing.assert_allclose(np.sqrt(np.diag(solution.variable_covariance(SIZE))), 0.005, rtol=0.01)

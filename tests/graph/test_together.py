@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import two_faces
 
-from savmap.graph import CameraHeight, Constraints, KeySpace, Problem, Solution, merge, observe, solve_rows
-from savmap.graph.carry import carried_factor, carried_values, row_of, values_of_row
+from savmap.graph import CameraHeight, Constraints, KeySpace, Problem, Solution, image_measurements, merge, solve_rows
+from savmap.graph.factors.markers import square
+from savmap.graph.joint.rekey import rekey_factor, rekey_values, row_of, values_of_row
+from savmap.graph.joint.shared_frames import shared_frame_factors, shared_frames
+from savmap.graph.joint.shared_measurements import shared_measurements
 from savmap.graph.keys import frame_key
-from savmap.graph.markers import square
-from savmap.graph.once import counted_once
-from savmap.graph.ties import tie_factors, ties_of
 from savmap.types import Track
 
 FRAMES = 30
@@ -90,40 +90,40 @@ def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World])
 
 def test_a_camera_height_counts_once(aisle: tuple[made.World, made.World]) -> None:
     problems = two_faces.problems(*aisle)
-    heights = [problem.frames.references.camera_heights[0] for problem in counted_once(problems, SAME, ())]
+    heights = [problem.camera.references.camera_heights[0] for problem in shared_measurements(problems, SAME, ())]
     assert [height.sigma_m for height in heights] == pytest.approx([0.02 * np.sqrt(2)] * 2)
-    other = replace(problems[1].frames.references, camera_heights=(CameraHeight(3.0, 0.02),))
-    apart = replace(problems[1], frames=replace(problems[1].frames, references=other))
-    kept = counted_once([problems[0], apart], SAME, ())
-    assert [problem.frames.references.camera_heights[0].sigma_m for problem in kept] == [0.02, 0.02]
+    other = replace(problems[1].camera.references, camera_heights=(CameraHeight(3.0, 0.02),))
+    apart = replace(problems[1], camera=replace(problems[1].camera, references=other))
+    kept = shared_measurements([problems[0], apart], SAME, ())
+    assert [problem.camera.references.camera_heights[0].sigma_m for problem in kept] == [0.02, 0.02]
 
 
 def test_what_both_rows_see_counts_once(aisle: tuple[made.World, made.World]) -> None:
     problems = [with_lamp(problem, world) for problem, world in zip(two_faces.problems(*aisle), aisle, strict=True)]
-    shared = counted_once(problems, [range(FRAMES), range(10, 10 + FRAMES)], {"lamps"})
+    shared = shared_measurements(problems, [range(FRAMES), range(10, 10 + FRAMES)], {"lamps"})
     for before, after, twice in zip(problems, shared, (range(10, FRAMES), range(FRAMES - 10)), strict=True):
-        lamp = np.isin(before.observations.keys, list(before.rooms[1].keys.values()))
-        ratio = after.observations.covariances[:, 0, 0] / before.observations.covariances[:, 0, 0]
-        both = lamp & np.isin(before.observations.frames, twice)
+        lamp = np.isin(before.measurements.keys, list(before.parts[1].keys.values()))
+        ratio = after.measurements.covariances[:, 0, 0] / before.measurements.covariances[:, 0, 0]
+        both = lamp & np.isin(before.measurements.frames, twice)
         np.testing.assert_allclose(ratio, np.where(both, 2.0, 1.0))
         assert both.sum() == FRAMES - 10
 
 
 def with_lamp(problem: Problem, world: made.World) -> Problem:
-    """The problem with a room of one point that was seen in every frame."""
+    """The problem with a part of one point that was seen in every frame."""
     views = (next(iter(world.facts.views)),) * FRAMES
     track = Track(
         "lamp", "lamp", {}, np.arange(FRAMES), views, np.full((FRAMES, 2), 99.0), np.tile(np.eye(2), (FRAMES, 1, 1))
     )
     keys = KeySpace("lamps").keys(["lamp"])
-    room = Constraints("lamps", keys, observe([track], keys, world.facts.views), (), {"lamp": np.zeros(3)})
-    return merge(problem.frames, problem.rooms[0], room)
+    part = Constraints("lamps", keys, image_measurements([track], keys, world.facts.views), (), {"lamp": np.zeros(3)})
+    return merge(problem.camera, problem.parts[0], part)
 
 
 def test_derivatives_of_the_tie() -> None:
     rng = np.random.default_rng(0)
-    tie = ties_of([np.arange(3)] * 2, [range(3)] * 2)[0]
-    factor = tie_factors(tie, gtsam.Pose3())[1]
+    tie = shared_frames([np.arange(3)] * 2, [range(3)] * 2)[0]
+    factor = shared_frame_factors(tie, gtsam.Pose3())[1]
     values = gtsam.Values()
     for key in factor.keys():  # noqa: SIM118
         values.insert(key, gtsam.Pose3.Expmap(rng.normal(0, 0.3, 6)))
@@ -144,7 +144,7 @@ def test_factors_written_in_python_are_carried_too() -> None:
         values.insert(key, place)
     values.insert(frame_key(3), gtsam.Pose3())
     own = square(list(corners.values()), 0.001)
-    carried, there = carried_factor(own, 1), carried_values(values, 1)
+    carried, there = rekey_factor(own, 1), rekey_values(values, 1)
     assert {row_of(key) for key in carried.keys()} == {1}  # noqa: SIM118
     assert carried.error(there) == pytest.approx(own.error(values))
     np.testing.assert_allclose(carried.linearize(there).jacobian()[0], own.linearize(values).jacobian()[0])

@@ -10,7 +10,17 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, known_length, observe, pin, reference, tie
+from savmap.graph import (
+    TIGHT_M,
+    Constraints,
+    KeySpace,
+    Relation,
+    equal_coordinate,
+    fixed_coordinate,
+    image_measurements,
+    known_coordinate,
+    known_length,
+)
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
 from savmap_shelves.heights import Values, assignments
@@ -85,12 +95,12 @@ def constrain(
     return Constraints(
         room,
         keys,
-        observe(
+        image_measurements(
             (*shared, *feet),
             keys,
             facts.views,
             dof=dof,
-            shared=mask_biases((*shared, *feet), facts.views, start, chosen.bias),
+            biases=mask_biases((*shared, *feet), facts.views, start, chosen.bias),
         ),
         (
             *_grid_lines(grid, keys),
@@ -101,6 +111,7 @@ def constrain(
         initial | {track.name: _below(track, grid, initial) for track in feet},
         dict(_places(grid, keys)),
         alternatives=ways if len(ways) > 1 else {},
+        height_reference="lowest_beam_bottom_height_m",
     )
 
 
@@ -132,17 +143,17 @@ def _grid_lines(grid: Grid, keys: Mapping[str, int]) -> Iterator[Relation]:
     lines = (("x", grid.columns), ("y", grid.rows))
     for axis, groups in lines:
         for first, *others in groups.values():
-            yield from (tie(axis, keys[first], keys[other]) for other in others)
+            yield from (equal_coordinate(axis, keys[first], keys[other]) for other in others)
 
 
 def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSettings) -> Iterator[Relation]:
     """The face is z = 0; the row begins at the left edge of its first upright."""
     beams = [keys[track.name] for track in tracks if track.label == "beam"]
-    yield from (pin("z", keys[track.name]) for track in tracks if track.label != "beam")
-    yield pin("z", beams[0], -settings.beam_setback_m, max(TIGHT_M, settings.beam_setback_sigma_m))
-    yield from (tie("z", beams[0], other) for other in beams[1:])
+    yield from (fixed_coordinate("z", keys[track.name]) for track in tracks if track.label != "beam")
+    yield fixed_coordinate("z", beams[0], -settings.beam_setback_m, max(TIGHT_M, settings.beam_setback_sigma_m))
+    yield from (equal_coordinate("z", beams[0], other) for other in beams[1:])
     first = min(column_of(track) for track in tracks)
-    yield pin("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
+    yield fixed_coordinate("x", keys[next(track.name for track in tracks if column_of(track) == first)], 0.0)
 
 
 def _given(grid: Grid, keys: Mapping[str, int], settings: GridSettings, row: str) -> dict[str, tuple[Relation, ...]]:
@@ -178,14 +189,16 @@ def _height(grid: Grid, keys: Mapping[str, int], section: int, value: float, set
     lowest = min(beam for found, beam, edge in grid.rows if found == section and edge == "lower")
     name = f"height of the lowest edge of section {section}"
     doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
-    return reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
+    return known_coordinate("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
     """Uprights stand on the floor, y = 0: a reference like any other, for maps without a known height."""
     for track in feet:
-        yield pin("z", keys[track.name])
-        yield reference("y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}")
+        yield fixed_coordinate("z", keys[track.name])
+        yield known_coordinate(
+            "y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}"
+        )
 
 
 def _below(foot: Track, grid: Grid, initial: Mapping[str, Floats]) -> Floats:

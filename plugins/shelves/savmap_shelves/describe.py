@@ -20,7 +20,7 @@ def describe(tracks: Sequence[Track], solution: Solution, room: str = "shelves")
     An upright whose mask's ends were not seen reaches from the floor to the highest edge beside it, which its sigmas say.
     """
     grid = grid_of(tracks)
-    found = solution.of(room)
+    found = solution.landmarks_of(room)
     return [*_uprights(grid, found, solution, room), *_beams(grid, found, solution, room)]
 
 

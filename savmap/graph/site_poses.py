@@ -1,4 +1,4 @@
-"""Where rows stand in a site: a graph whose variables are the rows' poses on the floor, as robots' maps are joined by pose graphs
+"""Poses of the rows in a site: a graph whose variables are the rows' poses on the floor, as robots' maps are joined by pose graphs
 (Lu and Milios 1997; Grisetti et al., "A tutorial on graph-based SLAM", 2010).
 
 On the floor, a row's pose is a `Pose2` of x, -z and heading, so that headings count counter-clockwise from above.
@@ -23,7 +23,7 @@ FLOOR = np.array([[1.0, 0, 0], [0, 0, -1]])
 
 
 @dataclass(frozen=True)
-class PathTie:
+class RelativePosePrior:
     """Rows `a` and `b` that were seen from one camera path: b's frame in a's."""
 
     a: str
@@ -31,58 +31,58 @@ class PathTie:
     a_from_b: Placement
 
 
-@dataclass(frozen=True)
-class PointTie:
+@dataclass(frozen=True, eq=False)
+class PointMatch:
     """A point (3,) m in the frames of rows `a` and `b`: what is left between the two, in a's frame, has `covariance` (k, k) along
-    the axes `told` (k, 3), rows of which are unit vectors on the floor in a's frame."""
+    the axes `axes` (k, 3), rows of which are unit vectors on the floor in a's frame."""
 
     a: str
     b: str
     in_a: Floats
     in_b: Floats
-    told: Floats
+    axes: Floats
     covariance: Floats
 
     def __post_init__(self) -> None:
-        k = len(self.told)
-        require(self.told.shape == (k, 3) and self.covariance.shape == (k, k), self, "told (k, 3), covariance (k, k)")
+        k = len(self.axes)
+        require(self.axes.shape == (k, 3) and self.covariance.shape == (k, k), self, "axes (k, 3), covariance (k, k)")
 
 
-@dataclass(frozen=True)
-class Places:
-    """Rows' places by name, with the joint covariance (3n, 3n) of their x m, z m, heading degrees, in the site's frame."""
+@dataclass(frozen=True, eq=False)
+class SitePoses:
+    """Rows' poses by name, with the joint covariance (3n, 3n) of their x m, z m, heading degrees, in the site's frame."""
 
-    placed: Mapping[str, Placement]
+    rows: Mapping[str, Placement]
     joint: Floats
 
     def relative(self, a: str, b: str) -> Placement:
         """Row b's frame in row a's, with its covariance."""
-        one, other = self.placed[a], self.placed[b]
-        turn = one.site_from_row[[[0], [2]], [0, 2]]
-        step = np.array([other.x_m - one.x_m, other.z_m - one.z_m])
+        first, second = self.rows[a], self.rows[b]
+        turn = first.site_from_row[[[0], [2]], [0, 2]]
+        step = np.array([second.x_m - first.x_m, second.z_m - first.z_m])
         x, z = turn.T @ step
         slope_a, slope_b = np.zeros((3, 3)), np.zeros((3, 3))
         slope_a[:2, :2], slope_b[:2, :2] = -turn.T, turn.T
         slope_a[:2, 2] = np.radians([-z, x])
         slope_a[2, 2], slope_b[2, 2] = -1.0, 1.0
         slope = np.hstack([slope_a, slope_b])
-        slots = [3 * list(self.placed).index(name) + np.arange(3) for name in (a, b)]
-        own = np.concatenate(slots)
-        heading = (other.heading_deg - one.heading_deg + 180) % 360 - 180
-        return Placement(float(x), float(z), heading, slope @ self.joint[np.ix_(own, own)] @ slope.T)
+        slots = [3 * list(self.rows).index(name) + np.arange(3) for name in (a, b)]
+        both = np.concatenate(slots)
+        heading = (second.heading_deg - first.heading_deg + 180) % 360 - 180
+        return Placement(float(x), float(z), heading, slope @ self.joint[np.ix_(both, both)] @ slope.T)
 
 
-def solve_places(
+def solve_site_poses(
     start: Mapping[str, Placement],
     priors: Mapping[str, Placement],
-    paths: Sequence[PathTie],
-    points: Sequence[PointTie],
+    paths: Sequence[RelativePosePrior],
+    points: Sequence[PointMatch],
     square_rad: float | None = None,
-) -> Places:
-    """The rows of `start`, from what is known of single rows and what ties them, all with Huber's loss.
+) -> SitePoses:
+    """The rows of `start`, from priors on single rows and what binds them to one another, all with Huber's loss.
 
     `square_rad`: how far rows may turn from a common grid of right angles (standard deviation); rows that start further off it than
-    10 degrees are left alone. Raises SolveError where the ties leave a row's place open.
+    10 degrees are left alone. Raises SolveError where a row's pose stays open.
     """
     keys = {name: int(gtsam.symbol("r", number)) for number, name in enumerate(start)}
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -107,31 +107,31 @@ def pose_of(place: Placement) -> gtsam.Pose2:
     return gtsam.Pose2(place.x_m, -place.z_m, float(np.radians(place.heading_deg)))
 
 
-def residual(point: PointTie, a_from_b: Placement) -> Floats:
+def residual(point: PointMatch, a_from_b: Placement) -> Floats:
     """What is left between the two places of a point: b's less a's (k,) m."""
-    off: Floats = point.told @ (a_from_b.points(point.in_b[None])[0] - point.in_a)
-    return off
+    left: Floats = point.axes @ (a_from_b.points(point.in_b[None])[0] - point.in_a)
+    return left
 
 
-def _solved(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Mapping[str, int]) -> Places:
+def _solved(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Mapping[str, int]) -> SitePoses:
     try:
-        found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-        marginals = gtsam.Marginals(graph, found)
+        solved = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+        marginals = gtsam.Marginals(graph, solved)
         joint = np.array(marginals.jointMarginalCovariance(list(keys.values())).fullMatrix())
     except RuntimeError as error:
-        raise SolveError(f"the rows' places in the site are not told by their ties: {error}") from error
+        raise SolveError(f"the rows' places in the site are not determined by what binds them: {error}") from error
     turns = np.zeros((3 * len(keys), 3 * len(keys)))
-    placed = {}
+    poses = {}
     for number, (name, key) in enumerate(keys.items()):
-        pose = found.atPose2(key)
-        own = slice(3 * number, 3 * number + 3)
-        turns[own, own] = _site_from_tangent(pose.theta())
-        placed[name] = pose
+        pose = solved.atPose2(key)
+        block = slice(3 * number, 3 * number + 3)
+        turns[block, block] = _site_from_tangent(pose.theta())
+        poses[name] = pose
     joint = turns @ joint @ turns.T
-    return Places(
+    return SitePoses(
         {
             name: _place(pose, joint[3 * n : 3 * n + 3, 3 * n : 3 * n + 3])
-            for n, (name, pose) in enumerate(placed.items())
+            for n, (name, pose) in enumerate(poses.items())
         },
         joint,
     )
@@ -160,22 +160,22 @@ def _noise(covariance: Floats) -> gtsam.noiseModel.Robust:
     return gtsam.noiseModel.Robust.Create(huber, gtsam.noiseModel.Gaussian.Covariance(covariance))
 
 
-def _point_factor(point: PointTie, keys: Mapping[str, int]) -> gtsam.NonlinearFactor:
+def _point_factor(point: PointMatch, keys: Mapping[str, int]) -> gtsam.NonlinearFactor:
     in_a, in_b = FLOOR @ point.in_a, FLOOR @ point.in_b
-    told = point.told @ FLOOR.T
+    axes = point.axes @ FLOOR.T
 
-    def off(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+    def error(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         pose_a, pose_b = map(values.atPose2, factor.keys())
         turn_a, turn_b = pose_a.rotation().matrix(), pose_b.rotation().matrix()
         seen = turn_a.T @ (turn_b @ in_b + pose_b.translation() - pose_a.translation())
         if jacobians is not None:
             turn = turn_a.T @ turn_b
-            jacobians[0] = -told @ np.column_stack([np.eye(2), TURNED @ seen])
-            jacobians[1] = told @ np.column_stack([turn, turn @ TURNED @ in_b])
-        error: Floats = told @ (seen - in_a)
-        return error
+            jacobians[0] = -axes @ np.column_stack([np.eye(2), TURNED @ seen])
+            jacobians[1] = axes @ np.column_stack([turn, turn @ TURNED @ in_b])
+        left: Floats = axes @ (seen - in_a)
+        return left
 
-    return gtsam.CustomFactor(_noise(point.covariance), [keys[point.a], keys[point.b]], off)
+    return gtsam.CustomFactor(_noise(point.covariance), [keys[point.a], keys[point.b]], error)
 
 
 def _add_grid(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Sequence[int], sigma_rad: float) -> None:
@@ -189,12 +189,12 @@ def _add_grid(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Seq
 
 
 def _grid_factor(noise: gtsam.noiseModel.Robust, key: int, wanted: float) -> gtsam.NonlinearFactor:
-    def off(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+    def error(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         turn = values.atPose2(factor.keys()[0]).theta() - values.atRot2(factor.keys()[1]).theta() - wanted
         if jacobians is not None:
             jacobians[0] = np.array([[0.0, 0.0, 1.0]])
             jacobians[1] = np.array([[-1.0]])
-        error: Floats = np.array([(turn + np.pi) % (2 * np.pi) - np.pi])
-        return error
+        left: Floats = np.array([(turn + np.pi) % (2 * np.pi) - np.pi])
+        return left
 
-    return gtsam.CustomFactor(noise, [key, GRID], off)
+    return gtsam.CustomFactor(noise, [key, GRID], error)

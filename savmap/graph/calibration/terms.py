@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.distortion import Distortion, Lenses, Scene
-from savmap.graph.observations import Biases, Observations
+from savmap.graph.calibration.distortion import Distortion, Lenses, Scene
+from savmap.graph.measurements import Biases, ImageMeasurements
 from savmap.types import Floats
 
 TURNS = ("rear pitch", "rear yaw", "rear roll")
@@ -79,41 +79,41 @@ class Calibration:
         if self.shutter:
             yield self.shutter.sigma_s
 
-    def added(self, observations: Observations) -> Observations:
-        """The observations with the parameters among their shared unknowns, last; `freed` fills in how pixels move."""
-        shared, count = observations.shared, len(self.names)
-        own = len(shared.prior) + np.tile(np.arange(count), (len(observations), 1))
-        moves = np.zeros((len(observations), 2, count))
+    def with_parameters(self, measurements: ImageMeasurements) -> ImageMeasurements:
+        """The measurements with the parameters as their last biases; `corrected` fills in the slopes."""
+        biases, count = measurements.biases, len(self.names)
+        added = len(biases.prior) + np.tile(np.arange(count), (len(measurements), 1))
+        slopes = np.zeros((len(measurements), 2, count))
         wider = Biases(
-            np.concatenate([shared.which, own], axis=1),
-            np.concatenate([shared.moves, moves], axis=2),
-            np.concatenate([shared.prior, self.prior]),
-            np.concatenate([shared.free, np.ones(count, np.bool_)]),
+            np.concatenate([biases.indices, added], axis=1),
+            np.concatenate([biases.slopes, slopes], axis=2),
+            np.concatenate([biases.prior, self.prior]),
+            np.concatenate([biases.free, np.ones(count, np.bool_)]),
         )
-        return replace(observations, shared=wider)
+        return replace(measurements, biases=wider)
 
-    def freed(self, observations: Observations, values: Floats, scene: Scene) -> Observations:
-        """Observations with `added` parameters freed of `values` (p,), and how they move with them now.
+    def corrected(self, measurements: ImageMeasurements, values: Floats, scene: Scene) -> ImageMeasurements:
+        """Measurements with these parameters corrected for `values` (p,), and their slopes to these now.
 
-        Pixels and their covariances go with the picture about them. How an observation moves is said of the place where
-        its point should be, which an edge leaves open along itself: its line turns about where it was seen.
+        Pixels and their covariances are moved with the picture about them. The slopes of a measurement are those at the pixel
+        where its point should be, which an edge leaves open along itself: its line turns about where it was seen.
         """
-        lenses = Lenses.of(observations)
+        lenses = Lenses.of(measurements)
         blend = self.stitching.blend_deg if self.stitching else None
         axis = self.shutter.axis if self.shutter else None
-        field = Distortion(lenses, observations.pixels, values, scene, self.front_deg, blend, axis)
-        pixels, here = field(observations.pixels)
+        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis)
+        pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
-        slopes = np.stack([field(observations.pixels + one)[0] - pixels for one in step], axis=2) / STEP_PX
+        slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX
         off = np.clip(lenses.nearest(scene.points, pixels) - pixels, -FAR_PX, FAR_PX)
         size = np.maximum(np.linalg.norm(off, axis=1), STEP_PX)[:, None]
-        near = field(observations.pixels + STEP_PX * off / size)[1]
+        near = field(measurements.pixels + STEP_PX * off / size)[1]
         moves = here + (size / STEP_PX)[:, :, None] * (near - here)
-        shared = observations.shared
-        every = np.concatenate([shared.moves[:, :, : -len(self.names)], moves], axis=2)
+        biases = measurements.biases
+        all_slopes = np.concatenate([biases.slopes[:, :, : -len(self.names)], moves], axis=2)
         return replace(
-            observations,
+            measurements,
             pixels=pixels,
-            covariances=slopes @ observations.covariances @ np.swapaxes(slopes, 1, 2),
-            shared=replace(shared, moves=every),
+            covariances=slopes @ measurements.covariances @ np.swapaxes(slopes, 1, 2),
+            biases=replace(biases, slopes=all_slopes),
         )

@@ -1,6 +1,6 @@
 """Appearance as relative motion: points followed through a few frames, as one factor between these frames' poses.
 
-Each point is free in space. It is placed with the poses that the structures gave, and left out where it disagrees with them;
+Each point is free in space. It is triangulated with the poses that the structures gave, and left out where it disagrees with them;
 then it is eliminated (Mourikis and Roumeliotis 2007), so that what is left binds its frames to one another and to no place,
 no scale and no structure. The factor is linear about the structures' poses.
 """
@@ -14,10 +14,10 @@ import numpy as np
 from savmap.geometry.triangulate import nearest_points
 from savmap.graph.constraints import Constraints
 from savmap.graph.keys import frame_key
-from savmap.graph.observations import observe
+from savmap.graph.measurements import image_measurements
 from savmap.types import Floats, Flow, Ints, Trajectory
 
-ROOM = "appearance"
+PLUGIN = "appearance"
 ERROR_PX, SIGMA_PX = 0.3, 1.0
 GATE_SIGMA = 4.0
 MOST_M = 0.1
@@ -28,8 +28,8 @@ LEAST_POINTS = 8
 ROUNDS = 4
 
 
-@dataclass(frozen=True)
-class Placed:
+@dataclass(frozen=True, eq=False)
+class Reprojection:
     """Points' errors (n, k, 2) px, the errors' slopes (n, k, 2, 3) by the point in the rig, px/m, and where it is there,
     offsets (n, k, 3) m."""
 
@@ -41,98 +41,98 @@ class Placed:
 def motion_constraints(
     flows: Sequence[Flow], path: Trajectory, frames: Ints, sigma_px: float = SIGMA_PX
 ) -> tuple[Constraints, dict[str, int]]:
-    """What followed points say of the motion between `frames`, the ones that structures were seen in, about the `path` that
-    these gave; and, for the report, how many points there were and how many of them agree with it. Nothing is said where the
-    path itself is good to no more than a decimetre. `sigma_px`: what each point is believed to, much more than it errs, for
-    neighbouring points err alike and windows overlap."""
+    """Motion between `frames`, those that structures were seen in, from followed points, about the `path` that the structures
+    gave; and, for the report, the numbers of points and of those that agree with it. Frames where the path is worse than a
+    decimetre get no factor. `sigma_px`: of each point, much more than its error, for neighbouring points err alike and
+    windows overlap."""
     known = np.intersect1d(frames, path.frames[_sigma_m(path) < MOST_M])
     graph, seen, used = gtsam.NonlinearFactorGraph(), 0, 0
-    for one in flows:
-        if not np.isin(one.frames, known).all():
+    for flow in flows:
+        if not np.isin(flow.frames, known).all():
             continue
-        own = np.searchsorted(path.frames, one.frames)
-        poses = path.world_from_rig[own]
-        points, weights = trust(one, poses, _sigma_m(path)[own])
+        at = np.searchsorted(path.frames, flow.frames)
+        poses = path.world_from_rig[at]
+        points, weights = trust(flow, poses, _sigma_m(path)[at])
         kept = weights > 0
         seen, used = seen + len(kept), used + int(kept.sum())
         if kept.sum() >= LEAST_POINTS:
-            said = motion(one.take(kept), poses, points[kept], weights[kept] / sigma_px)
-            graph.push_back(motion_factor(one.frames, poses, *said))
+            slopes, errors = motion(flow.take(kept), poses, points[kept], weights[kept] / sigma_px)
+            graph.push_back(motion_factor(flow.frames, poses, slopes, errors))
     counts = {"points followed": seen, "points used": used}
-    return Constraints(ROOM, {}, observe((), {}, {}), (), {}, factors=graph), counts
+    return Constraints(PLUGIN, {}, image_measurements((), {}, {}), (), {}, factors=graph), counts
 
 
 def _sigma_m(path: Trajectory) -> Floats:
-    """The standard deviation (f,) of the camera's places along the worst axis, m."""
+    """The standard deviation (f,) of the camera's positions along the worst axis, m."""
     return np.zeros(len(path.frames)) if path.sigma_m is None else np.asarray(path.sigma_m.max(axis=1))
 
 
-def trust(one: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
+def trust(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
     """Points (n, 3) m by poses (k, 4, 4) whose places are good to sigma_m (k,), and how far each agrees with these (n,):
     Huber's weight of its largest error, in standard deviations of the tracker's and the places' errors; 0 for what is not
     before the camera, has no parallax, or is off by more than four."""
-    points = place(one, poses, sigma_m)
-    placed = seen_from(one, poses, points)
-    depth = placed.offsets @ one.spec.rig_from_view[:, 2]
-    rays = (points[:, None] - poses[:, :3, 3]) / np.linalg.norm(placed.offsets, axis=2, keepdims=True)
+    points = triangulated(flow, poses, sigma_m)
+    projected = seen_from(flow, poses, points)
+    depth = projected.offsets @ flow.spec.rig_from_view[:, 2]
+    rays = (points[:, None] - poses[:, :3, 3]) / np.linalg.norm(projected.offsets, axis=2, keepdims=True)
     parallax = np.einsum("ni,ni->n", rays[:, 0], rays[:, -1]) < np.cos(np.radians(LEAST_PARALLAX_DEG))
     before = ((depth > NEAREST_M) & (depth < FARTHEST_M)).all(axis=1)
-    off = (np.linalg.norm(placed.errors, axis=2) / _sigma_px(one, sigma_m, depth)).max(axis=1)
+    off = (np.linalg.norm(projected.errors, axis=2) / _sigma_px(flow, sigma_m, depth)).max(axis=1)
     weights = np.minimum(1.0, HUBER / np.maximum(off, 1e-9))
     return points, np.where(before & parallax & (off < GATE_SIGMA), weights, 0.0)
 
 
-def _sigma_px(one: Flow, sigma_m: Floats, depth: Floats) -> Floats:
+def _sigma_px(flow: Flow, sigma_m: Floats, depth: Floats) -> Floats:
     """Expected errors (n, k) of points at depths (n, k) m: the tracker's, and those of the camera's places."""
-    return np.asarray(np.hypot(ERROR_PX, one.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M)))
+    return np.asarray(np.hypot(ERROR_PX, flow.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M)))
 
 
-def place(one: Flow, poses: Floats, sigma_m: Floats) -> Floats:
+def triangulated(flow: Flow, poses: Floats, sigma_m: Floats) -> Floats:
     """Points (n, 3) m in the world: nearest to all rays first, then by least squares of their errors in pixels."""
-    rays = np.einsum("kij,nkj->nki", poses[:, :3, :3], one.spec.rig_rays(one.pixels))
+    rays = np.einsum("kij,nkj->nki", poses[:, :3, :3], flow.spec.rig_rays(flow.pixels))
     points = nearest_points(poses[:, :3, 3], rays)
     for _ in range(ROUNDS):
-        placed = seen_from(one, poses, points)
-        sigma_px = np.repeat(_sigma_px(one, sigma_m, placed.offsets @ one.spec.rig_from_view[:, 2]), 2, axis=1)[
+        projected = seen_from(flow, poses, points)
+        sigma_px = np.repeat(_sigma_px(flow, sigma_m, projected.offsets @ flow.spec.rig_from_view[:, 2]), 2, axis=1)[
             ..., None
         ]
-        slopes = _by_point(placed, poses) / sigma_px
+        slopes = _by_point(projected, poses) / sigma_px
         normal = np.swapaxes(slopes, 1, 2) @ slopes + 1e-6 * np.eye(3)
-        right = np.swapaxes(slopes, 1, 2) @ (placed.errors.reshape(sigma_px.shape) / sigma_px)
+        right = np.swapaxes(slopes, 1, 2) @ (projected.errors.reshape(sigma_px.shape) / sigma_px)
         points = points - np.linalg.solve(normal, right)[..., 0]
     return points
 
 
-def seen_from(one: Flow, poses: Floats, points: Floats) -> Placed:
+def seen_from(flow: Flow, poses: Floats, points: Floats) -> Reprojection:
     """How points (n, 3) are seen from poses (k, 4, 4): projected less followed pixels."""
-    camera, turn = one.spec.camera, one.spec.rig_from_view
+    camera, turn = flow.spec.camera, flow.spec.rig_from_view
     offsets = np.einsum("kji,nkj->nki", poses[:, :3, :3], points[:, None] - poses[:, :3, 3])
     inside = offsets @ turn
     depth = np.where(np.abs(inside[..., 2]) > 1e-3, inside[..., 2], 1e-3)[..., None]
-    errors = camera[0, 0] * inside[..., :2] / depth + camera[:2, 2] - one.pixels
+    errors = camera[0, 0] * inside[..., :2] / depth + camera[:2, 2] - flow.pixels
     slopes = np.zeros((*errors.shape, 3))
     slopes[..., 0, 0] = slopes[..., 1, 1] = camera[0, 0] / depth[..., 0]
     slopes[..., 2] = -camera[0, 0] * inside[..., :2] / depth**2
-    return Placed(errors, slopes @ turn.T, offsets)
+    return Reprojection(errors, slopes @ turn.T, offsets)
 
 
-def _by_point(placed: Placed, poses: Floats) -> Floats:
+def _by_point(projected: Reprojection, poses: Floats) -> Floats:
     """Derivatives (n, 2k, 3) of the errors by the points in the world."""
-    slopes = placed.slopes @ np.swapaxes(poses[:, :3, :3], 1, 2)
+    slopes = projected.slopes @ np.swapaxes(poses[:, :3, :3], 1, 2)
     return slopes.reshape(len(slopes), -1, 3)
 
 
-def motion(one: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[Floats, Floats]:
+def motion(flow: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """What points (n, 3) say of their frames' motion with weights (n,) 1/px: whitened slopes (m, 6k) and errors (m,), with
     m <= 6k + 1, by turns and steps in each rig's own axes, as GTSAM moves poses."""
-    placed = seen_from(one, poses, points)
-    count, frames = len(placed.errors), len(one.frames)
-    own = np.concatenate([placed.slopes @ _skew(placed.offsets), -placed.slopes], axis=-1)
+    projected = seen_from(flow, poses, points)
+    count, frames = len(projected.errors), len(flow.frames)
+    blocks = np.concatenate([projected.slopes @ _skew(projected.offsets), -projected.slopes], axis=-1)
     slopes = np.zeros((count, frames, 2, frames, 6))
-    slopes[:, np.arange(frames), :, np.arange(frames)] = np.swapaxes(own, 0, 1)
-    across = np.linalg.qr(_by_point(placed, poses), mode="complete").Q[:, :, 3:]
+    slopes[:, np.arange(frames), :, np.arange(frames)] = np.swapaxes(blocks, 0, 1)
+    across = np.linalg.qr(_by_point(projected, poses), mode="complete").Q[:, :, 3:]
     free = weights[:, None, None] * np.swapaxes(across, 1, 2)
-    errors = free @ placed.errors.reshape(count, 2 * frames, 1)
+    errors = free @ projected.errors.reshape(count, 2 * frames, 1)
     joint = np.concatenate([free @ slopes.reshape(count, 2 * frames, 6 * frames), errors], axis=2)
     small = np.asarray(np.linalg.qr(joint.reshape(-1, 6 * frames + 1), mode="r"))
     return small[:, :-1], small[:, -1]

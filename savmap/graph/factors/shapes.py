@@ -1,6 +1,7 @@
-"""Shapes of four points that no relation of coordinates says: flat, or a rectangle, in any attitude."""
+"""Shapes of four points in any attitude, which no relation of coordinates expresses: flat, a rectangle, a square."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import gtsam
 import numpy as np
@@ -9,7 +10,10 @@ from savmap.types import Floats
 
 Errors = Callable[[Floats], Floats]
 Slopes = Callable[[Floats], Floats]
+Span = tuple[tuple[int, int], tuple[int, int]]
 TINY_M = 1e-9
+DIAGONALS: Span = ((0, 2), (1, 3))
+SIDES: Span = ((0, 1), (1, 2))
 
 
 def flat(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
@@ -20,7 +24,12 @@ def flat(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
 def rectangle(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
     """Four points, in order around, are a rectangle of any size: opposite sides alike (3 equations), the diagonals as long as
     one another."""
-    return _factor(corners, sigma_m, _askew, _askew_slopes, 4)
+    return _with_equal_spans(corners, sigma_m, [DIAGONALS])
+
+
+def square(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
+    """Four points, in order around, are a square of any size: a rectangle, and two neighbouring sides alike (5 equations)."""
+    return _with_equal_spans(corners, sigma_m, [DIAGONALS, SIDES])
 
 
 def graph_of(factors: Sequence[gtsam.NonlinearFactor]) -> gtsam.NonlinearFactorGraph:
@@ -29,6 +38,11 @@ def graph_of(factors: Sequence[gtsam.NonlinearFactor]) -> gtsam.NonlinearFactorG
     for factor in factors:
         graph.push_back(factor)
     return graph
+
+
+def _with_equal_spans(corners: Sequence[int], sigma_m: float, equal: Sequence[Span]) -> gtsam.CustomFactor:
+    errors, slopes = partial(_parallelogram, equal=equal), partial(_parallelogram_slopes, equal=equal)
+    return _factor(corners, sigma_m, errors, slopes, 3 + len(equal))
 
 
 def _factor(corners: Sequence[int], sigma_m: float, errors: Errors, slopes: Slopes, count: int) -> gtsam.CustomFactor:
@@ -65,18 +79,25 @@ def _gap_slopes(points: Floats) -> Floats:
     return np.array([-(1 - s), 1 - t, -s, t])[None, :, None] * normal
 
 
-def _askew(points: Floats) -> Floats:
+def _parallelogram(points: Floats, equal: Sequence[Span]) -> Floats:
+    """Errors (3 + n,): opposite sides alike, then the lengths of n pairs of spans alike."""
     a, b, c, d = points
-    return np.array([*(a - b + c - d), np.linalg.norm(c - a) - np.linalg.norm(d - b)])
+    lengths = [_length(points, first) - _length(points, second) for first, second in equal]
+    return np.array([*(a - b + c - d), *lengths])
 
 
-def _askew_slopes(points: Floats) -> Floats:
-    """Derivatives (4, 4, 3) of the errors by the corners."""
-    slopes = np.zeros((4, 4, 3))
+def _length(points: Floats, ends: tuple[int, int]) -> float:
+    return float(np.linalg.norm(points[ends[1]] - points[ends[0]]))
+
+
+def _parallelogram_slopes(points: Floats, equal: Sequence[Span]) -> Floats:
+    """Derivatives (3 + n, 4, 3) of the errors by the corners."""
+    slopes = np.zeros((3 + len(equal), 4, 3))
     slopes[:3] = np.array([1.0, -1.0, 1.0, -1.0])[:, None] * np.eye(3)[:, None]
-    for first, last, way in ((0, 2, 1.0), (1, 3, -1.0)):
-        span = points[last] - points[first]
-        along = way * span / max(float(np.linalg.norm(span)), TINY_M)
-        slopes[3, last] += along
-        slopes[3, first] -= along
+    for row, spans in enumerate(equal, 3):
+        for (first, last), sign in zip(spans, (1.0, -1.0), strict=True):
+            span = points[last] - points[first]
+            along = sign * span / max(float(np.linalg.norm(span)), TINY_M)
+            slopes[row, last] += along
+            slopes[row, first] -= along
     return slopes

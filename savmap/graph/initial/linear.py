@@ -1,8 +1,9 @@
-"""A start that needs no guess: with attitudes known, every pixel is a linear equation in camera place and point.
+"""A start that needs no guess: with attitudes known, every pixel is a linear equation in camera position and point.
 
 On the face plane it reads (x - t_x) d_z + t_z d_x = 0 for a ray d; in general, forms @ (X - t) / depth = 0, whitened in pixels
-(see `Sight`), with the depth of the last round. Points tied along an axis share one unknown. The equations are homogeneous:
-places and scale are set roughly here, by the start's mean, and by the references afterwards (`scale.fit`).
+(see `LinearForms`), with the depth of the last round. Points with an equal coordinate share one unknown. The equations are
+homogeneous: position and scale are set roughly here, by the start's mean, and by the references afterwards
+(`references.observability.fit`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,8 +20,8 @@ ROUNDS = 6
 HUBER = 1.345
 HARD, SOFT = 1e4, 1e-3
 SMOOTH_M = 1.0
-PLACED = 50
-"""How many cameras have their mean place set: an equation of all would tie each to each."""
+ANCHORED = 50
+"""How many cameras have their mean position set: an equation of all of them would be dense."""
 
 Equation = tuple[list[tuple[int, float]], float]
 
@@ -36,23 +37,23 @@ class Layout:
 
 
 def layout(problem: Problem) -> Layout:
-    """Points tied along an axis share a slot; pinned ones have none."""
-    count, cameras = len(problem.keys), 0 if problem.frames.fixed is not None else len(problem.used)
+    """Points with an equal coordinate share a slot; fixed coordinates have none."""
+    count, cameras = len(problem.keys), 0 if problem.camera.fixed is not None else len(problem.used)
     slot, fixed, size = np.zeros((count, 3), np.int64), np.zeros((count, 3)), 3 * cameras
     for axis in range(3):
-        group, pinned = _groups(problem, axis)
+        group, fixed_groups = _groups(problem, axis)
         roots = np.unique(group)
-        free = np.array([root for root in roots if root not in pinned], np.int64)
+        free = np.array([root for root in roots if root not in fixed_groups], np.int64)
         place = np.full(count, -1, np.int64)
         place[free] = size + np.arange(len(free))
         slot[:, axis] = place[group]
-        fixed[:, axis] = [pinned.get(root, 0.0) for root in group.tolist()]
+        fixed[:, axis] = [fixed_groups.get(root, 0.0) for root in group.tolist()]
         size += len(free)
     return Layout(slot, fixed, cameras, size)
 
 
 def _groups(problem: Problem, axis: int) -> tuple[Ints, dict[int, float]]:
-    """Smallest tied index of each point along an axis, and the values of pinned groups."""
+    """For each point the smallest index of those with an equal coordinate along an axis, and the values of fixed groups."""
     group = list(range(len(problem.keys)))
 
     def root(index: int) -> int:
@@ -66,24 +67,24 @@ def _groups(problem: Problem, axis: int) -> tuple[Ints, dict[int, float]]:
         if relation.b is not None and relation.value == 0.0:
             low, high = sorted((root(problem.index(relation.a)), root(problem.index(relation.b))))
             group[high] = low
-    pinned = {root(problem.index(r.a)): r.value for r in structure if r.b is None}
-    return np.array([root(index) for index in range(len(group))], np.int64), pinned
+    fixed = {root(problem.index(r.a)): r.value for r in structure if r.b is None}
+    return np.array([root(index) for index in range(len(group))], np.int64), fixed
 
 
-def places(problem: Problem, poses: Floats, initial: Floats) -> tuple[Floats, Floats]:
-    """Camera places (f, 3) and points (m, 3) up to scale and shift, from attitudes in poses (f, 4, 4); rough places in both
-    arguments only set the scale and hold what was not observed. Robust: weights are made anew every round."""
+def linear_positions(problem: Problem, poses: Floats, initial: Floats) -> tuple[Floats, Floats]:
+    """Camera positions (f, 3) and points (m, 3) up to scale and shift, from attitudes in poses (f, 4, 4); rough positions in both
+    arguments only set the scale and hold what was not measured. Robust: every round weighs the measurements anew."""
     plan = layout(problem)
-    seen = problem.sight.turned(poses[problem.at_frame, :3, :3])
-    held = _matrix(_soft(problem, plan, poses, initial), plan.size)
-    depths = _first_depths(problem, plan, seen.forms, seen.axes, poses)
-    weights = np.ones(len(problem.observations))
+    forms_in_world = problem.linear_forms.rotated(poses[problem.at_frame, :3, :3])
+    priors = _matrix(_soft(problem, plan, poses, initial), plan.size)
+    depths = _first_depths(problem, plan, forms_in_world.forms, forms_in_world.axes, poses)
+    weights = np.ones(len(problem.measurements))
     cameras, points = poses[:, :3, 3], initial
     for number in range(ROUNDS):
-        forms = seen.forms * (weights / depths)[:, None, None]
-        unknowns = _solve(vstack([_rows(problem, plan, forms, poses), held]).tocsc(), plan.size)
+        forms = forms_in_world.forms * (weights / depths)[:, None, None]
+        unknowns = _solve(vstack([_rows(problem, plan, forms, poses), priors]).tocsc(), plan.size)
         cameras, points = _unpack(plan, unknowns, poses)
-        errors, depths = seen.residuals(points[problem.at_key] - cameras[problem.at_frame])
+        errors, depths = forms_in_world.residuals(points[problem.at_key] - cameras[problem.at_frame])
         weights = _weights(np.linalg.norm(errors, axis=1), number)
         depths = np.maximum(depths, 0.2)
     return cameras, points
@@ -126,16 +127,16 @@ def _rows(problem: Problem, plan: Layout, forms: Floats, poses: Floats) -> csc_m
 
 
 def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Iterator[Equation]:
-    """Rough place and scale; smooth motion; a faint pull of every coordinate to its start."""
+    """Rough position and scale; smooth motion; a faint pull of every coordinate to its start."""
     for slots, value in _faint(plan, initial):
         yield [(slots, SOFT)], SOFT * value
     if not plan.cameras:
         return
     free = [axis for axis in range(3) if axis == 2 or (plan.slot[:, axis] >= 0).all()]
-    some = np.unique(np.linspace(0, plan.cameras - 1, PLACED).astype(np.int64))
+    anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))
     for axis in free:
-        weight = HARD / len(some)
-        yield [(3 * f + axis, weight) for f in some.tolist()], HARD * float(poses[some, axis, 3].mean())
+        weight = HARD / len(anchors)
+        yield [(3 * f + axis, weight) for f in anchors.tolist()], HARD * float(poses[anchors, axis, 3].mean())
     if (plan.slot[:, 2] >= 0).any() and not (plan.slot[:, 2] < 0).any():
         yield _travel(poses, plan)
     for chunk in problem.passes():
@@ -153,7 +154,7 @@ def _faint(plan: Layout, initial: Floats) -> Iterator[tuple[int, float]]:
 
 
 def _travel(poses: Floats, plan: Layout) -> Equation:
-    """The extent of the cameras' path is the start's: for rooms without a face plane."""
+    """The extent of the cameras' path is the start's: for structures without a face plane."""
     path = poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0)
     extent = max(float((path**2).sum()), 1e-9)
     entries = [(3 * f + axis, HARD * path[f, axis] / extent) for f in range(plan.cameras) for axis in range(3)]

@@ -1,4 +1,4 @@
-"""One camera path seen from several rows: which frames are the same, and the factor that says so.
+"""Frames that several rows share, and the factors that make their poses agree.
 
 Faces across an aisle are parallel only roughly, so each row keeps its frame of coordinates: world_from_rig of a frame in row a is
 that in row b moved by one unknown rigid transform, a_from_b.
@@ -11,18 +11,17 @@ import gtsam
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from savmap.graph.carry import NO_ROW, carried_key
-from savmap.graph.keys import frame_key
+from savmap.graph.keys import NO_ROW, frame_key, rekey
 from savmap.types import Floats, Ints
 
 LEAST_FRAMES = 3
-TIE_RAD, TIE_M = float(np.radians(0.01)), 1e-3
+EQUAL_RAD, EQUAL_M = float(np.radians(0.01)), 1e-3
 TURN_RAD, PLACE_M = 0.5, 20.0
 
 
-@dataclass(frozen=True)
-class Tie:
-    """Frames (k,) of row `a` and those (k,) of row `b` that are the same pictures."""
+@dataclass(frozen=True, eq=False)
+class SharedFrames:
+    """Frames (k,) of row `a` and those (k,) of row `b` that are the same pictures; `key` of the transform a_from_b."""
 
     a: int
     b: int
@@ -31,9 +30,9 @@ class Tie:
     key: int
 
 
-def ties_of(frames: Sequence[Ints], moments: Sequence[Sequence[Hashable]]) -> list[Tie]:
-    """Ties between rows whose `frames` were located; moments[r][f] tells which picture frame f of row r is. Every shared picture
-    binds each row to the first one that has it."""
+def shared_frames(frames: Sequence[Ints], moments: Sequence[Sequence[Hashable]]) -> list[SharedFrames]:
+    """Shared frames of pairs of rows whose `frames` were located; moments[r][f] identifies the picture that is frame f of row r.
+    Every shared picture binds each row to the first one that has it."""
     first: dict[Hashable, tuple[int, int]] = {}
     pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for row, numbers in enumerate(frames):
@@ -41,35 +40,35 @@ def ties_of(frames: Sequence[Ints], moments: Sequence[Sequence[Hashable]]) -> li
             lead, number = first.setdefault(moments[row][frame], (row, frame))
             if lead != row:
                 pairs.setdefault((lead, row), []).append((number, frame))
-    shared = [(rows, np.array(same, np.int64)) for rows, same in pairs.items() if len(same) >= LEAST_FRAMES]
+    enough = [(rows, np.array(same, np.int64)) for rows, same in pairs.items() if len(same) >= LEAST_FRAMES]
     return [
-        Tie(*rows, same[:, 0], same[:, 1], carried_key(gtsam.symbol("t", number), NO_ROW))
-        for number, (rows, same) in enumerate(shared)
+        SharedFrames(*rows, same[:, 0], same[:, 1], rekey(gtsam.symbol("t", number), NO_ROW))
+        for number, (rows, same) in enumerate(enough)
     ]
 
 
-def tie_factors(tie: Tie, a_from_b: gtsam.Pose3) -> list[gtsam.NonlinearFactor]:
-    """Every shared frame's poses agree; the transform, near `a_from_b`, is all but free."""
-    noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([TIE_RAD, TIE_M], 3))
+def shared_frame_factors(shared: SharedFrames, a_from_b: gtsam.Pose3) -> list[gtsam.NonlinearFactor]:
+    """The poses of every shared frame agree; the transform has a wide prior about `a_from_b`."""
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([EQUAL_RAD, EQUAL_M], 3))
     loose = gtsam.noiseModel.Diagonal.Sigmas(np.repeat([TURN_RAD, PLACE_M], 3))
     return [
-        gtsam.PriorFactorPose3(tie.key, a_from_b, loose),
+        gtsam.PriorFactorPose3(shared.key, a_from_b, loose),
         *(
-            gtsam.CustomFactor(noise, [_pose(tie.a, in_a), tie.key, _pose(tie.b, in_b)], _disagreement)
-            for in_a, in_b in zip(tie.frames_a.tolist(), tie.frames_b.tolist(), strict=True)
+            gtsam.CustomFactor(noise, [_pose(shared.a, in_a), shared.key, _pose(shared.b, in_b)], _disagreement)
+            for in_a, in_b in zip(shared.frames_a.tolist(), shared.frames_b.tolist(), strict=True)
         ),
     ]
 
 
 def first_transform(poses_a: Floats, poses_b: Floats) -> gtsam.Pose3:
-    """a_from_b between poses (k, 4, 4) of the same frames: the mean turn, and the shift between the mean places."""
+    """a_from_b between poses (k, 4, 4) of the same frames: the mean rotation, and the shift between the mean positions."""
     turn = Rotation.from_matrix(poses_a[:, :3, :3] @ np.swapaxes(poses_b[:, :3, :3], 1, 2)).mean().as_matrix()
     shift = (poses_a[:, :3, 3] - poses_b[:, :3, 3] @ turn.T).mean(axis=0)
     return gtsam.Pose3(gtsam.Rot3(turn), shift)
 
 
 def _pose(row: int, frame: int) -> int:
-    return carried_key(frame_key(frame), row)
+    return rekey(frame_key(frame), row)
 
 
 def _disagreement(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:

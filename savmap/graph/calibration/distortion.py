@@ -1,4 +1,4 @@
-"""How a panorama's pictures are distorted where they are looked at: by its stitching, by its read-out."""
+"""How stitching and read-out distort a panorama's pictures, at measured pixels."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry.pinhole import rig_from_view
-from savmap.graph.observations import Observations
+from savmap.graph.measurements import ImageMeasurements
 from savmap.types import Floats
 
 LEAST_DEPTH = 0.02
@@ -16,7 +16,7 @@ STITCHED = 5
 
 @dataclass(frozen=True)
 class Scene:
-    """What observations look at now: their points (n, 3) m in the rig frame, and the camera's own speeds (n, 3) m/s and
+    """What n measurements show now: their points (n, 3) m in the rig frame, and the camera's own speeds (n, 3) m/s and
     turning rates (n, 3) rad/s there."""
 
     points: Floats
@@ -26,18 +26,18 @@ class Scene:
 
 @dataclass(frozen=True)
 class Lenses:
-    """The views of n observations: rig_from_view (n, 3, 3), focal lengths (n, 2) and principal points (n, 2), px."""
+    """The views of n measurements: rig_from_view (n, 3, 3), focal lengths (n, 2) and principal points (n, 2), px."""
 
     mounts: Floats
     focal: Floats
     centres: Floats
 
     @staticmethod
-    def of(observations: Observations) -> "Lenses":
-        """Of every observation."""
-        mounts = np.array([spec.rig_from_view for spec in observations.views]).reshape(-1, 3, 3)
-        cameras = np.array([spec.camera for spec in observations.views]).reshape(-1, 3, 3)[observations.view]
-        return Lenses(mounts[observations.view], cameras[:, [0, 1], [0, 1]], cameras[:, :2, 2])
+    def of(measurements: ImageMeasurements) -> "Lenses":
+        """The lens of each measurement."""
+        mounts = np.array([spec.rig_from_view for spec in measurements.views]).reshape(-1, 3, 3)
+        cameras = np.array([spec.camera for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
+        return Lenses(mounts[measurements.view], cameras[:, [0, 1], [0, 1]], cameras[:, :2, 2])
 
     def rays(self, pixels: Floats) -> Floats:
         """Unit rays (n, 3) in the rig frame."""
@@ -62,14 +62,14 @@ class Lenses:
         return plane * self.focal + self.centres, slopes
 
     def nearest(self, points: Floats, pixels: Floats) -> Floats:
-        """Pixels (n, 2) of points (n, 3) m that are before the view; the given ones for others."""
+        """Pixels (n, 2) of points (n, 3) m that are in front of the view; the given ones for others."""
         return np.where((self.depths(points) > LEAST_DEPTH_M)[:, None], self.projected(points)[0], pixels)
 
 
 @dataclass(frozen=True)
 class Distortion:
     """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
-    `blend_deg`, then that of the read-out, where it has an `axis`. What is seen of one half is of it all about."""
+    `blend_deg`, then that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
@@ -97,11 +97,11 @@ class Distortion:
         return true, np.concatenate(moves, axis=2)
 
     def _velocities(self, rays: Floats) -> Floats:
-        """How fast (n, 2) px/s things seen along rays (n, 3) move in the picture, as deep as the points are."""
+        """How fast (n, 2) px/s what is seen along rays (n, 3) moves in the picture, at the depths of the points."""
         depths = self.lenses.depths(self.scene.points)
-        places = (np.maximum(depths, LEAST_DEPTH_M) / np.maximum(self.lenses.depths(rays), LEAST_DEPTH))[:, None] * rays
-        moving = -np.cross(self.scene.rates, places) - self.scene.speeds
-        slopes = self.lenses.projected(places)[1]
+        points = (np.maximum(depths, LEAST_DEPTH_M) / np.maximum(self.lenses.depths(rays), LEAST_DEPTH))[:, None] * rays
+        moving = -np.cross(self.scene.rates, points) - self.scene.speeds
+        slopes = self.lenses.projected(points)[1]
         return np.asarray(np.einsum("nij,nj->ni", slopes, moving) * (depths > LEAST_DEPTH_M)[:, None])
 
 
@@ -130,3 +130,15 @@ def read_out_share(rays: Floats, front_deg: float, axis: str) -> Floats:
     longitude = np.arctan2(rays[:, 0], rays[:, 2]) - np.radians(front_deg)
     share: Floats = np.mod(longitude / np.pi + 0.5, 1.0) - 0.5
     return share
+
+
+def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
+    """Speeds (f, 3) m/s in the world and turning rates (f, 3) rad/s in the rig frame of poses (f, 4, 4) at stamps (f,), in
+    order of time; zeros where two stamps are equal."""
+    count = len(poses)
+    before, after = np.maximum(np.arange(count) - 1, 0), np.minimum(np.arange(count) + 1, count - 1)
+    span = stamps_s[after] - stamps_s[before]
+    per_second = np.where(span > 0, 1 / np.where(span > 0, span, 1.0), 0.0)[:, None]
+    turned = np.swapaxes(poses[before, :3, :3], 1, 2) @ poses[after, :3, :3]
+    rates: Floats = Rotation.from_matrix(turned).as_rotvec() * per_second
+    return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
