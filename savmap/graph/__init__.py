@@ -12,6 +12,7 @@ from savmap.graph.constraints import (
     known_length,
 )
 from savmap.graph.factors.appearance import motion_constraints
+from savmap.graph.factors.checks import check_jacobians, require_valid_constraints
 from savmap.graph.factors.markers import marker_constraints
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
 from savmap.graph.initial.start import published_start
@@ -55,6 +56,7 @@ __all__ = [
     "Stitching",
     "SurveyedPoint",
     "camera_priors",
+    "check_jacobians",
     "equal_coordinate",
     "fixed_coordinate",
     "flat",
@@ -70,6 +72,7 @@ __all__ = [
     "motion_constraints",
     "published_start",
     "rectangle",
+    "require_valid_constraints",
     "sight_lines",
     "solve",
     "solve_rows",
