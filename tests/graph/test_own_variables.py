@@ -8,9 +8,20 @@ import numpy as np
 import pytest
 import two_faces
 
-from savmap.graph import Constraints, KeySpace, Solution, frame_key, image_measurements, merge, solve, solve_rows
+from savmap.errors import StructureError
+from savmap.graph import (
+    Constraints,
+    KeySpace,
+    Solution,
+    camera_priors,
+    frame_key,
+    image_measurements,
+    merge,
+    solve,
+    solve_rows,
+)
 from savmap.graph.keys import Variable
-from savmap.types import Floats
+from savmap.types import Floats, Trajectory
 
 SPACE = KeySpace("things")
 THING, SIZE = SPACE.pose2(0), SPACE.vector3(1)
@@ -112,3 +123,25 @@ def test_rows_solved_together_keep_their_own_variables() -> None:
         mark = solution.variables[THING].transformFrom(np.array([1.0, 0.0]))
         np.testing.assert_allclose(mark, PLACE + np.array([np.cos(TURN), np.sin(TURN)]), atol=0.05)
         np.testing.assert_allclose(np.sqrt(np.diag(solution.variable_covariance(SIZE))), 0.005, rtol=0.01)
+
+
+def test_factors_alone_solve_on_a_known_path(world: made.World) -> None:
+    """As with `--trajectory`: no landmark is measured, and frames are held where an earlier map has them."""
+    known = Trajectory(np.arange(len(world.poses)), world.poses)
+    camera = camera_priors(world.facts, known, fixed=known)
+    problem = merge(camera, things(world, range(4, 10), gtsam.Pose2(1.2, -0.5, 0.4)))
+    assert problem.used.tolist() == list(range(4, 10))
+    solution = solve(problem)
+    mark = solution.variables[THING].transformFrom(np.array([1.0, 0.0]))
+    np.testing.assert_allclose(mark, PLACE + np.array([np.cos(TURN), np.sin(TURN)]), atol=0.01)
+    np.testing.assert_allclose(np.sqrt(np.diag(solution.variable_covariance(SIZE))), 0.005, rtol=0.01)
+    assert solution.trajectory.frames.tolist() == list(range(4, 10))
+
+
+def test_factors_alone_do_not_locate_the_camera(world: made.World) -> None:
+    camera = camera_priors(world.facts, made.begin(world))
+    with pytest.raises(StructureError, match="nothing was tracked in any frame"):
+        merge(camera, things(world, range(4, 10), gtsam.Pose2()))
+    known = Trajectory(np.arange(3), world.poses[:3])
+    with pytest.raises(StructureError, match="no frame with a known pose saw anything"):
+        merge(camera_priors(world.facts, known, fixed=known), things(world, range(4, 10), gtsam.Pose2()))

@@ -21,7 +21,7 @@ JACOBIAN_TOLERANCE = 1e-3
 BOUND_BY = "its factors and relations bind its own landmarks and variables, and factors camera poses as well"
 
 
-class _Flaw(Exception):
+class _FactorError(Exception):
     """What is wrong with a factor, to be read after "returned a factor that"."""
 
 
@@ -110,7 +110,7 @@ def _factor_flaws(constraints: Constraints, values: gtsam.Values) -> Iterator[st
             _require_allowed_keys(factor, allowed)
             if all(map(values.exists, factor.keys())):
                 _evaluated(factor, values)
-        except _Flaw as flaw:
+        except _FactorError as flaw:
             yield f"a factor ({type(factor).__name__}) that {flaw}"
 
 
@@ -118,13 +118,15 @@ def _require_allowed_keys(factor: gtsam.NonlinearFactor, allowed: set[int]) -> N
     keys = set(_keys(factor))
     foreign = sorted(key for key in keys if key not in allowed and not is_frame(key))
     if foreign:
-        raise _Flaw(f"binds {gtsam.DefaultKeyFormatter(foreign[0])}, which is not its own: {BOUND_BY}")
+        raise _FactorError(f"binds {gtsam.DefaultKeyFormatter(foreign[0])}, which is not its own: {BOUND_BY}")
     if len(keys) == 1 and is_frame(*keys):
-        raise _Flaw("places the camera: it binds one frame's pose and nothing else, which only references may do")
+        raise _FactorError(
+            "places the camera: it binds one frame's pose and nothing else, which only references may do"
+        )
 
 
 def _evaluated(factor: gtsam.NonlinearFactor, values: gtsam.Values) -> tuple[Floats, list[Floats]]:
-    """A factor's error (n,) and Jacobians (n, width) by its keys, as they should be. Raises _Flaw otherwise."""
+    """A factor's error (n,) and Jacobians (n, width) by its keys, as they should be. Raises _FactorError otherwise."""
     try:
         if not isinstance(factor, gtsam.NoiseModelFactor):
             return np.array([factor.error(values)]), [factor.linearize(values).jacobian()[0]]
@@ -132,14 +134,14 @@ def _evaluated(factor: gtsam.NonlinearFactor, values: gtsam.Values) -> tuple[Flo
         error = np.asarray(factor.unwhitenedError(values, blocks), np.float64)
         jacobians = [np.asarray(block) for block in blocks]
     except (Exception, SystemExit) as raised:
-        raise _Flaw(f"fails: {told(raised)}") from raised
+        raise _FactorError(f"fails: {told(raised)}") from raised
     noise = factor.noiseModel()
     if noise is not None and error.shape != (noise.dim(),):
-        raise _Flaw(f"gives {len(error)} errors, but its noise model has dimension {noise.dim()}")
+        raise _FactorError(f"gives {len(error)} errors, but its noise model has dimension {noise.dim()}")
     if not np.isfinite(error).all():
-        raise _Flaw("gives an error that is not finite at the first values")
+        raise _FactorError("gives an error that is not finite at the first values")
     if len(jacobians) != factor.size():
-        raise _Flaw(f"gives {len(jacobians)} Jacobians for {factor.size()} variables")
+        raise _FactorError(f"gives {len(jacobians)} Jacobians for {factor.size()} variables")
     for key, jacobian in zip(_keys(factor), jacobians, strict=True):
         _require_jacobian(jacobian, (len(error), width_of(key)), gtsam.DefaultKeyFormatter(key))
     return error, jacobians
@@ -147,11 +149,11 @@ def _evaluated(factor: gtsam.NonlinearFactor, values: gtsam.Values) -> tuple[Flo
 
 def _require_jacobian(jacobian: Floats, shape: tuple[int, int], name: str) -> None:
     if not jacobian.size:
-        raise _Flaw(f"gives no Jacobian by {name}, where {shape} is expected")
+        raise _FactorError(f"gives no Jacobian by {name}, where {shape} is expected")
     if jacobian.shape != shape:
-        raise _Flaw(f"gives a Jacobian {jacobian.shape} by {name}, not {shape}")
+        raise _FactorError(f"gives a Jacobian {jacobian.shape} by {name}, not {shape}")
     if not np.isfinite(jacobian).all():
-        raise _Flaw(f"gives a Jacobian by {name} that is not finite at the first values")
+        raise _FactorError(f"gives a Jacobian by {name} that is not finite at the first values")
 
 
 def _derivative(factor: gtsam.NoiseModelFactor, values: gtsam.Values, key: int) -> Floats:
@@ -159,9 +161,9 @@ def _derivative(factor: gtsam.NoiseModelFactor, values: gtsam.Values, key: int) 
     columns = []
     for step in STEP * np.eye(width_of(key)):
         errors = []
-        for sign in (1, -1):
+        for side in (1, -1):
             moved = gtsam.Values(values)
-            moved.update(key, _moved(value_at(values, key), sign * step))
+            moved.update(key, _moved(value_at(values, key), side * step))
             errors.append(np.asarray(factor.unwhitenedError(moved)))
         columns.append((errors[0] - errors[1]) / (2 * STEP))
     return np.stack(columns, axis=1)

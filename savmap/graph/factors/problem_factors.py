@@ -171,7 +171,7 @@ def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:
 def estimate_of(problem: Problem, values: gtsam.Values, before: Estimate) -> Estimate:
     """The estimate in GTSAM's values."""
     poses = np.array([values.atPose3(frame_key(frame)).matrix() for frame in problem.used.tolist()])
-    points = np.array([values.atPoint3(key) for key in problem.keys.tolist()])
+    points = np.array([values.atPoint3(key) for key in problem.keys.tolist()]).reshape(-1, 3)
     variables = {key: variable_at(values, key) for key in before.variables}
     if problem.camera.fixed is not None:
         return Estimate(poses, points, before.heights, variables)

@@ -95,9 +95,9 @@ def _parallelogram_slopes(points: Floats, equal: Sequence[Span]) -> Floats:
     slopes = np.zeros((3 + len(equal), 4, 3))
     slopes[:3] = np.array([1.0, -1.0, 1.0, -1.0])[:, None] * np.eye(3)[:, None]
     for row, spans in enumerate(equal, 3):
-        for (first, last), sign in zip(spans, (1.0, -1.0), strict=True):
+        for (first, last), way in zip(spans, (1.0, -1.0), strict=True):
             span = points[last] - points[first]
-            along = sign * span / max(float(np.linalg.norm(span)), TINY_M)
+            along = way * span / max(float(np.linalg.norm(span)), TINY_M)
             slopes[row, last] += along
             slopes[row, first] -= along
     return slopes

@@ -102,7 +102,8 @@ def build_solution(
     refuse_contradiction(problem, tests)
     share = 1.0 - float(fit.kept.mean()) if len(fit.kept) else 0.0
     scale_sigma = _scale_sigma(problem, estimate, covariance)
-    require_known(problem, scale_sigma)
+    if problem.camera.fixed is None:
+        require_known(problem, scale_sigma)
     return Solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
         landmarks=_landmarks(problem, estimate, fit, covariance),
