@@ -20,7 +20,7 @@ from savmap.graph.joint.rows import solve_rows
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.measurements import Biases, ImageMeasurements, image_measurements, sight_lines
 from savmap.graph.problem import Problem, merge
-from savmap.graph.references.records import (
+from savmap.graph.references import (
     CameraHeight,
     CameraPriors,
     KnownLength,

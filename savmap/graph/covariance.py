@@ -1,7 +1,7 @@
 """Covariances of all points and camera positions at once.
 
-`gtsam.Marginals` asks for one variable at a time. CameraPriors meet only their neighbours, so they are eliminated sparsely, and what
-is left, the points' information, is small and inverted whole: joint covariances come with it.
+`gtsam.Marginals` asks for one variable at a time. Frames share factors only with their neighbours, so they are eliminated
+sparsely, and the rest, the points' information, is small and inverted whole: joint covariances come with it.
 """
 
 from collections.abc import Collection

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from savmap.types import Floats, Ints, RowFacts, Track, Trajectory, ViewSpec
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Biases:
     """k unknown biases, px, of which each of n measurements has up to s: `indices` (n, s) of the biases, and `slopes`
     (n, 2, s), the pixel's derivative to each, 0 where there is none.
@@ -40,7 +40,7 @@ def no_biases(count: int) -> Biases:
     return Biases(np.zeros((count, 0), np.int64), np.zeros((count, 2, 0)), none, none.astype(np.bool_))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImageMeasurements:
     """Landmarks with `keys` (n,), seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
 
@@ -78,7 +78,7 @@ class ImageMeasurements:
         return replace(self, pixels=self.pixels - self.biases.moved(bias))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearForms:
     """Measurements as linear forms: whitened pixel error = (forms @ (point - camera)) / depth, exact for a pinhole.
 

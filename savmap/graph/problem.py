@@ -13,7 +13,7 @@ from savmap.graph.calibration.distortion import Scene, velocities
 from savmap.graph.constraints import Constraints, Relation, factors_in
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
-from savmap.graph.references.records import CameraPriors, KnownLength, SurveyedPoint
+from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
 

@@ -24,7 +24,7 @@ FLOOR = np.array([[1.0, 0, 0], [0, 0, -1]])
 
 @dataclass(frozen=True)
 class RelativePosePrior:
-    """Rows `a` and `b` that were seen from one camera path: b's frame in a's."""
+    """Two rows `a` and `b` that share a camera path: b's frame in a's."""
 
     a: str
     b: str
@@ -33,8 +33,8 @@ class RelativePosePrior:
 
 @dataclass(frozen=True, eq=False)
 class PointMatch:
-    """A point (3,) m in the frames of rows `a` and `b`: what is left between the two, in a's frame, has `covariance` (k, k) along
-    the axes `axes` (k, 3), rows of which are unit vectors on the floor in a's frame."""
+    """A point (3,) m in the frames of rows `a` and `b`: the difference of the two, in a's frame, has `covariance` (k, k) along
+    `axes` (k, 3), unit vectors on the floor in a's frame."""
 
     a: str
     b: str
@@ -182,9 +182,9 @@ def _add_grid(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Seq
     """Every row that starts near a multiple of a right angle off the grid is held there."""
     noise = _noise(np.array([[sigma_rad**2]]))
     for key in keys:
-        off = values.atPose2(key).theta() - values.atRot2(GRID).theta()
-        quarters = round(off / QUARTER)
-        if abs(off - quarters * QUARTER) < OFF_GRID_RAD:
+        turn = values.atPose2(key).theta() - values.atRot2(GRID).theta()
+        quarters = round(turn / QUARTER)
+        if abs(turn - quarters * QUARTER) < OFF_GRID_RAD:
             graph.add(_grid_factor(noise, key, quarters * QUARTER))
 
 

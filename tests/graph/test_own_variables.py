@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import two_faces
 
-from savmap.errors import StructureError
+from savmap.errors import SolveError, StructureError
 from savmap.graph import (
     Constraints,
     KeySpace,
@@ -145,3 +145,21 @@ def test_factors_alone_do_not_locate_the_camera(world: made.World) -> None:
     known = Trajectory(np.arange(3), world.poses[:3])
     with pytest.raises(StructureError, match="no frame with a known pose saw anything"):
         merge(camera_priors(world.facts, known, fixed=known), things(world, range(4, 10), gtsam.Pose2()))
+
+
+def test_a_factor_that_fails_in_the_solve_is_one_line(world: made.World) -> None:
+    """It passed the check of its first values, and raises at later ones."""
+    first = SIZES + 0.1
+
+    def error(_: object, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        if not np.array_equal(values.atPoint3(SIZE), first):
+            raise KeyError("no such size")
+        if jacobians is not None:
+            jacobians[0] = np.eye(3)
+        return np.ones(3)
+
+    plain = made.problem(world, made.begin(world), made.references(world))
+    part = things(world, range(4, 10), gtsam.Pose2(1.2, -0.5, 0.4))
+    part.factors.add(gtsam.CustomFactor(gtsam.noiseModel.Isotropic.Sigma(3, 1.0), [SIZE], error))
+    with pytest.raises(SolveError, match="row A: the graph cannot be solved .'no such size'."):
+        solve(merge(plain.camera, *plain.parts, part))

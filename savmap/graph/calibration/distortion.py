@@ -14,7 +14,7 @@ LEAST_DEPTH_M = 0.2
 STITCHED = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What n measurements show now: their points (n, 3) m in the rig frame, and the camera's own speeds (n, 3) m/s and
     turning rates (n, 3) rad/s there."""
@@ -24,7 +24,7 @@ class Scene:
     rates: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lenses:
     """The views of n measurements: rig_from_view (n, 3, 3), focal lengths (n, 2) and principal points (n, 2), px."""
 
@@ -66,7 +66,7 @@ class Lenses:
         return np.where((self.depths(points) > LEAST_DEPTH_M)[:, None], self.projected(points)[0], pixels)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Distortion:
     """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
     `blend_deg`, then that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""

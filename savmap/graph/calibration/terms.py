@@ -105,9 +105,9 @@ class Calibration:
         pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
         slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX
-        off = np.clip(lenses.nearest(scene.points, pixels) - pixels, -FAR_PX, FAR_PX)
-        size = np.maximum(np.linalg.norm(off, axis=1), STEP_PX)[:, None]
-        near = field(measurements.pixels + STEP_PX * off / size)[1]
+        offset = np.clip(lenses.nearest(scene.points, pixels) - pixels, -FAR_PX, FAR_PX)
+        size = np.maximum(np.linalg.norm(offset, axis=1), STEP_PX)[:, None]
+        near = field(measurements.pixels + STEP_PX * offset / size)[1]
         moves = here + (size / STEP_PX)[:, :, None] * (near - here)
         biases = measurements.biases
         all_slopes = np.concatenate([biases.slopes[:, :, : -len(self.names)], moves], axis=2)

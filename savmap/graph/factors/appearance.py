@@ -1,7 +1,7 @@
 """Appearance as relative motion: points followed through a few frames, as one factor between these frames' poses.
 
 Each point is free in space. It is triangulated with the poses that the structures gave, and left out where it disagrees with them;
-then it is eliminated (Mourikis and Roumeliotis 2007), so that what is left binds its frames to one another and to no place,
+then it is eliminated (Mourikis and Roumeliotis 2007), so that the factor binds its frames to one another and to no position,
 no scale and no structure. The factor is linear about the structures' poses.
 """
 
@@ -70,16 +70,16 @@ def _sigma_m(path: Trajectory) -> Floats:
 def trust(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
     """Points (n, 3) m by poses (k, 4, 4) whose places are good to sigma_m (k,), and how far each agrees with these (n,):
     Huber's weight of its largest error, in standard deviations of the tracker's and the places' errors; 0 for what is not
-    before the camera, has no parallax, or is off by more than four."""
+    before the camera, has no parallax, or deviates by more than four."""
     points = triangulated(flow, poses, sigma_m)
     projected = seen_from(flow, poses, points)
     depth = projected.offsets @ flow.spec.rig_from_view[:, 2]
     rays = (points[:, None] - poses[:, :3, 3]) / np.linalg.norm(projected.offsets, axis=2, keepdims=True)
     parallax = np.einsum("ni,ni->n", rays[:, 0], rays[:, -1]) < np.cos(np.radians(LEAST_PARALLAX_DEG))
     before = ((depth > NEAREST_M) & (depth < FARTHEST_M)).all(axis=1)
-    off = (np.linalg.norm(projected.errors, axis=2) / _sigma_px(flow, sigma_m, depth)).max(axis=1)
-    weights = np.minimum(1.0, HUBER / np.maximum(off, 1e-9))
-    return points, np.where(before & parallax & (off < GATE_SIGMA), weights, 0.0)
+    deviation = (np.linalg.norm(projected.errors, axis=2) / _sigma_px(flow, sigma_m, depth)).max(axis=1)
+    weights = np.minimum(1.0, HUBER / np.maximum(deviation, 1e-9))
+    return points, np.where(before & parallax & (deviation < GATE_SIGMA), weights, 0.0)
 
 
 def _sigma_px(flow: Flow, sigma_m: Floats, depth: Floats) -> Floats:

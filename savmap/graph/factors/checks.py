@@ -45,10 +45,10 @@ def check_jacobians(constraints: Constraints, start: Trajectory) -> list[str]:
     lines = []
     for number, factor in enumerate(factors_in(constraints.factors)):
         if isinstance(factor, gtsam.NoiseModelFactor) and all(map(values.exists, factor.keys())):
-            off = jacobian_difference(factor, values)
-            if off > JACOBIAN_TOLERANCE:
+            difference = jacobian_difference(factor, values)
+            if difference > JACOBIAN_TOLERANCE:
                 lines.append(
-                    f"factor {number} ({type(factor).__name__}): its Jacobian differs from the derivative by {off:.1%}"
+                    f"factor {number} ({type(factor).__name__}): its Jacobian differs from the derivative by {difference:.1%}"
                 )
     return lines
 

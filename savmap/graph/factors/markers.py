@@ -9,7 +9,7 @@ from savmap.graph.constraints import Constraints, known_distance
 from savmap.graph.factors.shapes import square
 from savmap.graph.keys import KeySpace
 from savmap.graph.measurements import image_measurements
-from savmap.graph.references.records import KnownMarker
+from savmap.graph.references import KnownMarker
 from savmap.types import Floats, Track, Trajectory, ViewSpec
 
 PLUGIN = "survey markers"

@@ -3,7 +3,7 @@
 On the face plane it reads (x - t_x) d_z + t_z d_x = 0 for a ray d; in general, forms @ (X - t) / depth = 0, whitened in pixels
 (see `LinearForms`), with the depth of the last round. Points with an equal coordinate share one unknown. The equations are
 homogeneous: position and scale are set roughly here, by the start's mean, and by the references afterwards
-(`references.observability.fit`).
+(`initial.observability.fit`).
 """
 
 from collections.abc import Iterable, Iterator

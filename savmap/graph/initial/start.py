@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.errors import SolveError, StructureError
 from savmap.graph.initial.linear import linear_positions
+from savmap.graph.initial.observability import assume_missing, fit, require_metric
+from savmap.graph.initial.outlier_references import consistent_alternatives, without_outliers
 from savmap.graph.problem import Estimate, Problem, first_poses
-from savmap.graph.references.observability import assume_missing, fit, require_metric
-from savmap.graph.references.outlier_references import consistent_alternatives, without_outliers
 from savmap.types import Floats, Ints, RowFacts, Trajectory
 
 

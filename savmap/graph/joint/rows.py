@@ -22,7 +22,6 @@ from savmap.graph.joint.shared_frames import SharedFrames, first_transform, shar
 from savmap.graph.joint.shared_measurements import Moments, equal_camera_heights, shared_measurements
 from savmap.graph.keys import centre_key, frame_key, rekey, row_of
 from savmap.graph.problem import Problem
-from savmap.graph.references.reference_tests import tested_keys
 from savmap.graph.solver.elimination import KeyPosition, aisle_positions, hub_keys, ordering_of
 from savmap.graph.solver.optimise import (
     Iterate,
@@ -32,6 +31,7 @@ from savmap.graph.solver.optimise import (
     converged,
     solution_of,
 )
+from savmap.graph.solver.reference_tests import tested_keys
 from savmap.graph.solver.residuals import fit_of
 from savmap.graph.solver.solution import Solution
 from savmap.types import Floats, Ints

@@ -74,11 +74,11 @@ def _pose(row: int, frame: int) -> int:
 def _disagreement(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
     """Log(X_a^-1 T X_b), and its derivatives by small motions on the right of X_a, T and X_b."""
     in_a, a_from_b, in_b = map(values.atPose3, factor.keys())
-    off = in_a.inverse().compose(a_from_b).compose(in_b)
-    error: Floats = gtsam.Pose3.Logmap(off)
+    difference = in_a.inverse().compose(a_from_b).compose(in_b)
+    error: Floats = gtsam.Pose3.Logmap(difference)
     if jacobians is not None:
-        slope = gtsam.Pose3.LogmapDerivative(off)
-        jacobians[0] = -slope @ off.inverse().AdjointMap()
+        slope = gtsam.Pose3.LogmapDerivative(difference)
+        jacobians[0] = -slope @ difference.inverse().AdjointMap()
         jacobians[1] = slope @ in_b.inverse().AdjointMap()
         jacobians[2] = slope
     return error

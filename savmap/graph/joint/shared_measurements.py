@@ -11,7 +11,7 @@ from savmap.graph.constraints import Relation
 from savmap.graph.factors.problem_factors import along
 from savmap.graph.keys import camera_height_key, rekey
 from savmap.graph.problem import Problem
-from savmap.graph.references.records import CameraHeight
+from savmap.graph.references import CameraHeight
 
 LEVEL_M = 0.01
 Moments = Sequence[Sequence[Hashable]]

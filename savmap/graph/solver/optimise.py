@@ -17,8 +17,8 @@ from savmap.graph.initial.start import Start, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.references.reference_tests import tested_keys
 from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.reference_tests import tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
 from savmap.types import Floats, Trajectory
@@ -81,7 +81,7 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
     return solution_of(converged(problem, options))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocatedCamera:
     """A first path of the camera, and what of its scale and place was assumed for want of references (see `Problem`)."""
 
@@ -203,7 +203,7 @@ class LevenbergMarquardt:
         settings.setOrdering(self.ordering)
         try:
             return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
-        except RuntimeError as error:
+        except Exception as error:  # GTSAM's own are RuntimeErrors; a plugin's factor may raise any
             reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
             raise SolveError(f"{self.row}: the graph cannot be solved ({reason})") from error
 

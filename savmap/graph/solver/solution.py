@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from savmap.graph.covariance import Covariance, Covariances
+from savmap.graph.initial.observability import require_known
 from savmap.graph.initial.start import rotations_at
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.references.observability import require_known
-from savmap.graph.references.reference_tests import (
+from savmap.graph.solver.reference_tests import (
     ReferenceTest,
     reference_tests,
     refuse_contradiction,
@@ -26,7 +26,7 @@ DRIFT_M = 0.05
 LEAST_APART_M = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Landmark:
     """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, measurements that were used and rejected."""
 
@@ -46,7 +46,7 @@ class RejectedMeasurement:
     view: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
 
@@ -78,7 +78,7 @@ class Solution:
         return self.covariance.of([self.keys[plugin][name] for name in names])
 
     def difference_sigma(self, plugin: str, first: str, second: str, axis: int) -> float:
-        """Standard deviation in m of the distance between two landmarks along an axis: a width, a beam's height."""
+        """Standard deviation in m of the distance between two landmarks along an axis: a width, a height."""
         joint = self.joint(plugin, [first, second])
         other = 3 + axis
         return float(np.sqrt(max(joint[axis, axis] + joint[other, other] - 2 * joint[axis, other], 0.0)))

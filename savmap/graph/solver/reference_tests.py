@@ -7,9 +7,9 @@ import numpy as np
 
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
+from savmap.graph.initial.outlier_references import contradiction, is_gross
 from savmap.graph.keys import camera_height_key
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.references.outlier_references import contradiction, is_gross
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Floats, ReferenceUse
 

@@ -21,7 +21,7 @@ ASSUMED_M, ASSUMED_PART = 0.02, 0.01
 AXES: tuple[Axis, ...] = ("x", "y", "z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Similarity:
     """scale (1) and shift (3,) m that bring a scene to the references, with their covariance (4, 4) in that order."""
 

@@ -1,4 +1,4 @@
-"""What the user measured, and the frames it applies to: this gives the map its scale and its place."""
+"""What the user measured, and what is known of the camera before the solve: both give the map its scale and its place."""
 
 from dataclasses import dataclass
 
@@ -77,7 +77,7 @@ class References:
     markers: tuple[KnownMarker, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraPriors:
     """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if poses
     are taken from an earlier map, `fixed`; `free_rotation` holds only their positions then (the published way for plugins

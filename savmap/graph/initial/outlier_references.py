@@ -12,8 +12,8 @@ import numpy as np
 
 from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
+from savmap.graph.initial.observability import IDENTITY, Similarity, equation, fit
 from savmap.graph.problem import Problem
-from savmap.graph.references.observability import IDENTITY, Similarity, equation, fit
 from savmap.types import Floats
 
 START_SIGMA_M = 0.05
@@ -45,13 +45,16 @@ def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple
         )
         return left, tuple(notes)
     if any(is_gross(relation.value, otherwise) for relation, otherwise in out):
-        lines = (f"{one.name} is given as {one.value:.3f} m, but the rest says {other:.2f} m" for one, other in out)
+        lines = (
+            f"{relation.name} is given as {relation.value:.3f} m, but the rest says {otherwise:.2f} m"
+            for relation, otherwise in out
+        )
         raise contradiction(problem, "; ".join(lines))
     return problem, ()
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:
-    """The error for references that cannot all be right, with what is off and what to do."""
+    """The error for references that cannot all be right, with which ones contradict and what to do."""
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
         "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
@@ -69,7 +72,7 @@ def consistent_alternatives(problem: Problem, cameras: Floats, points: Floats) -
             for before, names in chosen
             for name, relations in sets.items()
         ]
-    misfits = np.array([_misfit(way, cameras, points) for way, _ in chosen]) if len(chosen) > 1 else np.zeros(1)
+    misfits = np.array([_misfit(choice, cameras, points) for choice, _ in chosen]) if len(chosen) > 1 else np.zeros(1)
     order = np.argsort(misfits, kind="stable").tolist()
     return [chosen[k] for k in order if misfits[k] <= CLEARLY * misfits.min()]
 
@@ -98,9 +101,9 @@ def is_gross(value: float, otherwise: float) -> bool:
 def _refuted(problem: Problem, cameras: Floats, points: Floats) -> OutlierReference | None:
     """The reference with a `note_if_outlier` that fits worst, grossly and worse than any without, with what the others say."""
     worst: tuple[float, OutlierReference] | None = None
-    for relation, off, otherwise in _deviations(problem, cameras, points):
-        if off > REFUTED_SIGMA and (worst is None or off > worst[0]):
-            worst = off, (relation, otherwise)
+    for relation, deviation, otherwise in _deviations(problem, cameras, points):
+        if deviation > REFUTED_SIGMA and (worst is None or deviation > worst[0]):
+            worst = deviation, (relation, otherwise)
     if worst is None or not worst[1][0].note_if_outlier or abs(worst[1][1] - worst[1][0].value) < REFUTED_M:
         return None
     return worst[1]
