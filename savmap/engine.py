@@ -139,7 +139,7 @@ def follow(row: Row, rooms: Sequence[Room], seen: Observations, start: Trajector
     markers, notes = marked(row, seen, start, frames)
     path, located, attitudes = row.path, LocatedCamera(start), start.world_from_rig[:, :3, :3]
     for room in rooms:
-        if path is None and constraints:
+        if constraints and (path is None or located.assumed):
             located = locate_camera(
                 merge(frames, *constraints.values(), *markers, partial=True), sigmas=bool(seen.flows)
             )

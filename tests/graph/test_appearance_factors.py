@@ -15,7 +15,7 @@ from savmap.graph.factors.appearance import (
     motion_constraints,
     motion_factor,
     seen_from,
-    trust,
+    weighed_points,
 )
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
@@ -48,11 +48,11 @@ def flow(noise_px: float = 0.0) -> Flow:
 
 
 def agreeing(one: Flow, poses: Floats, sigma_m: Floats = SIGMA_M) -> NDArray[np.bool_]:
-    return trust(one, poses, sigma_m)[1] > 0
+    return weighed_points(one, poses, sigma_m)[1] > 0
 
 
 def said(one: Flow, poses: Floats) -> tuple[Floats, Floats]:
-    points, weights = trust(one, poses, np.full(4, 0.05))
+    points, weights = weighed_points(one, poses, np.full(4, 0.05))
     assert (weights > 0).all()
     return motion(one, poses, points, weights / SIGMA_PX)
 

@@ -5,15 +5,17 @@ import numpy as np
 import pytest
 
 from savmap import engine
-from savmap.errors import SiteError, SolveError
+from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
+from savmap.hookspecs import hookimpl
 from savmap.observe import Observations
-from savmap.rooms import Room
+from savmap.rooms import Room, room_of
 from savmap.stages.markers import Marks
+from savmap.types import Track, Trajectory
 
 SEEN = Observations(
     made.FACTS,
-    {"wall": [], "stripes": []},
+    {"wall": [], "stripes": [], "last": []},
     {},
     frozenset({"wall"}),
     (),
@@ -76,3 +78,19 @@ def test_locating_assumes_nothing_where_all_is_known() -> None:
     partial, whole = (locate_camera(merge(frames, *parts, partial=early)) for early in (True, False))
     assert partial.assumed == ()
     assert np.array_equal(partial.path.world_from_rig, whole.path.world_from_rig)
+
+
+def test_a_third_plugin_gets_the_scale_of_the_second() -> None:
+    paths: list[Trajectory] = []
+
+    class Last(made.Wall):
+        name = "last"
+
+        @hookimpl
+        def track(self, start: Trajectory) -> list[Track]:
+            paths.append(start)
+            raise StructureError("nothing is seen")
+
+    rooms = [*made.rooms(known=True), room_of("last", Last, made.Config())]
+    assert errors_m(solved(rooms, made.references())) < 0.01
+    np.testing.assert_allclose(paths[0].world_from_rig[:, :3, 3], made.path().world_from_rig[:, :3, 3], atol=0.02)

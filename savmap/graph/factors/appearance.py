@@ -52,7 +52,7 @@ def motion_constraints(
             continue
         at = np.searchsorted(path.frames, flow.frames)
         poses = path.world_from_rig[at]
-        points, weights = trust(flow, poses, _sigma_m(path)[at])
+        points, weights = weighed_points(flow, poses, _sigma_m(path)[at])
         kept = weights > 0
         seen, used = seen + len(kept), used + int(kept.sum())
         if kept.sum() >= LEAST_POINTS:
@@ -67,10 +67,10 @@ def _sigma_m(path: Trajectory) -> Floats:
     return np.zeros(len(path.frames)) if path.sigma_m is None else np.asarray(path.sigma_m.max(axis=1))
 
 
-def trust(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) m by poses (k, 4, 4) whose places are good to sigma_m (k,), and how far each agrees with these (n,):
-    Huber's weight of its largest error, in standard deviations of the tracker's and the places' errors; 0 for what is not
-    before the camera, has no parallax, or deviates by more than four."""
+def weighed_points(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
+    """Points (n, 3) m by poses (k, 4, 4) whose positions have standard deviations sigma_m (k,), and the weight of each (n,):
+    Huber's weight of its largest error, in standard deviations of the tracker's and the positions' errors; 0 where a point is
+    not in front of the camera, has no parallax, or deviates by more than four."""
     points = triangulated(flow, poses, sigma_m)
     projected = seen_from(flow, poses, points)
     depth = projected.offsets @ flow.spec.rig_from_view[:, 2]
@@ -83,7 +83,7 @@ def trust(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
 
 
 def _sigma_px(flow: Flow, sigma_m: Floats, depth: Floats) -> Floats:
-    """Expected errors (n, k) of points at depths (n, k) m: the tracker's, and those of the camera's places."""
+    """Expected errors (n, k) of points at depths (n, k) m: the tracker's, and those of the camera's positions."""
     return np.asarray(np.hypot(ERROR_PX, flow.spec.camera[0, 0] * sigma_m / np.maximum(depth, NEAREST_M)))
 
 
