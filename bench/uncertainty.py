@@ -39,7 +39,7 @@ Figure = tuple[str, float, float]
 def figures(survey: Mapping[str, Any], tracks: Sequence[Track], solution: Solution) -> Iterator[Figure]:
     """Kind, error and sigma, both m, of everything in a map of which nothing is missing or spurious."""
     grid = grid_of(tracks)
-    points = solution.of("shelves")
+    points = solution.landmarks_of("shelves")
     lines: list[tuple[str, int, tuple[Any, ...], str, float]] = []
     for (upright, side), names in grid.columns.items():
         truth = survey["uprights"][upright - 1][side == "right"]

@@ -24,7 +24,7 @@ def describe(tracks: Sequence[Track], solution: Solution, room: str = "shelves")
     An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured.
     """
     grid = grid_of(tracks)
-    landmarks = solution.of(room)
+    landmarks = solution.landmarks_of(room)
     return [*_uprights(grid, landmarks, solution, room), *_beams(grid, landmarks, solution, room)]
 
 

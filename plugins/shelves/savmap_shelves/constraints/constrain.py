@@ -10,7 +10,17 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph import TIGHT_M, Constraints, KeySpace, Relation, known_length, observe, pin, reference, tie
+from savmap.graph import (
+    TIGHT_M,
+    Constraints,
+    KeySpace,
+    Relation,
+    equal_coordinate,
+    fixed_coordinate,
+    image_measurements,
+    known_coordinate,
+    known_length,
+)
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_shelves.constraints.bias import NO_BIAS, PICTURES, BiasSettings, mask_biases
 from savmap_shelves.constraints.sharing import share_edges
@@ -90,7 +100,7 @@ def constrain(
     return Constraints(
         room,
         keys,
-        observe(observed, keys, facts.views, dof=dof, shared=biases),
+        image_measurements(observed, keys, facts.views, dof=dof, biases=biases),
         (*_grid_lines(grid, keys), *_plane(tracks, keys, settings), *certain, *_floor(feet, keys)),
         initial | {track.name: _initial_foot(track, grid, initial) for track in feet},
         dict(_edge_names(grid, keys)),
@@ -116,17 +126,17 @@ def _grid_lines(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[Relation]:
     lines = (("x", list(grid.columns.values())), ("y", list(grid.rows.values())))
     for axis, groups in lines:
         for first, *others in groups:
-            yield from (tie(axis, keys[first], keys[other]) for other in others)
+            yield from (equal_coordinate(axis, keys[first], keys[other]) for other in others)
 
 
 def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSettings) -> Iterator[Relation]:
     """The face is z = 0; the row begins at the left edge of its first upright."""
     beams = [keys[track.name] for track in tracks if track.label == "beam"]
-    yield from (pin("z", keys[track.name]) for track in tracks if track.label != "beam")
-    yield pin("z", beams[0], -settings.beam_setback_m, max(TIGHT_M, settings.beam_setback_sigma_m))
-    yield from (tie("z", beams[0], other) for other in beams[1:])
+    yield from (fixed_coordinate("z", keys[track.name]) for track in tracks if track.label != "beam")
+    yield fixed_coordinate("z", beams[0], -settings.beam_setback_m, max(TIGHT_M, settings.beam_setback_sigma_m))
+    yield from (equal_coordinate("z", beams[0], other) for other in beams[1:])
     first = min(tracks, key=column_of)
-    yield pin("x", keys[first.name], 0.0)
+    yield fixed_coordinate("x", keys[first.name], 0.0)
 
 
 def _section_references(
@@ -192,14 +202,16 @@ def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float
     lowest = min(beam for number, beam, edge in grid.rows if number == section and edge == "lower")
     name = f"height of the lowest edge of section {section}"
     doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
-    return reference("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
+    return known_coordinate("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
     """Uprights stand on the floor, y = 0: a reference like any other, for maps without a known height."""
     for track in feet:
-        yield pin("z", keys[track.name])
-        yield reference("y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}")
+        yield fixed_coordinate("z", keys[track.name])
+        yield known_coordinate(
+            "y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}"
+        )
 
 
 def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:
