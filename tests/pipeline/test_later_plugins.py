@@ -1,17 +1,20 @@
 """References and relations of plugins that come after those that locate the camera."""
 
-import made_up_wall as made
 import numpy as np
 import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
-from savmap.pipeline import row
 from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import LocatedRow, RowRequest
+from savmap.pipeline.row import constrain, track
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import Track, Trajectory
+from savmap.types.progress import SilentMonitor
 from savmap.vision.markers import Marks
+
+from ..graph import made_up_wall as made
 
 SEEN = RowMeasurements(
     made.FACTS,
@@ -27,8 +30,8 @@ def solved(rooms: list[LoadedPlugin], references: References, start_scale: float
     """By the engine's steps, from a start whose scale is wrong."""
     start = made.path(start_scale)
     frames = camera_priors(made.FACTS, start, references)
-    followed = row.follow(row.Row("A", (), references), rooms, SEEN, start, frames)
-    return solve(merge(frames, *followed.every))
+    row = LocatedRow(RowRequest("A", (), rooms, references), SEEN, start, frames)
+    return solve(constrain(track(row, SilentMonitor()), SilentMonitor()).problem)
 
 
 def errors_m(solution: Solution) -> float:
@@ -61,7 +64,7 @@ def test_a_name_that_no_plugin_has_is_refused() -> None:
 
 def test_locating_takes_missing_scale_from_the_start() -> None:
     (wall, *_), start = made.rooms(), made.path(1.3)
-    part = wall.constrain(tracks=wall.plugin.tracks(), facts=made.FACTS, start=start)
+    part = wall.constrain(tracks=wall.instance.tracks(), facts=made.FACTS, start=start)
     frames = camera_priors(made.FACTS, start, made.references(made.LENGTH))
     located = locate_camera(merge(frames, part, partial=True))
     assert located.assumed == ("scale",)
@@ -73,7 +76,7 @@ def test_locating_takes_missing_scale_from_the_start() -> None:
 
 def test_locating_assumes_nothing_where_all_is_known() -> None:
     (wall, stripes), start = made.rooms(known=True), made.path()
-    parts = [room.constrain(tracks=room.plugin.tracks(), facts=made.FACTS, start=start) for room in (wall, stripes)]
+    parts = [room.constrain(tracks=room.instance.tracks(), facts=made.FACTS, start=start) for room in (wall, stripes)]
     frames = camera_priors(made.FACTS, start, made.references(made.LENGTH))
     partial, whole = (locate_camera(merge(frames, *parts, partial=early)) for early in (True, False))
     assert partial.assumed == ()

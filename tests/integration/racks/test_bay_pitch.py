@@ -3,11 +3,11 @@
 import made_up_rack as made
 import numpy as np
 import pytest
-from savmap_shelves.heights import assignments
 
 from savmap.errors import SiteError
 from savmap.graph import References, Solution, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
+from savmap_shelves.constraints.constrain import assignments
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from savmap.cli.app import app
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "aisle-dev"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
 def site(folder: Path, **of_pass: object) -> Path:

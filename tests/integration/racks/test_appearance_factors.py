@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from savmap.graph import frame_key, merge, solve
+from savmap.graph import frame_key, locate_camera, merge, solve
 from savmap.graph.factors.appearance import (
     ERROR_PX,
     SIGMA_PX,
@@ -16,7 +16,6 @@ from savmap.graph.factors.appearance import (
     seen_from,
     weighed_points,
 )
-from savmap.pipeline.row import moved
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
 SPEC = ViewSpec("face", 20.0, -5.0, 2.0, 150.0)
@@ -137,7 +136,8 @@ def flows_of(poses: Floats) -> list[Flow]:
 def test_points_steady_the_camera_where_structures_say_little() -> None:
     world = made.world(11, sections=3, frames=60, noise_px=1.5, misses=0.2, bridge=None)
     problem = made.problem(world, made.begin(world))
-    constraints, counts = moved(problem, flows_of(world.poses), None)
+    path = locate_camera(problem, sigmas=True).path
+    constraints, counts = motion_constraints(flows_of(world.poses), path, problem.used)
     assert counts["points used"] > 0.9 * counts["points followed"]
     plain, helped = solve(problem), solve(merge(problem.camera, *problem.parts, constraints))
     off = [np.diff((one.trajectory.world_from_rig - world.poses)[:, 0, 3]).std() for one in (plain, helped)]

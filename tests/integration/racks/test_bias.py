@@ -5,11 +5,11 @@ from dataclasses import replace
 import made_up_rack as made
 import numpy as np
 import pytest
-from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
 
 from savmap.graph import PUBLISHED, KnownLength, camera_priors, merge, solve
 from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, constrain, published
+from savmap_shelves.constraints.bias import NO_BIAS, BiasSettings, mask_biases
 
 BIAS_PX = 0.8
 

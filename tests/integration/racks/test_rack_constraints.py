@@ -5,11 +5,11 @@ from dataclasses import replace
 import made_up_rack as made
 import numpy as np
 import pytest
-from savmap_shelves.sharing import share_edges
 
 from savmap.errors import SiteError, StructureError
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.describe import describe
+from savmap_shelves.constraints.sharing import share_edges
+from savmap_shelves.mapping import describe
 
 
 @pytest.fixture(scope="module")
