@@ -20,8 +20,8 @@ from observed_rows import Mapped, given, made, mapped, tracked
 from savmap.evaluation import mean_absolute_error, pool
 from savmap.graph import Calibration, Shutter, Stitching
 from savmap.io.files import write_text
+from savmap.sim.drive.optics import Optics
 from savmap.sim.observations import MaskErrors
-from savmap.sim.optics import Optics
 from savmap.types import Floats
 
 ROOT = Path(__file__).parent.parent

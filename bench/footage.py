@@ -30,7 +30,7 @@ from savmap.job import job_for
 from savmap.observe import Observations, observe
 from savmap.paths import first_path
 from savmap.rooms import open_room
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap.types import Track
 from savmap.work import row_of

@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
+from savmap.train.data.dataset import IGNORE, read_dataset
 
 from savmap.errors import RowsFailedError, SavmapError
 from savmap.evaluation import mean_absolute_error, pool
@@ -30,7 +31,6 @@ from savmap.rooms import load_class
 from savmap.run import run
 from savmap.sitereport import evaluation_of, rooms_of
 from savmap.stages.segment import Segmenter
-from savmap.train.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure
 
 PLUGIN = "shelves"

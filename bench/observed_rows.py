@@ -15,18 +15,18 @@ from savmap.evaluation import Score
 from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
 from savmap.observe import Observations
 from savmap.paths import attitudes_of, first_path
-from savmap.sim.build import Built, build
-from savmap.sim.camera import Drive, drive
-from savmap.sim.observations import MaskErrors, observe
-from savmap.sim.optics import Optics
-from savmap.sim.scene import parse_scene
+from savmap.sim.drive.cart import Drive, drive
+from savmap.sim.drive.optics import Optics
+from savmap.sim.observations import MaskErrors
+from savmap.sim.scene.build import Built, build
+from savmap.sim.scene.files import parse_scene
 from savmap.stages.markers import Marks
 from savmap.types import Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewSpec
 from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.describe import describe
 from savmap_shelves.evaluate import evaluate
-from savmap_shelves.observed import observed_features
+from savmap_shelves.observed import observe, observed_features
 from savmap_shelves.tracking import track_structures
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)

@@ -29,7 +29,7 @@ from savmap.job import job_for, prepare
 from savmap.mapping import Way
 from savmap.monitor import Quiet
 from savmap.runlog import RunLog
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site import Pass
 from savmap.stages.render import Renderer

@@ -22,15 +22,15 @@ from savmap.io.files import write_text
 from savmap.io.mapfile import read_map
 from savmap.job import job_for
 from savmap.mapping import Way
-from savmap.sim.build import build
-from savmap.sim.camera import Drive, drive
+from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.random_row import random_row
-from savmap.sim.raycast import Caster
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.render.raycast import Caster
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
 from savmap.types import Floats, Structure
+from savmap_shelves.random_racks import starts
 from savmap_signs.evaluate import match, said
-from savmap_signs.random_plates import starts
 from savmap_signs.survey import SurveyedSign, read_row
 
 LETTER_PX, FRAMES = 8.0, 3

@@ -23,15 +23,15 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from savmap.train.data.dataset import read_dataset, split
 
 from savmap.label.polygons import outlines
 from savmap.sim.dataset import write
 from savmap.sim.random_row import random_row
 from savmap.sim.random_scene import random_scene
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
 from savmap.stages.segment import Segmenter
-from savmap.train.dataset import read_dataset, split
 
 CLASSES = ("upright", "beam")
 CARTONS = [[0.48, 0.33, 0.2], [0.42, 0.28, 0.16], [0.6, 0.6, 0.58], [0.2, 0.2, 0.22]]

@@ -21,7 +21,6 @@ from savmap.graph import Constraints, observe
 from savmap.hookspecs import hookimpl
 from savmap.report.drawing import Drawing
 from savmap.rooms import Room, room_of
-from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
     Aim,
     Detection,
@@ -36,6 +35,7 @@ from savmap.types import (
     View,
     ViewSpec,
 )
+from savmap.types.scenes import Goods, Hall, Look, SceneParts, Site
 
 HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")

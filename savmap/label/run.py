@@ -1,6 +1,5 @@
 """`savmap label`: from recordings to the pictures most worth labelling, with the network's own masks to start from."""
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,18 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.console import Console
 from savmap.errors import SiteError, StructureError
 from savmap.eyes import Eyes
 from savmap.io.clip import time_range
 from savmap.io.overrides import Override
 from savmap.io.video import expected_frames, panoramas, probe
 from savmap.job import Job, job_for, prepare, rooms_for
-from savmap.label.choose import chosen, ranks
-from savmap.label.formats import LabelledPicture, require_unused, write_set
+from savmap.label.formats import LabelledPicture, LabelledSet, require_unused, write_set
 from savmap.label.polygons import outlines
-from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
-from savmap.monitor import Monitor
+from savmap.label.worth import SeenView, chosen, descriptor, disagreement, ranks, seen_view, uncertainty
+from savmap.monitor import Monitor, Quiet
 from savmap.observe import PassAims, aim_pass, clip_of, pass_names
 from savmap.rooms import Room
 from savmap.stages.render import Renderer
@@ -40,8 +37,8 @@ class Candidate:
     recording: int
     spec: ViewSpec
     frame: int
-    doubt: float
-    looks: NDArray[np.float64]
+    uncertainty: float
+    descriptor: NDArray[np.float64]
     disagreement: float = 0.0
 
 
@@ -59,7 +56,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Watcher:
+class ViewPredictor:
     """Renders views and asks the plugin's network about them."""
 
     segmenter: Segmenter
@@ -74,28 +71,35 @@ class Watcher:
 
 
 def label(
-    source: Path, plugin: str | None, count: int, output: Path, overrides: Sequence[Override] = ()
-) -> Iterator[str]:
-    """Choose `count` views of a site's or a video's recordings and write them with outlines; yields lines for the user.
+    source: Path,
+    plugin: str | None,
+    count: int,
+    output: Path,
+    overrides: Sequence[Override] = (),
+    monitor: Monitor | None = None,
+) -> LabelledSet:
+    """Choose `count` views of a site's or a video's recordings and write them with outlines.
 
     Raises SiteError, VideoError, PluginError or ModelError for what cannot be used, StructureError where no view is found,
     OutputError where labels are in the folder already.
     """
+    monitor = monitor or Quiet()
     require_unused(output)
     job = job_for(source, None, output, overrides=overrides)
     name = plugin_of(job, source, plugin)
     job = replace(job, plugins=list(dict.fromkeys([*job.plugins, name])))
     require_footage(job)
     prepare(output)
-    with Console(Path(os.devnull)) as console:
-        recordings = aimed_recordings(job, name, count, console)
-        watchers, classes = watchers_of(recordings), recordings[0].room.classes
-        candidates = [
-            one for number, watcher in enumerate(watchers) for one in looked(number, recordings, watcher, console)
-        ]
-        picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, recordings), count)]
-        console.note(f"looked at {len(candidates)} views, chose {len(picked)}")
-        yield from write_set(output, classes, pictures(picked, recordings, watchers, console))
+    recordings = aimed_recordings(job, name, count, monitor)
+    predictors, classes = predictors_of(recordings), recordings[0].room.classes
+    candidates = [
+        candidate
+        for number, predictor in enumerate(predictors)
+        for candidate in candidates_of(number, recordings, predictor, monitor)
+    ]
+    picked = [candidates[index] for index in chosen(*worth_and_features(candidates, recordings), count)]
+    monitor.note(f"looked at {len(candidates)} views, chose {len(picked)}")
+    return write_set(output, classes, pictures(picked, recordings, predictors, monitor))
 
 
 def plugin_of(job: Job, source: Path, plugin: str | None) -> str:
@@ -138,70 +142,72 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
     return [replace(one, every=every) for one in found if one.specs]
 
 
-def watchers_of(recordings: Sequence[Recording]) -> list[Watcher]:
+def predictors_of(recordings: Sequence[Recording]) -> list[ViewPredictor]:
     """Each recording's: rows may have networks of their own. Recordings with one network share it."""
     eyes: dict[object, Eyes] = {}
     found = []
     for room in (one.room for one in recordings):
         network = room.model, tuple(sorted(room.class_names.items())), room.providers
         eyes[network] = eyes.get(network) or Eyes([room])
-        found.append(Watcher(eyes[network].networks[room.name], room.classes))
+        found.append(ViewPredictor(eyes[network].networks[room.name], room.classes))
     return found
 
 
-def looked(number: int, recordings: Sequence[Recording], watcher: Watcher, monitor: Monitor) -> Iterator[Candidate]:
+def candidates_of(
+    number: int, recordings: Sequence[Recording], predictor: ViewPredictor, monitor: Monitor
+) -> Iterator[Candidate]:
     """The views of a recording, with what the network makes of each and whether it changes its mind in the next frame."""
-    one = recordings[number]
-    before: dict[ViewSpec, tuple[Candidate, Look]] = {}
-    doing = f"row {one.row}, {one.aimed.name}: looking"
-    for panorama in monitor.each(panoramas(one.aimed.clip), doing, one.frames):
-        if panorama.frame % one.every > 1:
+    recording = recordings[number]
+    before: dict[ViewSpec, tuple[Candidate, SeenView]] = {}
+    doing = f"row {recording.row}, {recording.aimed.name}: looking"
+    for panorama in monitor.each(panoramas(recording.aimed.clip), doing, recording.frames):
+        if panorama.frame % recording.every > 1:
             continue
-        for spec in one.specs:
-            view = watcher.renderer.render(panorama, spec)
-            maps = watcher.maps(view)
-            look = look_of(view.image, maps)
+        for spec in recording.specs:
+            view = predictor.renderer.render(panorama, spec)
+            maps = predictor.maps(view)
+            seen = seen_view(view.image, maps)
             if spec in before:
                 candidate, earlier = before.pop(spec)
-                candidate.disagreement = disagreement(earlier, look)
+                candidate.disagreement = disagreement(earlier, seen)
                 yield candidate
-            if panorama.frame % one.every == 0:
-                looks = descriptor(view.image, maps)
-                before[spec] = Candidate(number, spec, panorama.frame, doubt(maps), looks), look
+            if panorama.frame % recording.every == 0:
+                shown = descriptor(view.image, maps)
+                before[spec] = Candidate(number, spec, panorama.frame, uncertainty(maps), shown), seen
     yield from (candidate for candidate, _ in before.values())
 
 
-def worth_and_looks(
+def worth_and_features(
     candidates: Sequence[Candidate], recordings: Sequence[Recording]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What each view promises (n,), 0..1, and what it looks like, with where and when it was taken (n, d)."""
-    unsure = np.array([one.doubt for one in candidates])
-    changed = np.array([one.disagreement for one in candidates])
-    times = np.array([[one.frame / recordings[one.recording].frames] for one in candidates])
-    known = list(dict.fromkeys((one.recording, one.spec) for one in candidates))
-    kinds = np.eye(len(known))[[known.index((one.recording, one.spec)) for one in candidates]]
-    looks = np.array([one.looks for one in candidates])
+    unsure = np.array([candidate.uncertainty for candidate in candidates])
+    changed = np.array([candidate.disagreement for candidate in candidates])
+    times = np.array([[candidate.frame / recordings[candidate.recording].frames] for candidate in candidates])
+    known = list(dict.fromkeys((candidate.recording, candidate.spec) for candidate in candidates))
+    kinds = np.eye(len(known))[[known.index((candidate.recording, candidate.spec)) for candidate in candidates]]
+    looks = np.array([candidate.descriptor for candidate in candidates])
     spread = max(float(np.sqrt(looks.var(axis=0).sum())), 1e-9)
     features = np.hstack([looks / spread, TIME_WEIGHT * times, PASS_WEIGHT * kinds])
     return (ranks(unsure) + ranks(changed)) / 2, features
 
 
 def pictures(
-    picked: Sequence[Candidate], recordings: Sequence[Recording], watchers: Sequence[Watcher], monitor: Monitor
+    picked: Sequence[Candidate], recordings: Sequence[Recording], predictors: Sequence[ViewPredictor], monitor: Monitor
 ) -> Iterator[LabelledPicture]:
     """The chosen views with the outlines that the network sees in them, in the order of the recordings; no two of one name."""
     names = set[str]()
-    for number, (one, watcher) in enumerate(zip(recordings, watchers, strict=True)):
+    for number, (recording, predictor) in enumerate(zip(recordings, predictors, strict=True)):
         wanted = {(candidate.frame, candidate.spec) for candidate in picked if candidate.recording == number}
         if not wanted:
             continue
-        doing = f"row {one.row}, {one.aimed.name}: writing"
-        for panorama in monitor.each(panoramas(one.aimed.clip), doing, one.frames):
-            for spec in (spec for spec in one.specs if (panorama.frame, spec) in wanted):
-                view = watcher.renderer.render(panorama, spec)
-                classes = watcher.maps(view).argmax(axis=0)
-                shapes = {name: outlines(classes == value) for value, name in enumerate(watcher.classes, start=1)}
-                plain = picture_name(one.row, spec.name, panorama.frame)
+        doing = f"row {recording.row}, {recording.aimed.name}: writing"
+        for panorama in monitor.each(panoramas(recording.aimed.clip), doing, recording.frames):
+            for spec in (spec for spec in recording.specs if (panorama.frame, spec) in wanted):
+                view = predictor.renderer.render(panorama, spec)
+                classes = predictor.maps(view).argmax(axis=0)
+                shapes = {name: outlines(classes == value) for value, name in enumerate(predictor.classes, start=1)}
+                plain = picture_name(recording.row, spec.name, panorama.frame)
                 name = next(name for more in numbers() if (name := "x-" * more + plain) not in names)
                 names.add(name)
                 yield LabelledPicture(name, view.image, shapes)

@@ -21,8 +21,8 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 from savmap.errors import ModelError, ending_in_one_line
 from savmap.io.files import write_bytes
 from savmap.stages.segment import Segmenter, network_input
-from savmap.train.dataset import Sample, split
-from savmap.train.sets import read_sets
+from savmap.train.data.dataset import Sample, split
+from savmap.train.data.sets import read_sets
 
 OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize", "DepthToSpace"]
 

@@ -22,8 +22,8 @@ from savmap.io.mapfile import write_map
 from savmap.job import LEAST_ROOM, prepare
 from savmap.report.plots import write_box_plot
 from savmap.runlog import RowRun, RunLog, write_log
-from savmap.sim.footage import encode
-from savmap.sim.scene import Cart
+from savmap.sim.render.panorama import encode
+from savmap.sim.scene.files import Cart
 from savmap.store import Store, locked
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 

@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from savmap.label.choose import chosen, ranks
-from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
+from savmap.label.worth import Look, chosen, descriptor, disagreement, doubt, look_of, ranks
 
 HEIGHT, WIDTH = 240, 320
 

@@ -16,7 +16,6 @@ import yaml
 from savmap.errors import OutputError
 from savmap.io.clip import Clip
 from savmap.job import Job
-from savmap.label.choose import chosen
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import filled
 from savmap.label.run import (
@@ -30,6 +29,7 @@ from savmap.label.run import (
     watchers_of,
     worth_and_looks,
 )
+from savmap.label.worth import chosen
 from savmap.monitor import Quiet
 from savmap.observe import PassAims
 from savmap.site import Pass, Row, Site

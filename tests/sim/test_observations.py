@@ -5,12 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from savmap.sim.build import Built, build
-from savmap.sim.camera import Drive, drive
-from savmap.sim.observations import MaskErrors, ObservedEdge, Truth, observe, strips
-from savmap.sim.optics import Optics
-from savmap.sim.scene import Cart, Scene
+from savmap.sim.drive.cart import Drive, drive
+from savmap.sim.drive.optics import Optics
+from savmap.sim.observations import MaskErrors, ObservedEdge
+from savmap.sim.scene.build import Built, build
+from savmap.sim.scene.files import Cart, Scene
 from savmap.types import ViewSpec
+from savmap_shelves.observed import Truth, observe, strips
 
 VIEW = ViewSpec("face", yaw_deg=-90.0, hfov_deg=120.0)
 EXACT = MaskErrors(sigma_px=0.0)

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap.sim.build import build
-from savmap.sim.camera import sample_camera
-from savmap.sim.dataset import CLASSES, random_place, view_mask
-from savmap.sim.primitives import FACES, Box, Material
-from savmap.sim.raycast import Caster
-from savmap.sim.scene import SceneError, SceneParts, Site
+from savmap.sim.dataset import view_mask
+from savmap.sim.drive.views import sample_camera
+from savmap.sim.random_scene import random_scene
+from savmap.sim.render.raycast import Caster
+from savmap.sim.scene.build import build
+from savmap.types.scenes import FACES, Box, Material, RandomSection, SceneError, SceneParts, Site
+
+CLASSES = ("upright", "beam", "light")
 
 
 def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
@@ -24,8 +26,8 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
     return SceneParts(boxes, {})
 
 
-def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
-    return {"x": [float(x) for x in np.arange(0.0, 12.0, 1.2) + rng.uniform(-0.1, 0.1, 10)]}
+def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection:
+    return RandomSection({"x": [float(x) for x in np.arange(0.0, 12.0, 1.2) + rng.uniform(-0.1, 0.1, 10)]})
 
 
 @pytest.fixture
@@ -36,23 +38,23 @@ def crates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "savmap_crates.scene", module)
 
 
-def test_a_random_place_has_them_and_their_class_comes_after_ours(crates: None) -> None:
-    built = build(random_place(3, ["crates"]))
+def test_a_random_scene_has_them_and_their_class_comes_after_ours(crates: None) -> None:
+    built = build(random_scene(3, ["crates"]))
     caster, rng = Caster(built.boxes), np.random.default_rng(0)
     cameras = [sample_camera(built, rng, "floor") for _ in range(6)]
-    masks = np.stack([view_mask(caster, camera, 64, 48, (*CLASSES, "crate")) for camera in cameras])
+    masks = np.stack([view_mask(caster, camera, (*CLASSES, "crate"), 64, 48) for camera in cameras])
     own = len(CLASSES) + 1
     assert (masks == own).mean() > 0.01
-    assert not (np.stack([view_mask(caster, camera, 64, 48) for camera in cameras]) == own).any()
+    assert not (np.stack([view_mask(caster, camera, CLASSES, 64, 48) for camera in cameras]) == own).any()
     assert all(camera.world_from_view[1, 2] < -0.4 for camera in cameras)
 
 
 def test_the_rest_of_the_place_stays_as_it_is(crates: None) -> None:
-    plain, more = random_place(3), random_place(3, ["crates"])
-    assert more.structures["crates"] == random_place(3, ["crates"]).structures["crates"]
+    plain, more = random_scene(3), random_scene(3, ["crates"])
+    assert more.structures["crates"] == random_scene(3, ["crates"]).structures["crates"]
     assert more.model_copy(update={"structures": plain.structures}) == plain
 
 
 def test_a_plugin_that_makes_up_no_places_is_named() -> None:
-    with pytest.raises(SceneError, match=r"--plugin nobody: no module savmap_nobody\.scene"):
-        random_place(3, ["nobody"])
+    with pytest.raises(SceneError, match=r"structures\.nobody: no installed plugin"):
+        random_scene(3, ["nobody"])

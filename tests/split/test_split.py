@@ -12,8 +12,8 @@ from drawn import Face, Woven, aisles, alongside, block, cart, pictures, recordi
 from savmap.cli import main
 from savmap.errors import OutputError, SiteError, StructureError, VideoError
 from savmap.io.sitefile import load_site
-from savmap.sim.camera import drive
-from savmap.sim.scene import Cart
+from savmap.sim.drive.cart import drive
+from savmap.sim.scene.files import Cart
 from savmap.split import PassFound, Settings, find, split
 from savmap.split.glances import Glance, sample_stamps
 from savmap.split.motion import motion_of

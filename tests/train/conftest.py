@@ -7,10 +7,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from savmap.train.plan import Task
 
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.train.task import Task
 
 ROOT = Path(__file__).parent.parent.parent
 MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}

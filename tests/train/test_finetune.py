@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from savmap.train.data.dataset import MaskFile, Sample, held_out
+from savmap.train.plan import Task, float_model, mapping_of, minutes_of
 
 from savmap.errors import ModelError, OutputError, SiteError
 from savmap.train import train
-from savmap.train.dataset import MaskFile, Sample, held_out
-from savmap.train.judge import Reliability, judge, judge_file
-from savmap.train.task import Task
-from savmap.training import float_model, mapping_of, minutes_of
+from savmap.train.measure import Reliability, judge, judge_file
 
 from .conftest import MODELS, write_dataset
 
@@ -54,7 +53,7 @@ def test_calibration_error_is_how_far_confidence_is_from_being_right() -> None:
 
 
 def test_a_perfect_and_an_empty_prediction(four_pictures: Path) -> None:
-    from savmap.train.sets import read_set
+    from savmap.train.data.sets import read_set
 
     samples = read_set(four_pictures, ["column", "crossbar"]).samples
     truths = iter([one.load()[1] for one in samples])
@@ -72,7 +71,7 @@ def test_a_perfect_and_an_empty_prediction(four_pictures: Path) -> None:
 
 
 def test_a_class_that_a_network_lacks_is_never_seen(four_pictures: Path) -> None:
-    from savmap.train.sets import read_set
+    from savmap.train.data.sets import read_set
 
     samples = read_set(four_pictures, ["column", "light"], {"crossbar": "light"}).samples[:1]
     assert judge_file(MODELS["lights"], samples, ["column", "light"]).iou["column"] == 0
@@ -124,7 +123,7 @@ class TestWithTorch:
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
         from savmap.stages.segment import Segmenter
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
         from savmap.train.trainer import predictor
 
         network, history = load_onnx(MODELS[name], classes)
@@ -135,14 +134,14 @@ class TestWithTorch:
     def test_other_classes_get_a_new_last_layer_alone(self) -> None:
         import torch
 
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
 
         one, other = load_onnx(MODELS["lights"], ["light"])[0], load_onnx(MODELS["lights"], ["a", "b"])[0]
         assert other.finish.logits.weight.shape[0] == 12
         assert torch.equal(one.context.near[0].weight, other.context.near[0].weight)
 
     def test_what_cannot_be_trained_on(self, tmp_path: Path) -> None:
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
 
         (tmp_path / "text.onnx").write_text("no model", encoding="utf-8")
         integers = MODELS["lights"].with_name("lights.int8.onnx")
@@ -157,7 +156,7 @@ class TestWithTorch:
     def test_temperature_makes_confidence_honest(self) -> None:
         import torch
 
-        from savmap.train.calibrate import softmax, temperature_for, with_temperature
+        from savmap.train.finetune import softmax, temperature_for, with_temperature
         from savmap.train.network import build
 
         generator = torch.Generator().manual_seed(0)
@@ -178,7 +177,7 @@ class TestWithTorch:
     def test_frozen_is_frozen(self) -> None:
         import torch
 
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
         from savmap.train.trainer import FINE_TUNING, Trainer
 
         network, _ = load_onnx(MODELS["lights"], ["light"])

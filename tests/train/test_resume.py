@@ -10,10 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from savmap.train.data.dataset import Sample
+from savmap.train.plan import Task
 
 from savmap.train import train
-from savmap.train.dataset import Sample
-from savmap.train.task import Task
 
 from .conftest import MODELS
 
@@ -51,9 +51,10 @@ def test_a_run_that_was_stopped_goes_on(task: Task, monkeypatch: pytest.MonkeyPa
 
 
 def test_other_data_begin_anew(task: Task) -> None:
+    from savmap.train.data.sets import read_set
+
+    from savmap.train.checkpoint import Resumption, run_print
     from savmap.train.loop import resumed
-    from savmap.train.resume import Resumption, run_print
-    from savmap.train.sets import read_set
     from savmap.train.trainer import FINE_TUNING
 
     def named(**mapping: str) -> Sequence[Sample]:
@@ -84,7 +85,7 @@ def test_other_data_begin_anew(task: Task) -> None:
 
 
 def test_corrected_outlines_begin_anew() -> None:
-    from savmap.train.shapes import Shapes
+    from savmap.train.data.shapes import Shapes
 
     square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
     first = Shapes(8, 8, [(1, [square])])

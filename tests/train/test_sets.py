@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from savmap.train.data.coco import mask_of, unpacked
+from savmap.train.data.dataset import IGNORE, group_of, held_out
+from savmap.train.data.sets import read_set, samples_of
 
 from savmap.errors import OutputError
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.train.dataset import IGNORE, group_of, held_out
-from savmap.train.runs import mask_of, unpacked
-from savmap.train.sets import read_set, samples_of
 
 from .conftest import edited, masks, write_dataset
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from savmap.train.plan import Task
 
 from savmap.errors import OutputError, SavmapError
 from savmap.train import check_extra, train
-from savmap.train.task import Task
 
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +65,7 @@ class TestWithTorch:
     def test_loss_does_not_prefer_wide_or_narrow_masks(self) -> None:
         import torch
 
-        from savmap.train.losses import edge_weights
+        from savmap.train.trainer import edge_weights
 
         labels = torch.zeros(1, 20, 30, dtype=torch.int64)
         labels[:, :, 15:] = 1

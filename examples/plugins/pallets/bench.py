@@ -17,7 +17,7 @@ from savmap.io.mapfile import read_map
 from savmap.io.survey import read_survey
 from savmap.job import job_for
 from savmap.mapping import Way
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap_pallets.evaluate import Match, matches
 from savmap_pallets.survey import read_row

@@ -1,15 +1,19 @@
-"""Features from simulated masks' edges, as boundary detection would give them from pictures: for tests without pixels.
+"""Simulated masks' edges of racks, and their features as boundary detection would give them from pictures: for tests without pixels.
 
 What is not in a picture is not redone here: masks become strips, and from there on the rules and the intersections are
 those of `boundaries.py`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from savmap.geometry.lines import Lines
-from savmap.sim.observations import ObservedEdge
+from savmap.sim.drive.cart import Drive
+from savmap.sim.drive.optics import Optics
+from savmap.sim.observations import MaskErrors, ObservedEdge, Strip, long_strip, observe_strips, tall_strip
+from savmap.sim.scene.build import Built, row_fronts
 from savmap.types import Feature, Floats, Ints, View, ViewSpec
 from savmap_shelves.boundaries import Frame, Separators, beam_features, sorted_beams, sorted_separators, upright_edges
 from savmap_shelves.boundary_settings import BoundarySettings
@@ -17,6 +21,47 @@ from savmap_shelves.merging import longest_only
 from savmap_shelves.strips import Bools, Strips
 
 SIGMA_PX = 0.7
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Which structure: its `label`, and its number, or its section and level in that; both count from 0."""
+
+    label: str
+    section: int
+    level: int = -1
+
+
+def strips(built: Built, row: str) -> list[Strip]:
+    """The fronts of a mapped row's uprights, left to right, then of its beams, by section from the bottom up."""
+    fronts = row_fronts(built, row)
+    uprights = sorted(
+        (front for front in fronts if front.label == "upright"), key=lambda front: (front.low, front.high)
+    )
+    starts = np.array([front.low[0] for front in uprights])
+    beams = sorted(
+        (int((starts < front.low[0]).sum()) - 1, front.low[1], front.low, front.high, front)
+        for front in fronts
+        if front.label == "beam"
+    )
+    sections = [section for section, *_ in beams]
+    return [tall_strip(front, Truth("upright", number)) for number, front in enumerate(uprights)] + [
+        long_strip(beam[-1], Truth("beam", beam[0], index - sections.index(beam[0])))
+        for index, beam in enumerate(beams)
+    ]
+
+
+def observe(
+    built: Built,
+    row: str,
+    path: Drive,
+    spec: ViewSpec,
+    errors: MaskErrors,
+    seed: int,
+    optics: Optics | None = None,
+) -> Iterator[list[ObservedEdge]]:
+    """The edges of a row's uprights and beams in every frame of a drive; see `savmap.sim.observations.observe_strips`."""
+    return observe_strips(strips(built, row), built.frames[row], path, spec, errors, seed, optics)
 
 
 def observed_features(

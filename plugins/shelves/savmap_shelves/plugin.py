@@ -84,6 +84,7 @@ class Shelves:
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     Config = Settings
+    furnishes = True
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 
@@ -163,3 +164,9 @@ class Shelves:
         from savmap_shelves.scene import scene
 
         return scene(section, rng, site)
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_shelves.random_racks import random_section
+
+        return random_section(rng, site, drawn)

@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.sim.primitives import Box, Material
-from savmap.sim.scene import Rgb
-from savmap.sim.shapes import span
+from savmap.types.scenes import Box, Material, Rgb, span
 from savmap_shelves.rack import Rack, top_of
 
 

@@ -10,9 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from savmap.sim.primitives import Box, Material
-from savmap.sim.scene import Hall, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, Support, validated
-from savmap.sim.shapes import span
+from savmap.types.scenes import (
+    Box,
+    Hall,
+    Material,
+    Rgb,
+    RowFrame,
+    RowSize,
+    SceneError,
+    SceneParts,
+    Site,
+    Strict,
+    Support,
+    span,
+    validated,
+)
 from savmap_shelves.rack import Bay, Rack, Texture, top_of, upright_starts
 from savmap_shelves.rack_extras import beam_labels, guard, sign
 
@@ -34,7 +46,17 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
         boxes += [_placed(box, frame) for box in _rack(rack, rng)]
         supports += _supports(rack, frame)
     survey = {name: survey_of(rack) for name, rack in racks.items() if site.frames[name].mapped}
-    return SceneParts(boxes, survey, supports)
+    references = {name: _references(entry) for name, entry in survey.items()}
+    return SceneParts(
+        boxes,
+        survey,
+        supports,
+        sizes={
+            name: RowSize(upright_starts(rack)[-1] + rack.upright_width, top_of(rack)) for name, rack in racks.items()
+        },
+        references=references,
+        site_rows={name: _site_row(known) for name, known in references.items()},
+    )
 
 
 def survey_of(rack: Rack) -> dict[str, Any]:
@@ -44,6 +66,26 @@ def survey_of(rack: Rack) -> dict[str, Any]:
         "uprights": [[x, x + rack.upright_width] for x in upright_starts(rack)],
         "sections": [{"beams": beams} for beams in sections],
     }
+
+
+def _references(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a user would measure of a row with a tape, as references.json has it."""
+    lowest = [section["beams"][0][0] if section["beams"] else None for section in entry["sections"]]
+    length = entry["uprights"][-1][1] - entry["uprights"][0][0]
+    return {
+        "lowest_beam_bottom_height_m": {"values": lowest, "sigma": 0.002},
+        "first_to_last_upright_outer_edges_m": {"value": round(length, 4), "sigma": 0.003},
+    }
+
+
+def _site_row(known: Mapping[str, Any]) -> dict[str, Any]:
+    """The same in the row's entry of a site file."""
+    lowest, length = known["lowest_beam_bottom_height_m"], known["first_to_last_upright_outer_edges_m"]
+    last = f"upright {len(lowest['values']) + 1} / right"
+    row: dict[str, Any] = {"references": {"lengths": [{"between": ["upright 1 / left", last], **length}]}}
+    if all(value is not None for value in lowest["values"]):
+        row["plugins"] = {"shelves": {"lowest_beam_bottom_height_m": lowest}}
+    return row
 
 
 def _beam_height(rack: Rack, bay: Bay) -> float:

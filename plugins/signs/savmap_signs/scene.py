@@ -6,8 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import Box, Face, Floats, Material
-from savmap.sim.scene import Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
+from savmap.types import Floats
+from savmap.types.scenes import Box, Face, Material, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
 from savmap_signs.artwork import Code, artwork
 
 Facing = Literal["+z", "+x", "-x", "x"]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from savmap.sim.build import build
-from savmap.sim.primitives import FACES, Box, Face, Material
-from savmap.sim.raycast import corners as face_corners
-from savmap.sim.scene import SceneError, parse_scene
-from savmap.sim.surfaces import surfaces_of
+from savmap.sim.render.raycast import corners as face_corners
+from savmap.sim.render.surfaces import surfaces_of
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import parse_scene
+from savmap.types.scenes import FACES, Box, Face, Material, SceneError
 from savmap_signs.scene import Plate, corners
 
 

@@ -8,10 +8,10 @@ import pytest
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.pinhole import project
 from savmap.graph import CameraHeight, References, gauge, merge, solve
-from savmap.sim.scene import Goods, Hall, Look, RowFrame, Site
 from savmap.stages.aim import LEVEL
 from savmap.stages.segment import Segmenter
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
+from savmap.types.scenes import Goods, Hall, Look, RowFrame, Site
 from savmap_pillars.plugin import Known, Pillars, Settings
 from savmap_pillars.scene import random_section
 
@@ -138,5 +138,6 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
 
 def test_a_random_place_has_some(plugin: Pillars) -> None:
     site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.zeros(3), True)})
-    section = random_section(np.random.default_rng(0), site)
-    assert 1 <= len(plugin.scene(section, np.random.default_rng(0), site).boxes) <= 4
+    section = random_section(np.random.default_rng(0), site, None)
+    assert section is not None
+    assert 1 <= len(plugin.scene(section.section, np.random.default_rng(0), site).boxes) <= 4
