@@ -21,6 +21,7 @@ from savmap.graph import Constraints, observe
 from savmap.hookspecs import hookimpl
 from savmap.report.drawing import Drawing
 from savmap.rooms import Room, room_of
+from savmap.sim.scene.build import random_section
 from savmap.types import (
     Aim,
     Detection,
@@ -35,7 +36,7 @@ from savmap.types import (
     View,
     ViewSpec,
 )
-from savmap.types.scenes import Goods, Hall, Look, SceneParts, Site
+from savmap.types.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
 
 HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
@@ -149,6 +150,17 @@ def ask_scene() -> dict[str, Any]:
     return given
 
 
+def ask_random_section() -> dict[str, Any]:
+    found = RandomSection({"x": 1.0})
+    room, given = asked("random_section", found)
+    rng, site = np.random.default_rng(0), Site(Hall(), Goods(), Look(), {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("savmap.sim.scene.build.installed", lambda: {"made_up": None})
+        patch.setattr("savmap.sim.scene.build.open_room", lambda *_: room)
+        assert random_section("made_up", rng, site, None) is found
+    return given
+
+
 def ask_exporters() -> dict[str, Any]:
     def write(site_map: SiteMap, path: Path) -> None: ...
 
@@ -177,6 +189,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "evaluate": ask_evaluate,
     "draw": ask_draw,
     "scene": ask_scene,
+    "random_section": ask_random_section,
     "exporters": ask_exporters,
     "register_commands": ask_register_commands,
 }

@@ -1,19 +1,22 @@
 """Labelled pictures of the structures of further plugins."""
 
 import sys
-from collections.abc import Mapping
-from types import ModuleType
+from collections.abc import Callable, Mapping
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from savmap.errors import PluginFailedError
 from savmap.sim.dataset import view_mask
 from savmap.sim.drive.views import sample_camera
 from savmap.sim.random_scene import random_scene
 from savmap.sim.render.raycast import Caster
 from savmap.sim.scene.build import build
-from savmap.types.scenes import FACES, Box, Material, RandomSection, SceneError, SceneParts, Site
+from savmap.sim.scene.build import random_section as ask_random_section
+from savmap.sim.scene.files import Scene
+from savmap.types.scenes import FACES, Box, Goods, Hall, Look, Material, RandomSection, SceneError, SceneParts, Site
 
 CLASSES = ("upright", "beam", "light")
 
@@ -58,3 +61,49 @@ def test_the_rest_of_the_place_stays_as_it_is(crates: None) -> None:
 def test_a_plugin_that_makes_up_no_places_is_named() -> None:
     with pytest.raises(SceneError, match=r"structures\.nobody: no installed plugin"):
         random_scene(3, ["nobody"])
+
+
+def test_a_plugin_is_told_how_long_the_rows_are_and_what_stands_in_them(scene_with: Callable[..., Scene]) -> None:
+    told: list[Site] = []
+
+    def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+        told.append(site)
+        return SceneParts([], {})
+
+    plain = scene_with()
+    with_crates = plain.model_copy(update={"structures": {**plain.structures, "crates": {}}})
+    built = build(with_crates, {"crates": scene})
+    (site,) = told
+    uprights = built.survey["rows"]["A"]["uprights"]
+    assert site.sizes["A"].length == pytest.approx(uprights[-1][1])
+    assert len([front for front in site.fronts["A"] if front.high[1] - front.low[1] > 2]) == len(uprights)
+    assert site.aisle == pytest.approx(2.4)
+
+
+def test_a_plugin_switches_off_and_adds_distractors(scene_with: Callable[..., Scene]) -> None:
+    box = Box(np.array([1.0, 0.1, 0.6]), np.full(3, 0.2), Material((0.5, 0.3, 0.1)), face_labels={"+z": "crate"})
+
+    def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+        return SceneParts([box], {}, distractors=[box], without=frozenset({"goods", "aisle_marking"}))
+
+    plain = scene_with(hall={"x": [-3.0, 7.0], "z": [-4.0, 5.0], "height": 4.5, "aisle_marking": True})
+    built = build(plain.model_copy(update={"structures": {**plain.structures, "crates": {}}}), {"crates": scene})
+    crates = [own for own in built.boxes if own.center is box.center]
+    assert [dict(own.face_labels) for own in crates] == [{"+z": "crate"}, {}]
+    paint = [own for own in built.boxes if own.size[1] == pytest.approx(0.002) and own.size[0] > 5]
+    assert not paint
+    assert any(own.size[1] == pytest.approx(0.002) and own.size[0] > 5 for own in build(plain).boxes)
+    cartons = [own.material.texture == "carton" for own in built.boxes]
+    assert not any(cartons)
+    assert any(own.material.texture == "carton" for own in build(plain).boxes)
+
+
+def test_an_answer_that_is_no_section_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = SimpleNamespace(ask=lambda *_, **__: {"x": []})
+    monkeypatch.setattr("savmap.sim.scene.build.installed", lambda: {"crates": None})
+    monkeypatch.setattr("savmap.sim.scene.build.open_room", lambda *_: room)
+    site = Site(Hall(), Goods(), Look(), {})
+    with pytest.raises(
+        PluginFailedError, match="plugin `crates` returned dict from `random_section`, not RandomSection"
+    ):
+        ask_random_section("crates", np.random.default_rng(0), site, None)

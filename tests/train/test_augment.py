@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from savmap.train.data.dataset import IGNORE
 
 from savmap.train.augment import CHANCES, Crop, augment, random_homography, recolour, turned_hue, warp
+from savmap.train.data.dataset import IGNORE
 
 from .conftest import bars
 

@@ -5,10 +5,10 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
-from savmap.train.data.dataset import IGNORE, Sample, class_lookup, group_of, read_dataset, sampling_weights, split
-from savmap.train.data.shapes import Shapes
 
 from savmap.errors import OutputError
+from savmap.train.data.dataset import IGNORE, Sample, class_lookup, group_of, read_dataset, sampling_weights, split
+from savmap.train.data.shapes import Shapes
 
 from .conftest import write_dataset
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from savmap.train.data.sets import read_set
 
 from savmap.errors import OutputError
+from savmap.train.data.sets import read_set
 
 from .conftest import edited
 
