@@ -18,7 +18,7 @@ def fill(supports: Sequence[Support], goods: Goods, rng: np.random.Generator) ->
     for support in supports:
         own = np.random.default_rng([seed, *_place(support)]) if goods.identical else rng
         density = goods.density * own.uniform(0.4, 1.4)
-        for box in _shelf_goods(support, goods, density, own):
+        for box in _goods_on(support, goods, density, own):
             frame = support.frame
             yield replace(box, center=frame.to_world(box.center), rotation=frame.world_from_row @ box.rotation)
 
@@ -28,7 +28,7 @@ def _place(support: Support) -> tuple[int, int]:
     return round(1000 * support.y), round(1000 * (support.x[1] - support.x[0]))
 
 
-def _shelf_goods(support: Support, goods: Goods, density: float, rng: np.random.Generator) -> Iterator[Box]:
+def _goods_on(support: Support, goods: Goods, density: float, rng: np.random.Generator) -> Iterator[Box]:
     room = support.headroom - 0.12
     if room < 0.15:
         return
