@@ -66,8 +66,8 @@ class ViewPredictor:
     def maps(self, view: View) -> NDArray[np.float32]:
         """Probabilities (1 + classes, h, w) of the plugin's classes, what is left being background."""
         maps = self.segmenter.probabilities(view.image)
-        own = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
-        return np.concatenate([np.clip(1 - own.sum(axis=0, keepdims=True), 0, 1), own])
+        known = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
+        return np.concatenate([np.clip(1 - known.sum(axis=0, keepdims=True), 0, 1), known])
 
 
 def label(
@@ -122,35 +122,35 @@ def require_footage(job: Job) -> None:
 def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> list[Recording]:
     """Every pass with the views that the plugin wants of it, if any. All plugins are asked, in their order: one may know where the face
     is, and another not. Raises StructureError where it wants none of any."""
-    renderer, found = Renderer(), list[Recording]()
+    renderer, recordings = Renderer(), list[Recording]()
     for row, content in job.site.rows.items():
         rooms = rooms_for(job, row)
         eyes = Eyes(rooms)
-        room = next(one for one in rooms if one.name == plugin)
-        for name, one in zip(pass_names(content.passes), content.passes, strict=True):
+        room = next(room for room in rooms if room.name == plugin)
+        for name, row_pass in zip(pass_names(content.passes), content.passes, strict=True):
             monitor.note(f"row {row}, {name}: aiming the views")
-            aimed, _ = aim_pass(name, one, rooms, eyes, renderer, None)
+            aimed, _ = aim_pass(name, row_pass, rooms, eyes, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
             frames = expected_frames(aimed.clip, probe(aimed.clip.path))
-            found.append(Recording(row, room, aimed, specs, frames))
-    total = sum(one.frames * len(one.specs) for one in found)
+            recordings.append(Recording(row, room, aimed, specs, frames))
+    total = sum(recording.frames * len(recording.specs) for recording in recordings)
     if total == 0:
         raise StructureError(
             f"{job.source}: `{plugin}` wants no views of it; aim them by hand (`views` in a site file)"
         )
     every = -(-total // max(LOOKED_AT_EACH * count, LEAST_LOOKED_AT))
-    return [replace(one, every=every) for one in found if one.specs]
+    return [replace(recording, every=every) for recording in recordings if recording.specs]
 
 
 def predictors_of(recordings: Sequence[Recording]) -> list[ViewPredictor]:
     """Each recording's: rows may have networks of their own. Recordings with one network share it."""
     eyes: dict[object, Eyes] = {}
-    found = []
-    for room in (one.room for one in recordings):
+    predictors = []
+    for room in (recording.room for recording in recordings):
         network = room.model, tuple(sorted(room.class_names.items())), room.providers
         eyes[network] = eyes.get(network) or Eyes([room])
-        found.append(ViewPredictor(eyes[network].networks[room.name], room.classes))
-    return found
+        predictors.append(ViewPredictor(eyes[network].networks[room.name], room.classes))
+    return predictors
 
 
 def candidates_of(

@@ -22,7 +22,8 @@ from savmap.io.images import write_picture
 from savmap.sim.drive.views import CameraSample, Kind, sample_camera, sought_labels, view_rays
 from savmap.sim.random_scene import classes_of, random_scene
 from savmap.sim.render.raycast import Caster, Hits
-from savmap.sim.render.shade import Image, Mask, Renderer, compressed, developed, different, metered, renderer
+from savmap.sim.render.shade import Image, Mask, Renderer, antialiased, developed, metered, renderer
+from savmap.sim.render.surfaces import Indices
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import Scene
 from savmap.types import Floats
@@ -31,7 +32,6 @@ from savmap.types.scenes import Look
 WIDTH, HEIGHT = 640, 480
 IGNORED = 255
 
-_SUBPIXELS = ((-0.25, -0.12), (0.12, -0.25), (0.25, 0.12), (-0.12, 0.25))
 _TOO_FAR_M = 14.0
 _VIEWS_A_SCENE = 4
 _CEILING_SHARE = 0.25
@@ -70,13 +70,11 @@ def view_picture(
     """A camera's picture (h, w, 3) and its classes (h, w), edges smoothed by four more rays a pixel."""
     width, height = size
     pixel_rad = 1 / focal_px(camera.hfov_deg, width)
-    color, hits = scene.radiance(camera.origin, _rays(camera, width, height), pixel_rad)
-    color = compressed(color)
-    edge = np.flatnonzero(different(hits, (height, width)))
-    samples = [_rays(camera, width, height, offset)[edge] for offset in _SUBPIXELS]
-    finer, _ = scene.radiance(camera.origin, np.concatenate(samples), pixel_rad / 2)
-    color[edge] = compressed(finer).reshape(len(_SUBPIXELS), -1, 3).mean(0)
-    linear = color.reshape(height, width, 3)
+
+    def rays_of(offset: tuple[float, float], chosen: Indices) -> Floats:
+        return _rays(camera, width, height, offset)[chosen]
+
+    linear, hits = antialiased(scene, camera.origin, rays_of, (height, width), pixel_rad)
     picture = developed(linear, metered(look, linear, float(rng.uniform(0.4, 1.0))), _vignette(width, height, rng), rng)
     return picture, _mask(scene.caster, hits, (height, width), classes)
 

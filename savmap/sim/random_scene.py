@@ -43,10 +43,10 @@ def random_scene(seed: int, plugins: Sequence[str] = ()) -> Scene:
         return scene
     site, sections = build(scene).site, {}
     for name in added:
-        found = random_section(name, np.random.default_rng([seed, 79, *name.encode()]), site, None)
-        if found is None:
+        section = random_section(name, np.random.default_rng([seed, 79, *name.encode()]), site, None)
+        if section is None:
             raise SceneError(f"--plugin {name}: its `random_section` makes up nothing for a random place")
-        sections[name] = found.section
+        sections[name] = section.section
     return scene.model_copy(update={"structures": {**scene.structures, **sections}})
 
 
@@ -89,9 +89,9 @@ def furnished(seed: int) -> FurnishedScene:
 
 def _answers(names: Sequence[str], rng: np.random.Generator, site: Site) -> Iterator[tuple[str, RandomSection]]:
     for name in names:
-        found = random_section(name, rng, site, None)
-        if found is not None:
-            yield name, found
+        section = random_section(name, rng, site, None)
+        if section is not None:
+            yield name, section
 
 
 def _chance(rng: np.random.Generator, share: float) -> bool:

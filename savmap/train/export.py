@@ -102,18 +102,18 @@ def load_onnx(path: Path, classes: Sequence[str]) -> tuple[SegmentationNetwork, 
     """
     model = _read(path)
     about = {entry.key: entry.value for entry in model.metadata_props}
-    found = {tensor.name.removeprefix(PREFIX): _tensor(tensor) for tensor in model.graph.initializer if tensor.dims}
+    weights = {tensor.name.removeprefix(PREFIX): _tensor(tensor) for tensor in model.graph.initializer if tensor.dims}
     network = build(len(classes), None)
     state = {name: value.clone() for name, value in network.state_dict().items()}
     same = about.get("savmap.classes") == json.dumps(list(classes))
     wanted = {name for name, _ in network.named_parameters() if same or not name.startswith(LAST_LAYER)}
     normalisations = _normalisations(network)
     for name in wanted - {part for layer in normalisations.values() for part in (f"{layer}.weight", f"{layer}.bias")}:
-        state[name] = _fitting(path, name, found, state[name])
+        state[name] = _fitting(path, name, weights, state[name])
     for convolution, normalisation in normalisations.items():
         layer = network.get_submodule(normalisation)
         assert isinstance(layer, nn.BatchNorm2d)
-        bias = _fitting(path, f"{convolution}.weight{BIAS}", found, state[f"{normalisation}.bias"])
+        bias = _fitting(path, f"{convolution}.weight{BIAS}", weights, state[f"{normalisation}.bias"])
         ones = torch.ones_like(bias)
         state |= {f"{normalisation}.weight": ones, f"{normalisation}.bias": bias}
         state |= {f"{normalisation}.running_mean": 0 * ones, f"{normalisation}.running_var": ones - layer.eps}
@@ -139,16 +139,16 @@ def _tensor(initializer: onnx.TensorProto) -> Tensor:
 
 def _normalisations(network: SegmentationNetwork) -> Mapping[str, str]:
     """Names of the convolutions that a normalisation follows, and of that."""
-    found = {}
+    names = {}
     for name, module in network.named_modules():
         if isinstance(module, nn.BatchNorm2d):
             parent, _, index = name.rpartition(".")
-            found[f"{parent}.{int(index) - 1}"] = name
-    return found
+            names[f"{parent}.{int(index) - 1}"] = name
+    return names
 
 
-def _fitting(path: Path, name: str, found: Mapping[str, Tensor], like: Tensor) -> Tensor:
-    value = found.get(name)
+def _fitting(path: Path, name: str, weights: Mapping[str, Tensor], like: Tensor) -> Tensor:
+    value = weights.get(name)
     if value is None or value.shape != like.shape or value.dtype != like.dtype:
         raise ModelError(f"{path}: has no weights `{name}` of size {'x'.join(map(str, like.shape))}; {ADVICE}")
     return value

@@ -99,7 +99,7 @@ def measured(plan: TrainingPlan, sets: Mapping[str, Sequence[Sample]], progress:
 def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequence[Sample]]:
     """The sets to be measured on by their names. Raises OutputError for one with pictures of `samples`, which are trained on, or two
     of one name."""
-    found: dict[str, Sequence[Sample]] = {}
+    tests: dict[str, Sequence[Sample]] = {}
     trained = {sample.image_digest for sample in samples}
     for source, dataset in zip(plan.held_out, read_sets(plan.held_out, plan.classes, plan.mapping), strict=True):
         name = set_name(dataset.folder)
@@ -109,10 +109,10 @@ def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequ
                 f"--held-out {source}: {known[0]} is also trained on, {len(known)} of {len(dataset.samples)} pictures in all; "
                 "give another set, or leave it out"
             )
-        if name in found or name == VALIDATION:
+        if name in tests or name == VALIDATION:
             raise OutputError(f"--held-out {source}: two sets would be called {name}; rename its folder")
-        found[name] = dataset.samples
-    return found
+        tests[name] = dataset.samples
+    return tests
 
 
 def calibration(
@@ -159,8 +159,8 @@ def temperature_for(logits: Tensor, labels: Tensor) -> float:
     def cost(log_temperature: float) -> float:
         return float(functional.cross_entropy(logits / float(np.exp(log_temperature)), labels))
 
-    found = minimize_scalar(cost, bounds=(np.log(LEAST), np.log(MOST)), method="bounded", options={"xatol": 1e-3})
-    return float(np.exp(found.x))
+    optimum = minimize_scalar(cost, bounds=(np.log(LEAST), np.log(MOST)), method="bounded", options={"xatol": 1e-3})
+    return float(np.exp(optimum.x))
 
 
 def with_temperature(network: SegmentationNetwork, temperature: float) -> SegmentationNetwork:

@@ -96,8 +96,8 @@ def edge_offsets(probability: Maps, truth: Bytes, value: int, limit: int = 2000)
     predicted_at = _outward_crossing(_profile(probability, points, normals))
     offsets = predicted_at - true_at
     sides = np.round(np.arctan2(normals[:, 1], normals[:, 0]) / (np.pi / 2)).astype(np.int64) % 4
-    found = np.isfinite(offsets)
-    return EdgeOffsets(offsets[found], sides[found])
+    measured = np.isfinite(offsets)
+    return EdgeOffsets(offsets[measured], sides[measured])
 
 
 def measure(predict: Predictor, samples: Iterable[Sample], classes: Sequence[str]) -> dict[str, Mapping[str, float]]:
@@ -108,8 +108,8 @@ def measure(predict: Predictor, samples: Iterable[Sample], classes: Sequence[str
         image, truth = sample.load()
         maps = predict(image)
         counts += intersection_and_union(np.argmax(maps, axis=0).astype(np.uint8), truth, len(classes))
-        for index, found in enumerate(edges):
-            found.append(edge_offsets(np.ascontiguousarray(maps[index + 1]), truth, index + 1))
+        for index, offsets in enumerate(edges):
+            offsets.append(edge_offsets(np.ascontiguousarray(maps[index + 1]), truth, index + 1))
     return {name: _class_result(counts[index], edges[index]) for index, name in enumerate(classes)}
 
 
@@ -188,7 +188,7 @@ def score_file(model: Path, samples: Sequence[Sample], classes: Sequence[str]) -
 
     def predict(image: NDArray[np.uint8]) -> NDArray[np.float32]:
         maps = segmenter.probabilities(image)
-        own = np.stack([maps[index] if index > 0 else np.zeros_like(maps[0]) for index in order])
-        return np.concatenate([1 - own.sum(axis=0, keepdims=True), own]).astype(np.float32)
+        known = np.stack([maps[index] if index > 0 else np.zeros_like(maps[0]) for index in order])
+        return np.concatenate([1 - known.sum(axis=0, keepdims=True), known]).astype(np.float32)
 
     return score_network(predict, samples, classes)

@@ -45,7 +45,7 @@ def quantise(model: Path, data: Sequence[Path], output: Path, count: int = 32, s
     Raises ModelError for a model that is none of savmap's, OutputError for a data set that cannot be read.
     """
     classes = Segmenter(model, providers=("cpu",)).classes
-    training = [one for dataset in read_sets(data, classes) for one in split(dataset.samples)[0]]
+    training = [sample for dataset in read_sets(data, classes) for sample in split(dataset.samples)[0]]
     write_quantised(model, training, output, count, seed)
 
 

@@ -101,12 +101,12 @@ def _in_cells(beams: Strips, separators: Separators) -> Strips:
 
 def _strips(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> Strips:
     """The masks of a class as strips: u along them, v across."""
-    own: dict[int, dict[str, Floats]] = {}
+    masks: dict[int, dict[str, Floats]] = {}
     for edge in edges:
         if edge.label == label:
-            own.setdefault(edge.instance, {})[edge.side] = edge.pixels
+            masks.setdefault(edge.instance, {})[edge.side] = edge.pixels
     sides = ("left", "right") if label == "upright" else ("upper", "lower")
-    ends = np.array([[mask[side] for side in sides] for mask in own.values()]).reshape(-1, 2, 2, 2)
+    ends = np.array([[mask[side] for side in sides] for mask in masks.values()]).reshape(-1, 2, 2, 2)
     ends = ends[..., ::-1] if label == "upright" else ends
     upper, lower = (_lines(ends[:, side], sigma_px) for side in (0, 1))
     first, last = np.fmin(upper.first, lower.first), np.fmax(upper.last, lower.last)

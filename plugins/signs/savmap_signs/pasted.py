@@ -93,10 +93,10 @@ def _outline(quad: Floats, shape: tuple[int, int]) -> NDArray[np.float32]:
 
 def pictures_of(folder: Path) -> list[Path]:
     """The pictures of a data set. Raises OutputError where there are none."""
-    found = sorted((folder / "images").glob("*"))
-    if not found:
+    pictures = sorted((folder / "images").glob("*"))
+    if not pictures:
         raise OutputError(f"{folder}: no pictures in its folder images; give a data set (see docs/training.md)")
-    return found
+    return pictures
 
 
 def samples(images: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:

@@ -64,8 +64,8 @@ def corners(plate: Plate, face: Face) -> Floats:
     right = np.cross([0.0, 1.0, 0.0], normal)
     middle = np.array(plate.at) + THICK_M / 2 * np.array(normal)
     spread = CORNERS * np.array(plate.size)
-    found: Floats = middle + spread[:, :1] * right + spread[:, 1:] * np.array([0.0, 1.0, 0.0])
-    return found
+    printed: Floats = middle + spread[:, :1] * right + spread[:, 1:] * np.array([0.0, 1.0, 0.0])
+    return printed
 
 
 def _boxes(plate: Plate, site: Site) -> Iterator[Box]:

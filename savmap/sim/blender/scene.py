@@ -16,7 +16,9 @@ from savmap.sim.blender.domain_randomization import domain_randomization
 from savmap.sim.blender.mesh import Mesh, Shader, join, meshes_by_shader
 from savmap.sim.blender.style import Lens, RenderStyle, Rng, area_lamps
 from savmap.sim.drive.views import CameraSample, Kind, sought_labels, view_rays
+from savmap.sim.render.raycast import TriangleCaster
 from savmap.sim.scene.build import Built
+from savmap.types import Floats
 
 IGNORED = 255
 _TOO_FAR_M = 14.0
@@ -77,46 +79,37 @@ class BlenderScene:
 
 
 class MaskCaster:
-    """Casts masks of a scene. Wire decks are left out: one sees through them. Raises SavmapError without embreex."""
+    """Casts masks of a scene. Wire decks are left out: the camera sees through them. Raises RayCasterMissingError without embreex."""
 
     def __init__(self, meshes: Mapping[Shader, Mesh], far_labels: Collection[int]) -> None:
-        try:
-            from embreex.mesh_construction import TriangleMesh
-            from embreex.rtcore_scene import EmbreeScene
-        except ImportError as error:
-            raise SavmapError("masks need the ray caster embreex: install the `sim` extra") from error
         solid = join([mesh for name, mesh in meshes.items() if name != "wire"])
         self._labels = np.append(solid.labels, np.uint8(0))
         self._far_labels = sorted(far_labels)
-        self._scene = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, solid.vertices[solid.triangles].astype(np.float32))
+        self._caster = TriangleCaster(solid.vertices[solid.triangles])
 
-    def cast(self, eye: CameraSample, width: int, height: int) -> tuple[Mask, NDArray[np.float64]]:
+    def cast(self, eye: CameraSample, width: int, height: int) -> tuple[Mask, Floats]:
         """The mask (height, width) and the distances (m, inf for nothing). Fronts beyond 14 m are 255: not to be judged.
 
         `far_labels`, given to the caster, are the classes that count at any distance.
         """
-        rays = (view_rays(width, height, eye.hfov_deg) @ eye.world_from_view.T).reshape(-1, 3).astype(np.float32)
-        origins = np.tile(eye.origin.astype(np.float32), (len(rays), 1))
-        answer = self._scene.run(origins, rays, query="INTERSECT", output=True)
-        hit = np.asarray(answer["primID"], dtype=np.int64)
-        distance = np.where(hit >= 0, np.asarray(answer["tfar"], dtype=np.float64), np.inf)
-        labels = self._labels[hit]
+        rays = (view_rays(width, height, eye.hfov_deg) @ eye.world_from_view.T).reshape(-1, 3)
+        triangle, distance = self._caster.first(eye.origin, rays)
+        labels = self._labels[triangle]
         labels[(labels > 0) & ~np.isin(labels, self._far_labels) & (distance > _TOO_FAR_M)] = IGNORED
         return labels.reshape(height, width), distance.reshape(height, width)
 
 
-def _shade(width: int, height: int, strength: float) -> NDArray[np.float64]:
+def _shade(width: int, height: int, strength: float) -> Floats:
     u, v = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
-    shade: NDArray[np.float64] = 1 - strength * (u**2 + v**2) / 2
+    shade: Floats = 1 - strength * (u**2 + v**2) / 2
     return shade[..., None]
 
 
-def _grain(shape: tuple[int, int], strength: float, rng: Rng) -> NDArray[np.float64]:
+def _grain(shape: tuple[int, int], strength: float, rng: Rng) -> Floats:
     """Noise in 0..255 units, partly the same in all channels, partly two pixels wide as after demosaicing."""
     fine = rng.normal(0, 1, (*shape, 3))
     coarse = cv2.resize(rng.normal(0, 1, ((shape[0] + 1) // 2, (shape[1] + 1) // 2, 3)), shape[::-1])
-    grain: NDArray[np.float64] = 14 * strength * (0.5 * fine + 0.5 * coarse + 0.5 * fine[..., :1])
+    grain: Floats = 14 * strength * (0.5 * fine + 0.5 * coarse + 0.5 * fine[..., :1])
     return grain
 
 

@@ -57,14 +57,14 @@ def seen_edges(
     inside = (pixels[:, 0] > -0.5) & (pixels[:, 1] > -0.5) & (pixels[:, 0] < size[0]) & (pixels[:, 1] < size[1])
     shape = points.shape[:3]
     pairs = zip(pixels.reshape(*shape, 2), inside.reshape(shape), strict=True)
-    return [_lines(own, shown) for own, shown in pairs]
+    return [_lines(edges_px, shown) for edges_px, shown in pairs]
 
 
 def _lines(pixels: Floats, shown: NDArray[np.bool_]) -> Floats | None:
     """Two lines' ends (2, 2, 2) from their pixels (2, n, 2)."""
     if shown.sum(axis=1).min() < 2:
         return None
-    lines = np.array([_line(own[inside]) for own, inside in zip(pixels, shown, strict=True)])
+    lines = np.array([_line(edge[inside]) for edge, inside in zip(pixels, shown, strict=True)])
     return lines if np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).min() > _LEAST_PX else None
 
 

@@ -35,27 +35,27 @@ def true_passes(built: Built, path: Drive) -> list[TruePass]:
     travel = _travel(path)
     beside = {name: _beside(built, name, path, travel) for name in (mapped_rows(built) if built.boxes else [])}
     on = np.any([np.abs(hand) > 0 for hand in beside.values()], axis=0) if beside else np.zeros(len(travel), bool)
-    found = []
+    passes = []
     for first, last in _stretches(on, travel):
         hands = {name: np.sign(hand[first : last + 1].sum()) for name, hand in beside.items()}
         left, right = (tuple(name for name, hand in hands.items() if hand == side) for side in (-1, 1))
         ahead = travel[first : last + 1].mean(axis=0)
         angle = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
-        found.append(TruePass(float(path.stamps_s[first]), float(path.stamps_s[last]), angle, left, right))
-    return [one for one in found if one.end_s - one.start_s >= _SHORTEST_S]
+        passes.append(TruePass(float(path.stamps_s[first]), float(path.stamps_s[last]), angle, left, right))
+    return [true_pass for true_pass in passes if true_pass.end_s - true_pass.start_s >= _SHORTEST_S]
 
 
-def passes_file(found: list[TruePass]) -> dict[str, Any]:
+def passes_file(passes: list[TruePass]) -> dict[str, Any]:
     """The content of passes.json."""
     rows = [
         {
-            "start_s": round(one.start_s, 3),
-            "end_s": round(one.end_s, 3),
-            "travel_deg": round(one.travel_deg, 1),
-            "left": list(one.left),
-            "right": list(one.right),
+            "start_s": round(true_pass.start_s, 3),
+            "end_s": round(true_pass.end_s, 3),
+            "travel_deg": round(true_pass.travel_deg, 1),
+            "left": list(true_pass.left),
+            "right": list(true_pass.right),
         }
-        for one in found
+        for true_pass in passes
     ]
     return {"format": "savmap-passes", "version": 1, "passes": rows}
 
@@ -89,10 +89,10 @@ def _beside(built: Built, name: str, path: Drive, travel: Floats) -> Floats:
 
 def _stretches(on: np.ndarray[Any, np.dtype[np.bool_]], travel: Floats) -> list[tuple[int, int]]:
     """First and last frames of stretches alongside rows, joined over gaps without a turn."""
-    found: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     for index in np.flatnonzero(on).tolist():
-        if found and (travel[found[-1][1] : index + 1] @ travel[found[-1][1]] > _ALIKE).all():
-            found[-1] = found[-1][0], index
+        if stretches and (travel[stretches[-1][1] : index + 1] @ travel[stretches[-1][1]] > _ALIKE).all():
+            stretches[-1] = stretches[-1][0], index
         else:
-            found.append((index, index))
-    return found
+            stretches.append((index, index))
+    return stretches

@@ -160,14 +160,14 @@ def _smoothed(flat: Lightmap, light: Singles) -> Singles:
 
 def _gather(direct: Lightmap, caster: Caster, surfaces: Surfaces, texels: _Texels, rng: np.random.Generator) -> Indices:
     """The texels that _GATHERED cosine-distributed rays from every texel see: (n, _GATHERED), -1 for far or none."""
-    found = []
+    texels_seen = []
     for chunk in _chunks(len(texels.point)):
         face = texels.face[chunk]
         axes = np.stack([surfaces.along[face], surfaces.aside[face], surfaces.normal[face]], axis=1)
         rays = np.einsum("nki,nij->nkj", _cosine_rays(len(chunk), rng), axes).reshape(-1, 3)
         hits = caster.cast(texels.point[chunk].repeat(_GATHERED, axis=0), rays)
-        found.append(_texel_of(direct, surfaces, hits).reshape(-1, _GATHERED))
-    return np.concatenate(found)
+        texels_seen.append(_texel_of(direct, surfaces, hits).reshape(-1, _GATHERED))
+    return np.concatenate(texels_seen)
 
 
 def _cosine_rays(count: int, rng: np.random.Generator) -> Floats:

@@ -12,13 +12,12 @@ import numpy as np
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.sim.drive.cart import Drive
-from savmap.sim.render.shade import Image, Mask, Renderer, compressed, developed, different, metered
-from savmap.sim.render.surfaces import Singles
+from savmap.sim.render.shade import Image, Mask, Renderer, antialiased, developed, metered
+from savmap.sim.render.surfaces import Indices, Singles
 from savmap.sim.scene.files import Cart
 from savmap.types import Floats, ViewSpec
 from savmap.types.scenes import Look
 
-_SUBPIXELS = ((-0.25, -0.12), (0.12, -0.25), (0.25, 0.12), (-0.12, 0.25))
 _BAND_PIXELS = 250_000
 _METERING_HEIGHT = 64
 _QUALITY = {"crf": "18", "preset": "fast"}
@@ -41,24 +40,18 @@ def linear_bands(scene: Renderer, origin: Floats, world_from_rig: Floats, height
 
 
 def _band(scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, rows: tuple[int, int]) -> Singles:
+    """The rows `rows`, seen with their neighbours so that edges between bands are found."""
     first, last = max(rows[0] - 1, 0), min(rows[1] + 1, height)
     u, v = np.meshgrid(np.arange(2 * height), np.arange(first, last))
     pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)
-    color, hits = scene.radiance(origin, _rays(pixels, height, world_from_rig), np.pi / height)
-    color = compressed(color)
-    edge = different(hits, (last - first, 2 * height), wrap=True)
-    edge[: rows[0] - first] = False
-    edge[rows[1] - first :] = False
-    chosen = np.flatnonzero(edge)
-    finer = np.concatenate([_rays(pixels[chosen] + offset, height, world_from_rig) for offset in _SUBPIXELS])
-    samples, _ = scene.radiance(origin, finer, np.pi / height / 2)
-    color[chosen] = compressed(samples).reshape(len(_SUBPIXELS), -1, 3).mean(0)
-    return color.reshape(last - first, 2 * height, 3)[rows[0] - first : rows[1] - first]
 
+    def rays_of(offset: tuple[float, float], chosen: Indices) -> Floats:
+        world: Floats = rays_from_panorama_pixels(pixels[chosen] + offset, height) @ world_from_rig.T
+        return world
 
-def _rays(pixels: Floats, height: int, world_from_rig: Floats) -> Floats:
-    world: Floats = rays_from_panorama_pixels(pixels, height) @ world_from_rig.T
-    return world
+    inside = slice(rows[0] - first, rows[1] - first)
+    band, _ = antialiased(scene, origin, rays_of, (last - first, 2 * height), np.pi / height, inside, wrap=True)
+    return band[inside]
 
 
 def view_classes(

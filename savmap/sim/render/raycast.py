@@ -64,27 +64,48 @@ def _embree() -> tuple[Any, Any]:
     return scene.EmbreeScene, mesh.TriangleMesh
 
 
-class Caster:
-    """Casts rays at a fixed list of boxes. Queries do not change it. Raises RayCasterMissingError without embreex."""
+class TriangleCaster:
+    """Casts rays at triangles (n, 3, 3). Queries do not change it. Raises RayCasterMissingError without embreex."""
+
+    def __init__(self, triangles: Floats) -> None:
+        scene_type, mesh_type = _embree()
+        self._scene = scene_type()
+        self._mesh = mesh_type(self._scene, triangles.astype(np.float32))
+
+    def first(self, origin: Floats, directions: Floats) -> tuple[Ints, Floats]:
+        """The triangles (n,) that rays from `origin` (3,) or (n, 3) along unit `directions` (n, 3) hit first, -1 for none, and
+        their distances (n,) m, infinite for none."""
+        answer = self._run(origin, directions, output=True, query="INTERSECT")
+        triangle = np.asarray(answer["primID"], dtype=np.int64)
+        return triangle, np.where(triangle >= 0, np.asarray(answer["tfar"], dtype=np.float64), np.inf)
+
+    def blocked(self, origin: Floats, directions: Floats, reach: Floats) -> NDArray[np.bool_]:
+        """Whether anything is in the way from `origin` (n, 3) along unit `directions` (n, 3) up to `reach` (n,) m."""
+        answer = self._run(origin, directions, dists=np.asarray(reach, dtype=np.float32), query="OCCLUDED")
+        hit: NDArray[np.bool_] = np.asarray(answer) != -1
+        return hit
+
+    def _run(self, origin: Floats, directions: Floats, **query: Any) -> Any:
+        origins = np.ascontiguousarray(np.broadcast_to(origin, directions.shape), dtype=np.float32)
+        return self._scene.run(origins, np.ascontiguousarray(directions, dtype=np.float32), **query)
+
+
+class Caster(TriangleCaster):
+    """Casts rays at a fixed list of boxes. Raises RayCasterMissingError without embreex."""
 
     def __init__(self, boxes: Sequence[Box]) -> None:
-        scene_type, mesh_type = _embree()
         self.boxes = list(boxes)
         self._normals = np.array([_NORMALS @ box.rotation.T for box in boxes]).reshape(-1, 3)
-        triangles = np.array([corners(box)[:, _TRIANGLES] for box in boxes], dtype=np.float32)
-        self._scene = scene_type()
-        self._mesh = mesh_type(self._scene, triangles.reshape(-1, 3, 3))
+        super().__init__(np.array([corners(box)[:, _TRIANGLES] for box in boxes]).reshape(-1, 3, 3))
 
     def __reduce__(self) -> tuple[type["Caster"], tuple[list[Box]]]:
         return Caster, (self.boxes,)
 
     def cast(self, origin: Floats, directions: Floats) -> Hits:
         """First hits of rays from `origin` (3,) or (n, 3) along unit `directions` (n, 3); misses are infinitely far."""
-        answer = self._run(origin, directions, "INTERSECT", None)
-        primitive = np.asarray(answer["primID"], dtype=np.int64)
-        hit = primitive >= 0
-        side = np.where(hit, primitive // 2, 0)
-        distance = np.where(hit, np.asarray(answer["tfar"], dtype=np.float64), np.inf)
+        triangle, distance = self.first(origin, directions)
+        hit = triangle >= 0
+        side = np.where(hit, triangle // 2, 0)
         return Hits(
             box=np.where(hit, side // 6, -1),
             face=np.where(hit, side % 6, -1),
@@ -93,12 +114,6 @@ class Caster:
             normal=self._normals.take(side, axis=0) * hit[:, None],
         )
 
-    def blocked(self, origin: Floats, directions: Floats, reach: Floats) -> NDArray[np.bool_]:
-        """Whether anything is in the way from `origin` (n, 3) along unit `directions` (n, 3) up to `reach` (n,) m."""
-        answer = self._run(origin, directions, "OCCLUDED", reach)
-        found: NDArray[np.bool_] = np.asarray(answer) != -1
-        return found
-
     def labels(self, hits: Hits, classes: Sequence[str]) -> NDArray[np.uint8]:
         """The class of every hit: 0 for the background, k for classes[k - 1]."""
         table = np.zeros((len(self.boxes) + 1, len(FACES)), dtype=np.uint8)
@@ -106,10 +121,3 @@ class Caster:
             for face, name in box.face_labels.items():
                 table[index, FACES.index(face)] = classes.index(name) + 1 if name in classes else 0
         return table[hits.box, hits.face]
-
-    def _run(self, origin: Floats, directions: Floats, query: str, reach: Floats | None) -> Any:
-        origins = np.ascontiguousarray(np.broadcast_to(origin, directions.shape), dtype=np.float32)
-        towards = np.ascontiguousarray(directions, dtype=np.float32)
-        if query == "INTERSECT":
-            return self._scene.run(origins, towards, query=query, output=True)
-        return self._scene.run(origins, towards, dists=np.asarray(reach, dtype=np.float32), query=query)

@@ -1,5 +1,6 @@
 """Pictures of a built scene: rays are cast, painted and lit; more rays are cast where neighbouring pixels differ."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from savmap.types.scenes import Look
 Image = NDArray[np.uint8]
 Mask = NDArray[np.uint8]
 
+_SUBPIXELS = ((-0.25, -0.12), (0.12, -0.25), (0.25, 0.12), (-0.12, 0.25))
 _WHITE_AT = 0.62
 _GREY = 0.4
 
@@ -67,6 +69,30 @@ def renderer(built: Built) -> Renderer:
     look = built.scene.look
     light = bake(caster, surfaces, look.texel, look.ambient, np.array(look.light_color), built.scene.seed)
     return Renderer(built, caster, surfaces, light)
+
+
+def antialiased(
+    scene: Renderer,
+    origin: Floats,
+    rays_of: Callable[[tuple[float, float], Indices], Floats],
+    shape: tuple[int, int],
+    pixel_rad: float,
+    inside: slice = slice(None),
+    wrap: bool = False,
+) -> tuple[Singles, Hits]:
+    """Bounded radiance (h, w, 3), edges smoothed by four more rays a pixel, and what the pixels' centres hit.
+
+    `rays_of` gives the world rays (n, 3) of pixels (n,), moved by an offset in pixels; only the rows `inside` are smoothed.
+    """
+    pixels = np.arange(shape[0] * shape[1])
+    color, hits = scene.radiance(origin, rays_of((0.0, 0.0), pixels), pixel_rad)
+    color = compressed(color)
+    edge = np.zeros(shape, dtype=bool)
+    edge[inside] = different(hits, shape, wrap)[inside]
+    chosen = np.flatnonzero(edge)
+    finer, _ = scene.radiance(origin, np.concatenate([rays_of(step, chosen) for step in _SUBPIXELS]), pixel_rad / 2)
+    color[chosen] = compressed(finer).reshape(len(_SUBPIXELS), -1, 3).mean(0)
+    return color.reshape(*shape, 3), hits
 
 
 def different(hits: Hits, shape: tuple[int, int], wrap: bool = False) -> NDArray[np.bool_]:

@@ -44,16 +44,16 @@ class Print:
         right, up = (place[:, ::-1] if self.swapped else place).T
         level = np.round(np.log2(np.maximum(footprint * (self.levels[0].shape[1] / self.size[0]), 1.0)))
         level = np.minimum(level.astype(np.int64), len(self.levels) - 1)
-        found = np.empty((len(place), 3), np.float32)
+        colors = np.empty((len(place), 3), np.float32)
         for index in np.unique(level):
-            own, picture = level == index, self.levels[index]
-            u = (right[own] / self.size[0] * picture.shape[1] - 0.5).astype(np.float32)
-            v = ((1 - up[own] / self.size[1]) * picture.shape[0] - 0.5).astype(np.float32)
+            chosen, picture = level == index, self.levels[index]
+            u = (right[chosen] / self.size[0] * picture.shape[1] - 0.5).astype(np.float32)
+            v = ((1 - up[chosen] / self.size[1]) * picture.shape[0] - 0.5).astype(np.float32)
             for part in range(0, len(u), 30000):
                 at = slice(part, part + 30000)
                 seen = cv2.remap(picture, u[at, None], v[at, None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-                found[np.flatnonzero(own)[at]] = seen[:, 0]
-        return found
+                colors[np.flatnonzero(chosen)[at]] = seen[:, 0]
+        return colors
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,8 @@ class Prints:
             return
         printed = np.flatnonzero(np.isin(face, self.numbers))
         for number in np.unique(face[printed]).tolist():
-            own = printed[face[printed] == number]
-            color[own] = self.by_face[number].colors(place[own], footprint[own])
+            chosen = printed[face[printed] == number]
+            color[chosen] = self.by_face[number].colors(place[chosen], footprint[chosen])
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,13 +165,13 @@ def _offset(seed: int) -> tuple[float, float]:
 
 def prints_of(boxes: Sequence[Box], swapped: NDArray[np.bool_]) -> Prints:
     """The printed faces; `swapped` (f,): faces whose place is given along their second side, upwards, first."""
-    found: dict[int, Print] = {}
+    by_face: dict[int, Print] = {}
     for index, box in enumerate(boxes):
         for face, picture in box.prints.items():
             number = 6 * index + FACES.index(face)
             size = float(box.size[_ACROSS[face]]), float(box.size[1])
-            found[number] = Print(_levels(picture), size, bool(swapped[number]))
-    return Prints(found, np.array(sorted(found), np.int64))
+            by_face[number] = Print(_levels(picture), size, bool(swapped[number]))
+    return Prints(by_face, np.array(sorted(by_face), np.int64))
 
 
 def _levels(picture: NDArray[np.uint8]) -> tuple[Singles, ...]:

@@ -16,9 +16,9 @@ def fill(supports: Sequence[Support], goods: Goods, rng: np.random.Generator) ->
     """Boxes of goods on all supports, in the world. Identical goods: the same on every support of a height and width."""
     seed = int(rng.integers(1 << 30)) if goods.identical else 0
     for support in supports:
-        own = np.random.default_rng([seed, *_place(support)]) if goods.identical else rng
-        density = goods.density * own.uniform(0.4, 1.4)
-        for box in _goods_on(support, goods, density, own):
+        support_rng = np.random.default_rng([seed, *_place(support)]) if goods.identical else rng
+        density = goods.density * support_rng.uniform(0.4, 1.4)
+        for box in _goods_on(support, goods, density, support_rng):
             frame = support.frame
             yield replace(box, center=frame.to_world(box.center), rotation=frame.world_from_row @ box.rotation)
 

@@ -43,15 +43,15 @@ def read_set(source: Path, classes: Sequence[str], mapping: Mapping[str, str] = 
     corrected in one of them, and the others are out of date."""
     if not source.exists():
         raise OutputError(f"{source}: no such file or folder; give {KINDS} (see docs/training.md)")
-    found = dict(sets_in(source)) if source.is_dir() else {source: reader_of(source)}
-    if not found:
+    readers = dict(sets_in(source)) if source.is_dir() else {source: reader_of(source)}
+    if not readers:
         raise OutputError(f"{source}: no {HEADER}, nor labels of another kind; give {KINDS} (see docs/training.md)")
-    if len(found) > 1:
-        names = ", ".join("LabelMe's files" if one == source else str(one) for one in found)
+    if len(readers) > 1:
+        names = ", ".join("LabelMe's files" if path == source else str(path) for path in readers)
         raise OutputError(
             f"{source}: holds labels of several kinds ({names}); give one of them, or move the others away"
         )
-    (read,) = found.values()
+    (read,) = readers.values()
     return read(classes, mapping)
 
 

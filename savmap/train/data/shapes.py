@@ -110,12 +110,18 @@ def picture_file(path: Path, name: str) -> Path:
     subset = path.stem.removeprefix("instances_")
     bases = (path.parent, path.parent.parent)
     folders = [base / inner for base in bases for inner in (".", "images", f"images/{subset}", subset)]
-    found = next(
-        (file for one in (name, Path(name).name) for folder in folders if (file := folder / one).is_file()), None
+    file = next(
+        (
+            candidate
+            for relative in (name, Path(name).name)
+            for folder in folders
+            if (candidate := folder / relative).is_file()
+        ),
+        None,
     )
-    if found is None:
+    if file is None:
         raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/; put the pictures there")
-    return found
+    return file
 
 
 def sample_in(

@@ -28,7 +28,7 @@ class Yolo(BaseModel):
     def places(self) -> list[str]:
         """Where pictures are, each once."""
         given = [part for part in (self.train, self.val, self.test) if part]
-        return list(dict.fromkeys(one for part in given for one in ([part] if isinstance(part, str) else part)))
+        return list(dict.fromkeys(place for part in given for place in ([part] if isinstance(part, str) else part)))
 
 
 def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
@@ -50,16 +50,16 @@ def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapp
 def pictures_at(path: Path, base: str, place: str) -> Iterator[Path]:
     """The pictures of a folder that data.yaml names, or of a list of files. Raises OutputError where there is neither."""
     tried = [path.parent / base / place, path.parent / place, path.parent / place.removeprefix("../")]
-    found = next((one for one in tried if one.exists()), None)
-    if found is None:
+    source = next((candidate for candidate in tried if candidate.exists()), None)
+    if source is None:
         raise OutputError(f"{path}: there is no {place} beside it; put the pictures there, or correct the file")
-    if found.is_dir():
-        yield from (file for file in sorted(found.iterdir()) if file.suffix.lower() in SUFFIXES)
+    if source.is_dir():
+        yield from (file for file in sorted(source.iterdir()) if file.suffix.lower() in SUFFIXES)
         return
-    for line in filter(None, map(str.strip, read_text(found).splitlines())):
-        if not (found.parent / line).is_file():
-            raise OutputError(f"{found}: there is no picture {line}")
-        yield found.parent / line
+    for line in filter(None, map(str.strip, read_text(source).splitlines())):
+        if not (source.parent / line).is_file():
+            raise OutputError(f"{source}: there is no picture {line}")
+        yield source.parent / line
 
 
 def labels_file(picture: Path) -> Path:
@@ -88,7 +88,7 @@ def regions_of(labels: Path, size: tuple[int, int], values: Mapping[int, int]) -
         where = f"{labels}:{number}"
         try:
             kind, *numbers = line.split()
-            label, shares = int(kind), [float(one) for one in numbers]
+            label, shares = int(kind), [float(text) for text in numbers]
         except ValueError:
             raise OutputError(f"{where}: a class's number and corners are expected, not `{line[:40]}`") from None
         if label not in values:

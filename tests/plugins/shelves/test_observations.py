@@ -1,6 +1,7 @@
 """Observations without pixels: exact where nothing is spoilt, and spoilt as often as asked for."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,12 +10,38 @@ from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.drive.optics import Optics
 from savmap.sim.observations import MaskErrors, ObservedEdge
 from savmap.sim.scene.build import Built, build
-from savmap.sim.scene.files import Cart, Scene
+from savmap.sim.scene.files import Cart, Scene, parse_scene
 from savmap.types import ViewSpec
 from savmap_shelves.observed import Truth, observe, strips
 
 VIEW = ViewSpec("face", yaw_deg=-90.0, hfov_deg=120.0)
 EXACT = MaskErrors(sigma_px=0.0)
+BAYS = [{"width": 2.0, "beams": [0.2, 1.2, 2.2]}, {"width": 1.5, "beams": [1.8, 2.4]}]
+
+
+def small_scene(**changes: Any) -> Scene:
+    """Two sections with a tunnel, a row across and a row behind."""
+    content: dict[str, Any] = {
+        "seed": 3,
+        "hall": {"x": [-3.0, 7.0], "z": [-4.0, 5.0], "height": 4.5},
+        "rows": {
+            "A": {"x": 0.0, "z": 0.0},
+            "B": {"x": 3.8, "z": 2.4, "facing": "-z"},
+            "C": {"x": 3.8, "z": -2.3, "facing": "-z", "mapped": False},
+        },
+        "structures": {"shelves": {"rows": {name: {"bays": BAYS, "height": 3.0, "setback": 0.005} for name in "ABC"}}},
+    }
+    return parse_scene({**content, **changes})
+
+
+@pytest.fixture(scope="module")
+def scene_with() -> Callable[..., Scene]:
+    return small_scene
+
+
+@pytest.fixture(scope="module")
+def built() -> Built:
+    return build(small_scene())
 
 
 @pytest.fixture(scope="module")
