@@ -23,7 +23,7 @@ COCO, YOLO, IMAGES, LABELS = "coco.json", "data.yaml", "images", "labels"
 QUALITY = 95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelledPicture:
     """A picture (h, w, 3) uint8 RGB with the polygons of each class."""
 

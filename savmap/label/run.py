@@ -30,7 +30,7 @@ LEAST_LOOKED_AT = 60
 TIME_WEIGHT, PASS_WEIGHT = 1.0, 0.3
 
 
-@dataclass
+@dataclass(eq=False)
 class Candidate:
     """A view that might be labelled: of which recording and frame, how unsure the network is of it, what it looks like."""
 
@@ -42,7 +42,7 @@ class Candidate:
     disagreement: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """A pass with the views of it that the plugin, in its row's room, wants; every `every`-th frame is looked at, and the one after
     it."""
@@ -55,7 +55,7 @@ class Recording:
     every: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ViewPredictor:
     """Renders views and asks the plugin's network about them."""
 

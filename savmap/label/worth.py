@@ -21,7 +21,7 @@ LEAST_WORTH = 0.25
 GRID, THUMBNAIL = (4, 3), (8, 6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SeenView:
     """What the network made of a view: its classes and brightness, at (240, 320)."""
 

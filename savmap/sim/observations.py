@@ -23,7 +23,7 @@ _NEAREST_M = 0.05
 _LEAST_PX = 12.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ObservedEdge:
     """One edge of one mask: `pixels` (2, 2) are its ends. `instance` numbers the masks of a frame; both sides share it.
 

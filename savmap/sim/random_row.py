@@ -12,7 +12,7 @@ ROW = "A"
 
 
 def random_row(seed: int, frames: int = 60, width: int = 2048) -> Scene:
-    """A place as `random_scene` makes it, whose row A its plugin has made short, all driven past.
+    """A place as `random_scene` makes it, with row A made short by its plugin, and driven past as a whole.
 
     The camera is turned any way and sways; its speed changes by up to 40 %.
     """

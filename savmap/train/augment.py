@@ -228,7 +228,7 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 """Pictures (n, h, w, 3) and masks (n, h, w)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BatchSource:
     """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes and seed. A run that goes
     on after `start` batches draws others than it began with."""

@@ -45,7 +45,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(path: Path, classes: Sequence[str], same: bool = False) -> tuple[SegmentationNetwork, list[Recipe]]:
-    """Network and history of a checkpoint; where it was made for other classes, the last layer is new.
+    """Network and history of a checkpoint. If it was made for other classes, the last layer is new.
 
     Raises OutputError for a file that is not a checkpoint, or, where the classes must be the `same`, one for others.
     """
@@ -83,7 +83,7 @@ class TrainingState:
 def run_key(
     classes: Sequence[str], samples: Sequence[Sample], seed: int, init: Path | None, settings: Hyperparameters
 ) -> str:
-    """A digest of what a run is made of, pictures and labels included: what changes it makes a new run of the same command."""
+    """A digest of all inputs of a run, pictures and labels included: if one changes, the same command begins a new run."""
     parts = [
         list(classes),
         [[sample.image_digest, sample.labels.digest, sample.group, sample.origin] for sample in samples],
@@ -96,7 +96,7 @@ def run_key(
 
 @dataclass(frozen=True)
 class ResumeFile:
-    """Where a run's state is kept, and what run that is."""
+    """The file with a run's state, and the key of that run."""
 
     path: Path
     key: str
@@ -108,7 +108,7 @@ class ResumeFile:
         write_bytes(self.path, content.getvalue())
 
     def load(self, trainer: Trainer) -> TrainingState | None:
-        """Bring the trainer to the state that was kept; None, and nothing done, where there is none of this run."""
+        """Restore the trainer to the saved state. Returns None and changes nothing if there is none of this run."""
         try:
             content: dict[str, Any] = torch.load(self.path, map_location="cpu", weights_only=True)
             if content["key"] != self.key:
@@ -120,5 +120,5 @@ class ResumeFile:
         return state
 
     def done(self) -> None:
-        """The run is finished: the same command begins a new one."""
+        """Delete the state of a finished run, so that the same command begins a new one."""
         self.path.unlink(missing_ok=True)

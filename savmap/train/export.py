@@ -55,7 +55,7 @@ def metadata(classes: Sequence[str], recipe: Mapping[str, object]) -> dict[str, 
 
 
 def _warning(recipe: Mapping[str, object]) -> dict[str, str]:
-    """The entry of the metadata that tells whoever opens the file that the network is of no use."""
+    """The metadata's entry for a network that is of no use."""
     return {"savmap.warning": str(recipe["warning"])} if "warning" in recipe else {}
 
 
@@ -88,7 +88,7 @@ def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping
 
 
 def with_recipe(file: Path, recipe: Mapping[str, object]) -> None:
-    """Put what is known by now of how it was trained into a file. Raises OutputError."""
+    """Replace the recipe in a file's metadata. Raises OutputError."""
     model = onnx.load(file)
     known = {entry.key: entry.value for entry in model.metadata_props}
     onnx.helper.set_model_props(model, known | {"savmap.recipe": json.dumps(recipe, sort_keys=True)} | _warning(recipe))
@@ -96,7 +96,7 @@ def with_recipe(file: Path, recipe: Mapping[str, object]) -> None:
 
 
 def load_onnx(path: Path, classes: Sequence[str]) -> tuple[SegmentationNetwork, list[Recipe]]:
-    """Network and history of a file; where it was made for other classes, the last layer is new.
+    """Network and history of a file. If it was made for other classes, the last layer is new.
 
     Raises ModelError for a file that is missing, is none of ours, or is in 8-bit integers.
     """
@@ -138,7 +138,7 @@ def _tensor(initializer: onnx.TensorProto) -> Tensor:
 
 
 def _normalisations(network: SegmentationNetwork) -> Mapping[str, str]:
-    """Names of the convolutions that a normalisation follows, and of that."""
+    """The convolutions that a normalisation follows, each with that normalisation's name."""
     names = {}
     for name, module in network.named_modules():
         if isinstance(module, nn.BatchNorm2d):

@@ -36,7 +36,7 @@ LEAST, MOST = 0.25, 4.0
 
 
 def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> TrainedNetwork:
-    """Train on, take the best network by the validation pictures, calibrate, export, measure.
+    """Train an exported network further, keep the best one by the validation pictures, calibrate, export and measure it.
 
     Raises OutputError for a data set, ModelError for a network that cannot be used.
     """
@@ -118,8 +118,9 @@ def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequ
 def calibration(
     network: SegmentationNetwork, validation: Sequence[Sample]
 ) -> tuple[SegmentationNetwork, Mapping[str, float]]:
-    """The network with its temperature folded in, and what that is and does to the expected calibration error. Fewer pictures than
-    `LEAST_TO_CALIBRATE` tell none: it is 1."""
+    """The network with its temperature folded in; the temperature, and the expected calibration error without it and with it.
+
+    With fewer pictures than `LEAST_TO_CALIBRATE` the temperature is 1."""
     logits, labels = logits_of(network, validation)
     temperature = temperature_for(logits, labels) if len(validation) >= LEAST_TO_CALIBRATE else 1.0
     errors = []
@@ -134,7 +135,7 @@ def calibration(
 def score_of_file(
     file: Path, samples: Sequence[Sample], plan: TrainingPlan, progress: Progress
 ) -> Mapping[str, object]:
-    """What a file makes of pictures."""
+    """How well the network in a file does on pictures."""
     progress(1.0, f"measuring {file.name} on {len(samples)} pictures")
     return score_file(file, samples, plan.classes).as_json()
 

@@ -21,7 +21,7 @@ SIDES = ("right", "bottom", "left", "top")
 REACH_PX, STEP_PX = 4.0, 0.25
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EdgeOffsets:
     """Distances in px by which predicted edges lie outside (positive) or inside the true ones, and their sides."""
 

@@ -77,7 +77,7 @@ class TrainingPlan:
 
 @dataclass(frozen=True)
 class TrainedNetwork:
-    """A network's files, the first of them the float32 one, its `classes` and the recipe in the files' metadata; `warning` where it is of no use."""
+    """A plan that was carried out: the files that it wrote, the float32 network first, and the recipe in their metadata."""
 
     plan: TrainingPlan
     files: tuple[Path, ...]

@@ -17,7 +17,7 @@ Shape = Literal["box", "drum", "sack", "roll", "tyres", "cone"]
 Shader = Literal["paint", "concrete", "wood", "carton", "film", "stripes", "wire", "lamp", "checker", "paper"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Part:
     """A box of the scene as it will be rendered: goods may take another shape inscribed in their box."""
 
@@ -28,7 +28,7 @@ class Part:
     perforated: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Template:
     """A shape in the cube [-0.5, 0.5]^3: points (n, 3), triangles (m, 3), each triangle's index in FACES (m,), -1 for none.
 
@@ -42,7 +42,7 @@ class Template:
     smooth: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """n vertices (n, 3) in the world, m triangles (m, 3), their class labels (m,), and the materials' inputs at vertices (n, 3).
 

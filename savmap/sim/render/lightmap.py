@@ -22,7 +22,7 @@ _BRIGHTEST = 5.0
 _BRIGHTEST_BOUNCE = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lightmap:
     """`light` (n, 3), mean near 1, in texels: those of face f begin at start[f], row by row, cells[f] (along, aside)."""
 
@@ -63,7 +63,7 @@ def bake(caster: Caster, surfaces: Surfaces, texel_m: float, ambient: float, col
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Texels:
     """Where light is computed: `point` (n, 3) on faces `face` (n,), the first of face f at start[f]."""
 
@@ -89,7 +89,7 @@ def _typical(light: Floats, caster: Caster, face: Indices) -> float:
     return float(lit.mean()) if len(lit) else 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Lamps:
     center: Floats
     size: Floats

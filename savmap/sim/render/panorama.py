@@ -64,7 +64,7 @@ def view_classes(
     return scene.caster.labels(hits, classes).reshape(spec.height, spec.width)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Task:
     scene: Renderer
     path: Drive

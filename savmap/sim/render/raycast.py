@@ -36,7 +36,7 @@ class RayCasterMissingError(SavmapError):
     """The ray caster is an optional dependency."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hits:
     """What n rays hit: box (n,) and face (n,) as indices (-1: nothing), distance (n,) m, world point and normal (n, 3)."""
 

@@ -21,7 +21,7 @@ _WHITE_AT = 0.62
 _GREY = 0.4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Renderer:
     """A scene made ready for many pictures."""
 

@@ -67,7 +67,7 @@ def build(scene: Scene, makers: Mapping[str, SceneMaker] | None = None) -> Built
     """All boxes and the survey of a scene; the same scene gives the same boxes.
 
     `makers` are the plugins' `scene` functions by the name their section has under `structures`; the default asks the
-    installed plugin. Plugins are asked in the order of the file, and each is told what those before it have built.
+    installed plugin. Plugins are asked in the order of the file, and each gets to know what those before it have built.
     Raises SceneError for a structure that no plugin builds.
     """
     frames = {name: row_frame(place) for name, place in scene.rows.items()}
@@ -122,7 +122,7 @@ def _boxes_of(part: SceneParts) -> Iterator[Box]:
 
 
 def _with_part(site: Site, part: SceneParts) -> Site:
-    """What the next plugin is told: also what this part has built."""
+    """The site as the next plugin gets it, with what this part has built."""
     fronts = {name: (*site.fronts.get(name, ()), *_fronts(part, frame)) for name, frame in site.frames.items()}
     return replace(site, sizes={**site.sizes, **part.sizes}, fronts=fronts)
 

@@ -61,7 +61,7 @@ class Category(BaseModel):
 
 
 class Coco(BaseModel):
-    """What is read of the file; anything else in it is passed over."""
+    """The entries of the file that are read; others are ignored."""
 
     images: list[Picture]
     annotations: list[Annotation]

@@ -40,17 +40,17 @@ _ADDED_BY_TOOLS = re.compile(r"^(?=[0-9]*[a-f])[0-9a-f]{8}-|[._](?:jpe?g|png|bmp
 
 
 class Labels(Protocol):
-    """Where the classes of a picture's pixels stand."""
+    """The labels of a picture's pixels."""
 
     def mask(self) -> Bytes:
         """(H, W): 0 background, k the k-th class of the network, 255 ignore. Raises OutputError."""
 
     @property
     def digest(self) -> str:
-        """Of all that makes the mask: other labels have another. Raises OutputError."""
+        """A digest of what the mask is made from; other labels have another. Raises OutputError."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MaskFile:
     """A mask in a picture file. `lookup` (256,) uint8 turns its values into the network's."""
 
@@ -73,7 +73,7 @@ class MaskFile:
         return sha256(self.path) + self.lookup.tobytes().hex()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """One labelled picture: its file, its labels, the scene it belongs to and the data set's name."""
 
@@ -84,7 +84,7 @@ class Sample:
 
     @cached_property
     def image_digest(self) -> str:
-        """Of the picture's file: copies have the same. Raises OutputError."""
+        """A digest of the picture's file; copies share it. Raises OutputError."""
         return sha256(self.image)
 
     def load(self) -> tuple[Bytes, Bytes]:
@@ -121,7 +121,7 @@ def letterboxed(image: Bytes, mask: Bytes) -> tuple[Bytes, Bytes]:
     return picture, labels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Dataset:
     """A checked data set folder, with what the training recipe says about it."""
 
@@ -142,7 +142,7 @@ def group_of(name: str) -> str:
 
 
 def set_name(folder: Path) -> str:
-    """What a set is called: as its folder, however that was given."""
+    """A set's name: that of its folder, however it was given."""
     return folder.resolve().name
 
 
@@ -219,9 +219,10 @@ def split(samples: Sequence[Sample], share: float = 0.06) -> tuple[list[Sample],
 
 
 def held_out(samples: Sequence[Sample], share: float) -> tuple[list[Sample], list[Sample]]:
-    """(training, validation) by scene, for sets of a few scenes: whole scenes, in an order that their names alone decide, those that
-    bring the validation pictures nearer to `share`; where none does, the smallest. One scene is cut in two, its last pictures for
-    validation. Raises OutputError for fewer than two pictures."""
+    """(training, validation) by scene, for sets of a few scenes.
+
+    Whole scenes go to validation, in an order that depends on their names alone, while they bring its pictures nearer to `share`; if none
+    does, the smallest. A single scene is cut in two. Raises OutputError for fewer than two pictures."""
     if len(samples) < 2:
         raise OutputError(f"{len(samples)} labelled pictures are too few to train and to validate on; label more")
     sizes = Counter(sample.group for sample in samples)

@@ -23,7 +23,7 @@ class Shape(BaseModel):
 
 
 class Drawn(BaseModel):
-    """What is read of a file; anything else in it is passed over."""
+    """The entries of a file that are read; others are ignored."""
 
     picture: str = Field(alias="imagePath")
     shapes: list[Shape]

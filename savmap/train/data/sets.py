@@ -56,7 +56,7 @@ def read_set(source: Path, classes: Sequence[str], mapping: Mapping[str, str] = 
 
 
 def sets_in(folder: Path) -> Iterator[tuple[Path, Reader]]:
-    """What a folder holds: what to give to have it read, and what reads it. COCO's JSON files may be in `annotations/`, LabelMe's in
+    """The sets in a folder: the path to give for each, and its reader. COCO's JSON files may be in `annotations/`, LabelMe's in
     `images/`."""
     if (folder / HEADER).is_file():
         yield folder / HEADER, partial(read_dataset, folder)
@@ -72,7 +72,7 @@ def sets_in(folder: Path) -> Iterator[tuple[Path, Reader]]:
 
 
 def reader_of(file: Path) -> Reader:
-    """What reads the set that a file describes. Raises OutputError for one of no known kind."""
+    """The reader of the set that a file describes. Raises OutputError for one of no known kind."""
     if file.name == HEADER:
         return partial(read_dataset, file.parent)
     if file.suffix.lower() in {".yaml", ".yml"}:
@@ -86,7 +86,7 @@ def reader_of(file: Path) -> Reader:
 
 
 def parsed(file: Path) -> object:
-    """What a JSON file holds, without the copy of the picture that LabelMe may put into it."""
+    """A JSON file's content, without the copy of the picture that LabelMe may put into it."""
     content = read_json(file)
     if isinstance(content, dict):
         content.pop("imageData", None)
@@ -99,7 +99,7 @@ def is_coco(content: object) -> bool:
 
 
 def yaml_of(path: Path) -> Mapping[str, object]:
-    """What a YAML file maps. Raises OutputError where it is none."""
+    """The mapping in a YAML file. Raises OutputError if there is none."""
     try:
         content = yaml.safe_load(read_text(path))
     except (yaml.YAMLError, ValueError) as error:

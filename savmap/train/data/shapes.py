@@ -26,7 +26,7 @@ Region = Sequence[Polygon] | Mask
 """One thing: polygons (each joined to the others), or its pixels (h, w)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shapes:
     """What is in a picture of `width` x `height` px: regions with the network's class (0: another thing), later ones on top."""
 
@@ -40,7 +40,7 @@ class Shapes:
 
     @property
     def digest(self) -> str:
-        """Of what `mask` gives."""
+        """A digest of the mask."""
         return hashlib.sha256(self._packed).hexdigest()
 
     @cached_property
@@ -56,7 +56,7 @@ class Shapes:
 
 
 def polygon_of(numbers: Sequence[float], where: str) -> Polygon:
-    """(n, 2) from x, y, x, y... Raises OutputError, which begins with `where`, for what is no polygon."""
+    """(n, 2) from x, y, x, y... Raises OutputError, which begins with `where`, for numbers that make no polygon."""
     if len(numbers) % 2 or len(numbers) < 6:
         raise OutputError(f"{where}: a polygon is three corners or more, x and y of each, not {len(numbers)} numbers")
     polygon = np.asarray(numbers, np.float64).reshape(-1, 2)

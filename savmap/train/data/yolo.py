@@ -16,7 +16,7 @@ _SLACK = 0.01
 
 
 class Yolo(BaseModel):
-    """What is read of data.yaml; anything else in it is passed over."""
+    """The entries of data.yaml that are read; others are ignored."""
 
     names: list[str] | dict[int, str]
     path: str = "."
