@@ -63,6 +63,12 @@ def test_a_plugin_that_makes_up_no_places_is_named() -> None:
         random_scene(3, ["nobody"])
 
 
+def test_a_plugin_without_random_sections_is_named(crates: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(sys.modules["savmap_crates.scene"], "random_section")
+    with pytest.raises(SceneError, match="--plugin crates: its `random_section` makes up nothing"):
+        random_scene(3, ["crates"])
+
+
 def test_a_plugin_is_told_how_long_the_rows_are_and_what_stands_in_them(scene_with: Callable[..., Scene]) -> None:
     told: list[Site] = []
 

@@ -91,7 +91,8 @@ def random_section(
     """What the plugin's hook `random_section` answers; see `savmap.hookspecs`. Raises SceneError where there is no such plugin,
     PluginFailedError for an answer of another type."""
     if name not in installed():
-        section: RandomSection | None = _module(name).random_section(rng, site, drawn)
+        ask = getattr(_module(name), "random_section", None)
+        section: RandomSection | None = ask(rng, site, drawn) if ask else None
         return section
     answer = open_room(name, {}).ask("random_section", object, rng=rng, site=site, drawn=drawn)
     if answer is not None and not isinstance(answer, RandomSection):
