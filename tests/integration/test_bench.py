@@ -89,7 +89,7 @@ def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share
 def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     import signs
 
-    from savmap.sim.build import build
+    from savmap.sim.scene.build import build
     from savmap.types import Structure
 
     scene = signs.signed_row(6100, 12, 4096)
