@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from savmap.sim.build import build
-from savmap.sim.primitives import FACES, Box, Face, Material
 from savmap.sim.raycast import corners as face_corners
 from savmap.sim.surfaces import surfaces_of
 
 from savmap.sim.scene import SceneError, parse_scene
+from savmap.sim.scene.build import build
+from savmap.types.scenes import FACES, Box, Face, Material
 from savmap_signs.simulation.scene import Plate, corners
 
 
