@@ -50,7 +50,7 @@ def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     (tmp_path / "a.mp4").symlink_to(video)
     (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
     (tmp_path / "survey.json").write_text(SURVEY, encoding="utf-8")
-    monkeypatch.setattr(checking, "needs", lambda job, footage: NEEDS)
+    monkeypatch.setattr(checking, "resource_estimate", lambda job, footage: NEEDS)
     return tmp_path
 
 
