@@ -15,7 +15,7 @@ from savmap.assembly.matching import match
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
 from savmap.assembly.ties import Found, fits, path_tie, worst_of_each
 from savmap.graph.places import Places, solve_places
-from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure
+from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure, array_record
 
 SQUARE_DEG = 0.2
 ROUNDS = 3
@@ -28,7 +28,8 @@ Ask = Callable[[str, Sequence[Structure]], Sequence[CrossRowLandmark]]
 Things = Mapping[str, Mapping[str, Sequence[CrossRowLandmark]]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Assembly:
     """The site map with rows placed and their ties, and a line for each thing that the user should know."""
 
@@ -55,7 +56,7 @@ def assembled(
     anchors = known or gauge_of(rows, found)
     start = reached(rows, anchors, found)
     if not start:
-        return Assembly(replace(site_map, placed={}, ties=()))
+        return Assembly(replace(site_map, placements={}, matches=()))
     used = [one for one in found if one.tie.a in start]
     solver = Solver(start, anchors, used, None if square_deg is None else float(np.radians(square_deg)))
     things = {name: things_of(rows[name], ask) for name in start}
@@ -96,7 +97,8 @@ def things_of(row: RowMap, ask: Ask) -> dict[str, list[CrossRowLandmark]]:
     return things
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Solver:
     """What is known of the rows' places beside the things they share."""
 
@@ -209,7 +211,7 @@ def _told(
     order = {name: number for number, name in enumerate(site_map.rows)}
     ties.sort(key=lambda tie: (order[tie.row_a], order[tie.row_b]))
     off = [line for name, prior in known.items() if (line := _off_prior(name, prior, places.placed[name]))]
-    return Assembly(replace(site_map, placed=dict(places.placed), ties=tuple(ties)), (*notes, *off))
+    return Assembly(replace(site_map, placements=dict(places.placed), matches=tuple(ties)), (*notes, *off))
 
 
 def _off_prior(name: str, prior: Placement, place: Placement) -> str:

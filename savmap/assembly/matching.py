@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.types import Axis, CrossRowLandmark, Floats, Ints, Placement
+from savmap.types import Axis, CrossRowLandmark, Floats, Ints, Placement, array_record
 
 GATE = 4.0
 NEAR = 3.0
@@ -32,7 +32,8 @@ class Matching:
     ambiguous: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Differences:
     """In a's frame, along the k axes told: b's things less a's (n, m, k) m where the rows are thought to stand, with covariance
     (n, m, k, k) of things and heading, and that of the shift of one row against the other (k, k)."""

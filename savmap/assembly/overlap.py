@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.graph.places import PathTie
-from savmap.types import Floats, Placement, RowMap
+from savmap.types import Bools, Floats, Placement, RowMap, array_record
 
 LEAST_FRAMES = 3
 LONGEST_GAP_S = 0.5
@@ -19,11 +18,11 @@ UNKNOWN_SIGMA_M = 0.02
 TURN_SIGMA_RAD = float(np.radians(0.2))
 MEDIAN_SQUARE = 0.4549
 
-Bools = NDArray[np.bool_]
 Recordings = Mapping[str, Mapping[str, Hashable]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Overlap:
     """Two rows' common path: b's frame in a's, how many pictures, their mean place (3,) m in either row's frame, and the standard
     deviation (3,) m of what is between the two along a's axes."""
@@ -35,7 +34,8 @@ class Overlap:
     sigma_m: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Path:
     """A row's poses (n, 4, 4) in one recording, with times (n,) s in order and standard deviations (n, 3) m of places."""
 

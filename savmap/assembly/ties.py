@@ -8,13 +8,14 @@ import numpy as np
 from savmap.assembly.matching import AXES, LEAST_SIGMA_M
 from savmap.assembly.overlap import Overlap
 from savmap.graph.places import Places, PointTie, residual
-from savmap.types import CrossRowLandmark, Floats, Placement, Tie
+from savmap.types import CrossRowLandmark, CrossRowMatch, Floats, Placement, array_record
 
 REJECT_SIGMA = 4.0
 COMMON = 0.25
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Found:
     """A thing of row `a` that is one of row `b`, of one kind, matched where b stood in a's frame."""
 
@@ -62,7 +63,7 @@ class Found:
         left = residual(self.tie(), places.relative(self.a, self.b))
         return f"{np.linalg.norm(left):.2f} m, {self.off_sigma(places):.0f} standard deviations,"
 
-    def shown(self, places: Places) -> Tie:
+    def shown(self, places: Places) -> CrossRowMatch:
         """The tie with what is left in the site's frame."""
         one, other = places.placed[self.a], places.placed[self.b]
         turn = one.site_from_row[:3, :3]
@@ -74,7 +75,7 @@ class Found:
             nearest = int(np.argmax(np.abs(turn[:, axis])))
             off[nearest] = np.sign(turn[nearest, axis]) * left[axis]
             sigma[nearest] = np.sqrt(self.covariance[axis, axis])
-        return Tie(self.a, self.b, self.in_a.id, self.in_b.id, off, sigma)
+        return CrossRowMatch(self.a, self.b, self.in_a.id, self.in_b.id, off, sigma)
 
 
 def fits(own: Found, places: Places) -> bool:
@@ -90,11 +91,11 @@ def worst_of_each(wrong: Sequence[Found], places: Places) -> list[Found]:
     return list(worst.values())
 
 
-def path_tie(one: Overlap, places: Places) -> Tie:
+def path_tie(one: Overlap, places: Places) -> CrossRowMatch:
     """A common camera path as a tie: what is left at its middle."""
     a, b = places.placed[one.tie.a], places.placed[one.tie.b]
     turn = a.site_from_row[:3, :3]
     left = b.points(one.in_b[None])[0] - a.points(one.in_a[None])[0]
     sigma = np.sqrt(np.diag(turn @ np.diag(one.sigma_m**2) @ turn.T))
     name = f"{one.count} frames"
-    return Tie(one.tie.a, one.tie.b, name, name, left, sigma)
+    return CrossRowMatch(one.tie.a, one.tie.b, name, name, left, sigma)

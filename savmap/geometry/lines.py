@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from savmap.geometry.arrays import Floats, Ints, array_record
 
 SAMPLES = 32
 ROUNDS = 3
@@ -19,7 +18,8 @@ LEAST_SIGMA_PX = 0.08
 MOST_CORRELATION = 0.95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Lines:
     """g lines: centre, slope, offset (g,); variances of slope and offset at the centre (g,), px^2; the first and last u
     of their inliers (g,); how many inliers (g,). A line that could not be fitted is nan and has no inliers."""

@@ -5,9 +5,8 @@ a (height, width) view is ((width - 1) / 2, (height - 1) / 2).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.geometry.arrays import Floats
 
 
 def rig_from_view(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:

@@ -1,9 +1,8 @@
 """Points from rays."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.geometry.arrays import Floats
 
 
 def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Floats:

@@ -7,10 +7,8 @@ direction. Every edge parallel to an axis d therefore gives n . d = 0, whatever 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from savmap.geometry.arrays import Floats, Ints, array_record
 
 RIG_UP = np.array([0.0, -1.0, 0.0])
 RIG_FORWARD = np.array([0.0, 0.0, 1.0])
@@ -22,7 +20,8 @@ FINE_SIGMA = np.radians(0.3)
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Manhattan:
     """Rotation (3, 3) whose columns are a building's axes in the rig frame (x right, y up, z towards the camera as one
     looks along -z), and the share of the edges' length that follows them."""
@@ -31,7 +30,8 @@ class Manhattan:
     support: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Orientation:
     """world_from_rig (3, 3) and the information (3, 3) in rad^-2 about small turns of the rig, in rig axes."""
 

@@ -40,9 +40,9 @@ def write_csv(site: SiteMap, path: Path) -> None:
     table.writerow(COLUMNS)
     for row in site.rows.values():
         for plugin, structures in row.structures.items():
-            frame = "site" if row.name in site.placed else "row"
+            frame = "site" if row.name in site.placements else "row"
             for own in structures:
-                vertices = _vertices(in_site(own, site.placed.get(row.name)))
+                vertices = _vertices(in_site(own, site.placements.get(row.name)))
                 table.writerows((row.name, frame, plugin, own.id, own.label, *vertex) for vertex in vertices)
     write_text(path, text.getvalue())
 
@@ -50,14 +50,14 @@ def write_csv(site: SiteMap, path: Path) -> None:
 def write_ply(site: SiteMap, path: Path) -> None:
     """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also for several rows
     with one that is not placed: each has a frame of its own."""
-    apart = [name for name in site.rows if name not in site.placed]
+    apart = [name for name in site.rows if name not in site.placements]
     if apart and len(site.rows) > 1:
         raise OutputError(
             f"{path}: PLY holds one frame, and rows {', '.join(apart)} have no place in the site's; choose with --row"
         )
     what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
     found = [
-        in_site(own, site.placed.get(row.name))
+        in_site(own, site.placements.get(row.name))
         for row in site.rows.values()
         for group in row.structures.values()
         for own in group

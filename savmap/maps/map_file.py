@@ -28,6 +28,7 @@ from savmap.maps.schema import (
     ViewEntry,
 )
 from savmap.types import (
+    CrossRowMatch,
     Floats,
     FrameTable,
     Placement,
@@ -35,7 +36,6 @@ from savmap.types import (
     RowMap,
     SiteMap,
     Structure,
-    Tie,
     Trajectory,
     ViewSpec,
 )
@@ -74,16 +74,16 @@ def placement(own: PlacementEntry) -> Placement:
     return Placement(own.x_m, own.z_m, own.heading_deg, symmetric(own.covariance))
 
 
-def tie_entry(own: Tie) -> dict[str, Any]:
+def tie_entry(own: CrossRowMatch) -> dict[str, Any]:
     """A thing that two rows see; null for what it does not tell."""
     names = {"row_a": own.row_a, "row_b": own.row_b, "id_a": own.id_a, "id_b": own.id_b}
     return {**names, "residual_m": _known(own.residual_m), "sigma_m": _known(own.sigma_m)}
 
 
-def tie(own: TieEntry) -> Tie:
+def tie(own: TieEntry) -> CrossRowMatch:
     """And back."""
     residual, sigma = (np.array(values, dtype=np.float64) for values in (own.residual_m, own.sigma_m))
-    return Tie(own.row_a, own.row_b, own.id_a, own.id_b, residual, sigma)
+    return CrossRowMatch(own.row_a, own.row_b, own.id_a, own.id_b, residual, sigma)
 
 
 def _known(values: Floats) -> list[float | None]:
@@ -131,10 +131,10 @@ def map_text(site: SiteMap) -> str:
     content = {"format": FORMAT, "version": VERSION, "units": "m", "made_by": dict(site.made_by), "rows": rows}
     if site.failed:
         content["failed"] = dict(site.failed)
-    if site.placed:
-        content["placed"] = {name: placement_entry(own) for name, own in site.placed.items()}
-    if site.ties:
-        content["ties"] = [tie_entry(own) for own in site.ties]
+    if site.placements:
+        content["placed"] = {name: placement_entry(own) for name, own in site.placements.items()}
+    if site.matches:
+        content["ties"] = [tie_entry(own) for own in site.matches]
     try:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:

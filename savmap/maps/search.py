@@ -39,8 +39,8 @@ def _line(site: SiteMap, row: str, own: Structure) -> str:
     said = f' "{own.attributes["text"]}"' if own.attributes.get("text") else ""
     at = f", {own.attributes['bay']}" if own.attributes.get("bay") else ""
     line = f"row {row}, {own.id}{said}{at}: {_metres(middle)} m (+- {1000 * sigma:.0f} mm)"
-    if row in site.placed:
-        line += f"; in the site {_metres(site.placed[row].points(middle[None])[0])} m"
+    if row in site.placements:
+        line += f"; in the site {_metres(site.placements[row].points(middle[None])[0])} m"
     return line
 
 

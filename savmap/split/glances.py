@@ -16,15 +16,16 @@ from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
-from savmap.geometry.sphere import Floats
 from savmap.split.settings import Settings
+from savmap.types import Floats, array_record
 from savmap.video.clip import Image, VideoInfo
 from savmap.video.decode import opened
 
 _INSTANT_S = 1e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Glance:
     """Two grey panoramas `first`, `second` (H, 2H) uint8, the first at `stamp_s` in the recording, `gap_s` apart."""
 

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.geometry.sphere import Floats
 from savmap.split.glances import Glance
+from savmap.types import Floats, array_record
 
 BEARINGS = 120
 LOW_DEG, HIGH_DEG = -20.0, 35.0
@@ -23,7 +23,8 @@ _REFITS = 8
 _LEAST_RESIDUAL = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Motion:
     """At `stamp_s`: `turn` of the rig to the right, deg/s; `way`, the bearing it goes in, degrees to the right of the
     panorama's centre; `sides`, apparent speed at right angles to the way, left and right, deg/s; `misfit` of these three,

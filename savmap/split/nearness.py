@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from savmap.geometry.sphere import Floats
 from savmap.split.motion import Motion, bearings, refitted, wrapped
 from savmap.split.straights import Straight
+from savmap.types import Floats, array_record
 
 _ABEAM_DEG = 13.0
 _AROUND_DEG = 35.0
@@ -22,7 +22,8 @@ _SHARE_NEAR = 60.0
 _STILL = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Nearness:
     """Along a straight of n samples: `rates` (n, 2) at right angles, left and right, deg/s; `tops` (n, 2), the fastest on
     each side; `texture` (n, 2) at right angles; `still` (n,), whether the camera stands."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.geometry.sphere import Floats
 from savmap.split.motion import Motion, wrapped
 from savmap.split.nearness import Nearness, nearness
 from savmap.split.records import SIDES, PassFound
 from savmap.split.settings import Settings
 from savmap.split.straights import Straight, headings, straights
+from savmap.types import Floats, array_record
 
 _SQUARE_DEG = 30.0
 _LONG = 2.0
@@ -18,7 +18,8 @@ _LEAST_GAIN_S = 1.0
 _REACH_DEG, _MOST_REACH_S = 8.0, 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Candidate:
     """A stretch of a straight alongside something near: its times, and what was measured at right angles: rates and texture
     (2,), the share of samples that are near, and how long the camera stood."""
@@ -32,7 +33,8 @@ class _Candidate:
     stood_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Found:
     """The passes, and for the timeline the direction of travel (n,) degrees at times (n,)."""
 

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_bytes
-from savmap.geometry.sphere import Floats
 from savmap.split.records import PassFound
+from savmap.types import Floats
 from savmap.video.clip import Image
 
 THUMB_WIDTH = 400

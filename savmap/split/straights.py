@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.geometry.sphere import Floats
 from savmap.split.motion import Motion, wrapped
 from savmap.split.settings import Settings
+from savmap.types import Floats
 
 _LEAST_RATE = 2.0
 _WAY_FLIP = 90.0

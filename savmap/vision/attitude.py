@@ -4,20 +4,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.geometry.vanishing import orientation_from_edges, plane_normals
-from savmap.types import Feature, ViewSpec
+from savmap.types import Feature, Floats, Ints, ViewSpec, array_record
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 AXES = {"x": 0, "y": 1, "z": 2}
 LEAST_EDGES = 4
 LEAST_INFORMATION = 1 / np.radians(1.5) ** 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Edges:
     """Edges of known axis, frame by frame: `frames` (n,), axes (n,) 0, 1, 2 for x, y, z, unit rays (n, 2, 3) of their ends in the
     rig frame, and these ends' standard deviations (n, 2) across the edge, radians."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import SiteError
-from savmap.types import Floats, Panorama, Track, ViewSpec
+from savmap.types import Floats, Panorama, Track, ViewSpec, array_record
 from savmap.vision.views import Renderer
 
 EVERY = 5
@@ -28,7 +28,8 @@ SIGMA_PX = 0.3
 Label = tuple[str, int]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Marks:
     """What was seen of the markers: four tracks each, by their names "tag36h11 7", and the views of their pixels."""
 
@@ -36,7 +37,8 @@ class Marks:
     views: Mapping[str, ViewSpec]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Sighting:
     """A marker's corners (4, 2) px in a view of a frame, with their standard deviation, px."""
 

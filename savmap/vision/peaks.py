@@ -1,9 +1,8 @@
 """Linking sightings over frames: one-dimensional peaks."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.types import Floats
 
 
 def peaks(values: Floats, width: float, support: int) -> Floats:

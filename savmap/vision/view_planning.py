@@ -14,8 +14,8 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.geometry.vanishing import RIG_UP, Floats, facing, manhattan_from_segments
-from savmap.types import Panorama, View, ViewSpec
+from savmap.geometry.vanishing import RIG_UP, facing, manhattan_from_segments
+from savmap.types import Floats, Panorama, View, ViewSpec, array_record
 from savmap.vision.travel import travel_direction, travel_directions
 from savmap.vision.views import Renderer
 
@@ -114,7 +114,8 @@ class Manual:
         return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class PassPreview:
     """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
     rig_from_manhattan (3, 3). `frames`: roughly how many frames of the pass will be used; 0: not known."""

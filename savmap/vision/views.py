@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import sphere
-from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec, array_record
 
 Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
@@ -35,7 +35,8 @@ class Region:
         return Region(self.top // 2, self.bottom // 2, self.left // 2, self.width // 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Level:
     """Table (m, PACKED) for the panorama's region shrunk `halvings` times; region None: the panorama itself. Its first entries are
     those of the view's pixels where `own` (h, w), row by row; the others are the last of these again."""

@@ -26,7 +26,7 @@ def site() -> SiteMap:
     row = RowMap(
         "A", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, int), np.zeros((0, 4, 4))), {"plates": things}, ()
     )
-    return SiteMap({"A": row}, {}, placed={"A": Placement(10.0, 1.0, 0.0, np.zeros((3, 3)))})
+    return SiteMap({"A": row}, {}, placements={"A": Placement(10.0, 1.0, 0.0, np.zeros((3, 3)))})
 
 
 @pytest.mark.parametrize("name", ["A21-03", "a21-03", "plate 1"])

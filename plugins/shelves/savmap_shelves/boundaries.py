@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
-from savmap.types import Axis, Detection, Feature, Floats, Panorama, View
-from savmap.vision.edges.masks import Ints, Probability, Runs, separated, union_of_longest
+from savmap.types import Axis, Detection, Feature, Floats, Ints, Panorama, View
+from savmap.vision.edges.masks import Probability, Runs, separated, union_of_longest
 from savmap_shelves.boundary_settings import BoundarySettings
 from savmap_shelves.measuring import measured_strips
 from savmap_shelves.merging import strips_of

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.types import Floats
-from savmap.vision.edges.masks import Ints, Probability, Runs
+from savmap.types import Floats, Ints
+from savmap.vision.edges.masks import Probability, Runs
 from savmap_shelves.boundary_settings import BoundarySettings
 from savmap_shelves.perspective import steadied
 from savmap_shelves.strips import Bools, Strips, borders_of, fitted

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, robust_lines, where
-from savmap.types import Floats
-from savmap.vision.edges.masks import Ints, Probability, Runs, border_points, enveloped
+from savmap.types import Floats, Ints
+from savmap.vision.edges.masks import Probability, Runs, border_points, enveloped
 from savmap_shelves.boundary_settings import BoundarySettings
 
 Bools = NDArray[np.bool_]

@@ -43,7 +43,7 @@ def tiles(report: Report, rows: Sequence[Summary]) -> Facts:
     lengths = [row.length_m for row in mapped if row.length_m is not None]
     references = [own for row in mapped for own in row.references]
     off = sum(1 for own in references if is_off(own))
-    ties, tie_off = report.site_map.ties, sum(1 for own in report.site_map.ties if is_tie_off(own))
+    ties, tie_off = report.site_map.matches, sum(1 for own in report.site_map.matches if is_tie_off(own))
     found: list[tuple[str, str]] = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
     found += [("failed", str(failed))] if failed else []
     found += [(label, str(count)) for label, count in counts.items()]

@@ -11,7 +11,7 @@ from savmap.report.page.rowviews import camera_paths
 from savmap.report.page.summary import Summary
 from savmap.report.page.ties import is_tie_off, tie_words
 from savmap.report.plots import drawn_in
-from savmap.types import Floats, Placement, SiteMap, Tie
+from savmap.types import CrossRowMatch, Floats, Placement, SiteMap
 
 _MARGIN, _BETWEEN_M = 2500.0, 1.5
 
@@ -19,7 +19,7 @@ _MARGIN, _BETWEEN_M = 2500.0, 1.5
 def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
     """Rows by their places in the site's frame; those without one stacked beneath; None where there is nothing to show."""
     drawn = {row.name: row for row in rows if row.row and drawn_in(row.drawings, "plan")}
-    places = {name: own for name, own in site.placed.items() if name in drawn or name in site.failed}
+    places = {name: own for name, own in site.placements.items() if name in drawn or name in site.failed}
     if not drawn and not places:
         return None
     places |= _stacked([row for name, row in drawn.items() if name not in places], _reach(drawn, places))
@@ -43,7 +43,7 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
 
 def without_place(rows: Sequence[Summary], site: SiteMap) -> list[str]:
     """Names of the rows whose place in the site's frame is not known."""
-    return [row.name for row in rows if row.name not in site.placed]
+    return [row.name for row in rows if row.name not in site.placements]
 
 
 def _outline(row: Summary) -> list[Floats]:
@@ -133,7 +133,7 @@ def _name(row: Summary, place: Placement) -> Label:
 
 def _tie_layer(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:
     looks: dict[str, list[Shape]] = {"tie": [], "tie off": []}
-    for own in site.ties:
+    for own in site.matches:
         at = _tied(site, own)
         if at is not None and own.row_a in places:
             dot = path(_moved(at, places[own.row_a]))
@@ -141,7 +141,7 @@ def _tie_layer(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:
     return [Layer(look, tuple(shapes)) for look, shapes in looks.items() if shapes]
 
 
-def _tied(site: SiteMap, tie: Tie) -> Floats | None:
+def _tied(site: SiteMap, tie: CrossRowMatch) -> Floats | None:
     """Where a shared thing is in its first row: the middle (1, 3) of its vertices there."""
     row = site.rows.get(tie.row_a)
     every = (own for structures in row.structures.values() for own in structures) if row else ()

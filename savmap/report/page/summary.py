@@ -92,7 +92,7 @@ def summaries(
             drawings=tuple(drawings.get(name, ())),
             score=scores.get(name),
             run=runs.get(name),
-            place=site.placed.get(name),
+            place=site.placements.get(name),
         )
         for name in names
     )

@@ -7,23 +7,23 @@ import numpy as np
 from savmap.report.page.numbers import centimetres, fixed, natural
 from savmap.report.page.summary import OFF_SIGMAS
 from savmap.report.page.tables import Cell, Line, Table, heads, number
-from savmap.types import Tie
+from savmap.types import CrossRowMatch
 
 _AXES = "xyz"
 
 
-def worst(tie: Tie) -> float:
+def worst(tie: CrossRowMatch) -> float:
     """The largest of its residuals in standard deviations; 0 where nothing is told."""
     known = ~np.isnan(tie.residual_m) & ~np.isnan(tie.sigma_m) & (tie.sigma_m > 0)
     return float(np.abs(tie.residual_m[known] / tie.sigma_m[known]).max(initial=0.0))
 
 
-def is_tie_off(tie: Tie) -> bool:
+def is_tie_off(tie: CrossRowMatch) -> bool:
     """Whether the two rows contradict each other there."""
     return worst(tie) > OFF_SIGMAS
 
 
-def tie_words(tie: Tie) -> str:
+def tie_words(tie: CrossRowMatch) -> str:
     """Such as "A: upright 1 = B: upright 9, x +0.4 cm, z -1.0 cm (1.3 sigmas)"."""
     residuals = [
         f"{axis} {centimetres(float(value), True)} cm"
@@ -33,9 +33,9 @@ def tie_words(tie: Tie) -> str:
     return f"{tie.row_a}: {tie.id_a} = {tie.row_b}: {tie.id_b}, " + ", ".join(residuals) + f" ({worst(tie):.2f} \u03c3)"
 
 
-def pair_table(ties: Sequence[Tie]) -> Table:
+def pair_table(ties: Sequence[CrossRowMatch]) -> Table:
     """A line for each two rows that see the same things."""
-    pairs: dict[tuple[str, str], list[Tie]] = {}
+    pairs: dict[tuple[str, str], list[CrossRowMatch]] = {}
     for own in ties:
         pairs.setdefault((own.row_a, own.row_b), []).append(own)
     order = {name: k for k, name in enumerate(natural({name for pair in pairs for name in pair}))}
@@ -44,7 +44,7 @@ def pair_table(ties: Sequence[Tie]) -> Table:
     return Table("ties-by-pair", "Rows that share something, and what is left between them", heads(*names), lines)
 
 
-def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
+def tie_table(ties: Sequence[CrossRowMatch], anchors: Mapping[str, str]) -> Table:
     """A line for each thing that two rows see, the worst first."""
     names = ("thing", "'in row", "'is", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3")
     lines = tuple(_line(own, anchors) for own in sorted(ties, key=worst, reverse=True))
@@ -57,7 +57,7 @@ def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
     )
 
 
-def _pair(pair: tuple[str, str], ties: Sequence[Tie]) -> Line:
+def _pair(pair: tuple[str, str], ties: Sequence[CrossRowMatch]) -> Line:
     residuals = np.array([own.residual_m for own in ties])
     off = sum(1 for own in ties if is_tie_off(own))
     largest = max(worst(own) for own in ties)
@@ -72,7 +72,7 @@ def _pair(pair: tuple[str, str], ties: Sequence[Tie]) -> Line:
     return Line(cells, "off" if off else "")
 
 
-def _line(own: Tie, anchors: Mapping[str, str]) -> Line:
+def _line(own: CrossRowMatch, anchors: Mapping[str, str]) -> Line:
     rows = [Cell(name, link=f"#{anchors[name]}" if name in anchors else "") for name in (own.row_a, own.row_b)]
     axes = [None if np.isnan(value) else float(value) for value in own.residual_m]
     cells = (

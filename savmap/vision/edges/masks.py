@@ -11,17 +11,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.types import Bools, Floats, Ints, array_record
+
 Bytes = NDArray[np.uint8]
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Probability = NDArray[np.float32]
 
 LEVEL = 0.5
 REACH_PX = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Runs:
     """Runs of set pixels down the columns of a mask, by column and then row: column, first and last row (n,)."""
 

@@ -5,7 +5,7 @@ is rendered for this.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from savmap.geometry import sphere
 from savmap.geometry.lines import Lines
-from savmap.types import FilmedPanorama, Floats, Ints, Panorama, ViewSpec
+from savmap.types import FilmedPanorama, Floats, Ints, Panorama, ViewSpec, array_record
 
 Singles = NDArray[np.float32]
 
@@ -37,7 +37,8 @@ def _radiance() -> Floats:
 RADIANCE = _radiance()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Pieces:
     """Short pieces of edges, in view pixels: edge (n,) that each belongs to, from 0; middle u and v (n,), slope (n,), half
     length (n,). `stands`: u is the row and v the column (for things that stand), else u is the column."""
@@ -50,7 +51,8 @@ class Pieces:
     stands: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Profiles:
     """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart, the
     edge in the middle; and how many panorama pixels one view pixel across is (n,).
@@ -93,11 +95,13 @@ def profiles_of(
     patches = [_patches(spec, pieces, panorama.height, reach_px, least) for pieces in groups]
     if not patches:
         return []
+    patches = _side_by_side(patches, panorama.height)
     window = _window(panorama, patches)
-    return [Profiles(_across(window, own), own.scale) for own in patches]
+    return [Profiles(_across(window, patch), patch.scale) for patch in patches]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Patches:
     """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows` along
     the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
@@ -126,7 +130,8 @@ def _patches(spec: ViewSpec, pieces: Pieces, height: int, reach_px: float, least
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Window:
     """Radiance (h, w), 0..65535, of part of a panorama; its first column and row; the panorama's last row."""
 
@@ -136,14 +141,23 @@ class _Window:
     last_row: int
 
 
-def _window(panorama: Panorama, all_patches: Sequence[_Patches]) -> _Window:
-    """The part that patches lie in; they are moved by whole turns to lie next to one another."""
+def _side_by_side(patches: Sequence[_Patches], height: int) -> list[_Patches]:
+    """The patches, moved by whole turns of the panorama to lie next to one another."""
+    width = 2 * height
+    directions = np.concatenate([patch.nodes[0, :, 4] for patch in patches]) * np.float32(2 * np.pi / width)
+    first = np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+    moved = []
+    for patch in patches:
+        nodes = patch.nodes.copy()
+        nodes[0] -= np.float32(width) * np.floor((nodes[0, :, 4:5] - np.float32(first)) / width)
+        moved.append(replace(patch, nodes=nodes))
+    return moved
+
+
+def _window(panorama: Panorama, patches: Sequence[_Patches]) -> _Window:
+    """The part of the panorama that patches, which lie next to one another, are sampled from."""
     height, width = panorama.height, 2 * panorama.height
-    directions = np.concatenate([own.nodes[0, :, 4] for own in all_patches]) * np.float32(2 * np.pi / width)
-    about = np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
-    for own in all_patches:
-        own.nodes[0] -= np.float32(width) * np.floor((own.nodes[0, :, 4:5] - np.float32(about)) / width)
-    extents = np.array([own.extent for own in all_patches])
+    extents = np.array([patch.extent for patch in patches])
     (left, top), (right, bottom) = np.floor(extents[:, 0].min(axis=0)), np.ceil(extents[:, 1].max(axis=0)) + 2
     columns, rows = (int(left), int(min(right, left + width))), (int(np.clip(top, 0, height - 1)), int(max(bottom, 1)))
     part, grey = _grey(panorama, rows, columns)

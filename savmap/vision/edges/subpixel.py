@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, weighted_lines, where
-from savmap.types import Floats, Ints, Panorama, ViewSpec
+from savmap.types import Bools, Floats, Ints, Panorama, ViewSpec, array_record
 from savmap.vision.edges.profiles import ACROSS_STEP, Pieces, Profiles, Singles, pieces_of, profiles_of
 
 
@@ -63,7 +62,6 @@ class Subpixel:
 
 __all__ = ["Edges", "Subpixel", "measured"]
 
-Bools = NDArray[np.bool_]
 
 LEAST_REACH = 4.5
 SHIFTS = np.linspace(-1.2, 1.2, 9)
@@ -75,7 +73,8 @@ BIWEIGHT = 4.7
 LEAST_SIGMA, MOST_SIGMA = 0.06, 0.4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Edges:
     """g edges that masks suggest: lines v(u) in view pixels; `first` and `last` u (g,) where they were seen; `inside`
     (g,): +1 where the thing lies at larger v, -1 at smaller; its `thickness` (g,) in pixels; tangent of the angle at which
@@ -103,7 +102,8 @@ class Edges:
         return (self.last - self.first) / 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Changes:
     """Where radiance changes most across pieces (m,): the edge, how far along it (-1..1 from end to end), how far inwards of
     the mask's edge, view pixels; the change going inwards, grey levels a panorama pixel; panorama pixels a view pixel."""

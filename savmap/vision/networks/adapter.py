@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection
+from savmap.types import Detection, array_record
 
 Probabilities = NDArray[np.float32]
 
@@ -45,7 +45,8 @@ def detections(maps: Probabilities, classes: Sequence[str], threshold: float, mi
     ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Sight:
     """What a network saw in a picture: `maps` (1 + classes, H, W) float32, background first, and, of a network that tells
     instances apart, whose each pixel is, `owners` (classes, H, W): the instance's number in its class, from 1; 0 nobody's."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.types import array_record
 from savmap.vision.networks.adapter import Probabilities, Sight, logistic
 from savmap.vision.networks.letterbox import Fit, sampled
 
@@ -13,7 +14,8 @@ MOST_SHARED = 0.5
 """An instance of whose mask more than this belongs to surer ones of its class is one of them, found twice."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Instance:
     """One thing that a network found: its class, how sure it is, its mask's logits on a coarse grid over the network's input, and the
     window (4,) of the picture that it is in: first column and row, last ones + 1."""
