@@ -27,13 +27,13 @@ def plugin_lines() -> Iterator[str]:
 
 def _network(model: Path) -> str:
     """Of what kind a plugin's network is, and on what it runs; what is wrong with it where it cannot be read."""
-    from savmap.vision.networks.segmenter import Segmenter, few
+    from savmap.vision.networks.segmenter import Segmenter, shortened
 
     try:
         network = Segmenter(model)
     except ModelError as error:
         return str(error)
-    return f"{network}; gives {few(network.names)}"
+    return f"{network}; gives {shortened(network.names)}"
 
 
 def schema(name: str) -> str:

@@ -17,8 +17,8 @@ from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, 
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
-from savmap.vision.flow import FlowWatch, NoFlow
-from savmap.vision.markers import Label, MarkerWatch, Marks
+from savmap.vision.flow import FlowTracker, NullFlowTracker
+from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
 
@@ -36,7 +36,7 @@ class RowMeasurements:
     attitudes: Mapping[str, Floats]
     locators: frozenset[str]
     notes: tuple[str, ...]
-    marks: Marks
+    marks: MarkerTracks
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
 
@@ -97,13 +97,13 @@ def plan_pass(
     """Ask every room for its views of a pass; what one finds out about the attitude, the next is told."""
     clip = clip_of(one)
     frames = expected_frames(clip, probe(clip.path, clip.images_fps))
-    pass_preview = PassPreview.look(*preview_frames(clip), renderer=renderer, frames=frames)
+    pass_preview = PassPreview.of_frames(*preview_frames(clip), renderer=renderer, frames=frames)
     manual = {key: Manual(**view.model_dump()) for key, view in one.views.items()}
     aims: dict[str, ViewPlan] = {}
     for plugin in plugins:
         aims[plugin.name] = plugin.render_views(
             pass_preview=pass_preview,
-            see=lambda view, plugin=plugin: segmenters.see(plugin, view),
+            see=lambda view, plugin=plugin: segmenters.detect(plugin, view),
             side=one.side,
             manual=manual,
             attitude=attitude,
@@ -140,7 +140,9 @@ def observe(
     """
     segmenters, renderer = SegmenterPool(plugins), Renderer()
     known = dict(attitudes or {})
-    walk = Walk(plugins, segmenters, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
+    walk = Walk(
+        plugins, segmenters, renderer, MarkerTracker(markers), FlowTracker() if appearance else NullFlowTracker()
+    )
     walk.notes += segmenters.notes
     for name, one in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: aiming the views")
@@ -154,7 +156,7 @@ def observe(
         {**walk.attitudes, **known},
         frozenset(walk.locators),
         (*walk.notes, *map(left_out, out.values())),
-        walk.watch.marks,
+        walk.markers.marks,
         walk.flow.flows,
         out,
     )
@@ -168,10 +170,16 @@ class Walk:
         plugins: Sequence[LoadedPlugin],
         segmenters: SegmenterPool,
         renderer: Renderer,
-        watch: MarkerWatch,
-        flow: FlowWatch,
+        markers: MarkerTracker,
+        flow: FlowTracker,
     ) -> None:
-        self.plugins, self.segmenters, self.renderer, self.watch, self.flow = plugins, segmenters, renderer, watch, flow
+        self.plugins, self.segmenters, self.renderer, self.markers, self.flow = (
+            plugins,
+            segmenters,
+            renderer,
+            markers,
+            flow,
+        )
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -218,19 +226,19 @@ class Walk:
         views = [self.renderer.render(panorama, spec) for spec in aimed.watched if spec.shows(panorama.frame)]
         for view in views:
             for plugin in self._rooms_at(view, aimed):
-                self.segmenters.look_ahead(plugin, view)
+                self.segmenters.prefetch(plugin, view)
         return views
 
     def _frame(self, panorama: Panorama, views: Sequence[View], aimed: PassPlan) -> None:
         """What all rooms see in a frame's views; plugins are asked by one thread, in order."""
         self.stamps.append(panorama.stamp_s)
         self.passes.append(aimed.name)
-        self.watch.look(panorama)
+        self.markers.update(panorama)
         for view in views:
             if any(aimed.knows_face(plugin) for plugin in aimed.watched[view.spec]):
-                self.flow.look(view)
+                self.flow.update(view)
             for plugin in self._rooms_at(view, aimed):
-                self.features[plugin.name] += plugin.extract(view, self.segmenters.see(plugin, view), panorama)
+                self.features[plugin.name] += plugin.extract(view, self.segmenters.detect(plugin, view), panorama)
 
     def _rooms_at(self, view: View, aimed: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in aimed.watched[view.spec]]

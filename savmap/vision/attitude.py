@@ -1,4 +1,4 @@
-"""Where the rig points in every frame, from edges whose world axis is known (paper, section III-E: initial orientation)."""
+"""The rig's attitude in every frame, from edges whose world axis is known (paper, section III-E: initial orientation)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

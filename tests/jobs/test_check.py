@@ -18,7 +18,7 @@ from savmap.pipeline.preview import picture_name
 from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.clip import Clip
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
 
 from ..video.made_up_video import evenly, write_video
@@ -207,7 +207,7 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
     def look(row: Any, rooms: Any, monitor: Monitor) -> RowMeasurements:
         seen = list(monitor.each(frames(), "looking"))
         facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
+        return RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
 
     found: list[ResourceEstimate] = []
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from savmap.errors import ending_in_one_line
@@ -18,6 +17,7 @@ from savmap.sim.camera import CameraSample, sample_camera, world_from_level
 from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture, write_samples
 from savmap.sim.random_scene import random_scene
 from savmap.sim.shade import Image, Mask, Renderer, renderer
+from savmap.vision.regions import connected_regions
 from savmap_signs.random_plates import dressed
 
 NAME = "sign"
@@ -61,10 +61,10 @@ def _camera(scene: Renderer, rng: np.random.Generator) -> CameraSample:
 def _judged(mask: Mask) -> Mask:
     """The mask with signs of fewer than `LEAST_PX` pixels left unjudged."""
     value = CLASSES.index(NAME) + 1
-    _, numbers, stats, _ = cv2.connectedComponentsWithStats((mask == value).astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < LEAST_PX
+    regions = connected_regions((mask == value).astype(np.uint8))
+    small = regions.areas < LEAST_PX
     small[0] = False
-    return np.where(small[numbers], IGNORED, mask).astype(np.uint8)
+    return np.where(small[regions.labels], IGNORED, mask).astype(np.uint8)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
