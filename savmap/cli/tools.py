@@ -85,9 +85,23 @@ def split(recording: Path, output: Path, into: Path | None = None, sheet: Path |
     """The passes of a long recording as rows of a new site file, or added to one, with a contact sheet."""
     from savmap.cli.console import Console
     from savmap.split import split as find_and_write
+    from savmap.split.contact_sheet import clock
 
     with Console(Path(os.devnull)) as console:
-        yield from find_and_write(recording, output, into, sheet, monitor=console)
+        result = find_and_write(recording, output, into, sheet, monitor=console)
+    yield "pass     start       end   heading  sides        confidence"
+    for number, row_pass in enumerate(result.passes, start=1):
+        yield (
+            f"{number:4d}  {clock(row_pass.start_s):>8}  {clock(row_pass.end_s):>8}  {row_pass.heading_deg:+6.0f}"
+            f"    {' and '.join(row_pass.sides):<14} {row_pass.confidence:4.2f}"
+        )
+    yield f"wrote {into or output}: look through it before mapping"
+    if sheet is not None:
+        yield f"wrote {sheet}"
+    yield (
+        f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
+        f"{result.decoded_share:.0%} of the recording"
+    )
 
 
 def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.split.glances import Glance
+from savmap.split.frame_pairs import FramePair
 from savmap.types import Floats, array_record
 
 BEARINGS = 120
@@ -40,11 +40,11 @@ class Motion:
     texture: Floats
 
 
-def motion_of(glance: Glance) -> Motion:
-    """The motion between a glance's two pictures."""
-    rates, texture = _strip(glance)
+def motion_of(pair: FramePair) -> Motion:
+    """The motion between a pair's two pictures."""
+    rates, texture = _strip(pair)
     turn, way, sides, misfit = _fit(rates)
-    return Motion(glance.stamp_s + glance.gap_s / 2, turn, way, sides, misfit, rates, texture)
+    return Motion(pair.stamp_s + pair.gap_s / 2, turn, way, sides, misfit, rates, texture)
 
 
 def refitted(rates: Floats, way: float) -> tuple[float, float, float]:
@@ -64,22 +64,23 @@ def bearings() -> Floats:
     return (np.arange(BEARINGS) + 0.5) * 360 / BEARINGS - 180
 
 
-def _strip(glance: Glance) -> tuple[Floats, Floats]:
+def _strip(pair: FramePair) -> tuple[Floats, Floats]:
     """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture (BEARINGS,)."""
-    height, width = glance.first.shape
+    height, width = pair.first.shape
     rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
     first, second = (
-        cv2.copyMakeBorder(one[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for one in (glance.first, glance.second)
+        cv2.copyMakeBorder(image[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for image in (pair.first, pair.second)
     )
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(first, second, np.empty(0))
     across = flow[:, _PAD : _PAD + width, 0]
     upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, _PAD : _PAD + width]) / 8 for x in (1, 0))
     columns = np.arange(width) * BEARINGS // width
     medians = [
-        _weighted_median(across[:, columns == one], upright[:, columns == one] + 0.01) for one in range(BEARINGS)
+        _weighted_median(across[:, columns == bearing], upright[:, columns == bearing] + 0.01)
+        for bearing in range(BEARINGS)
     ]
     energy = np.bincount(columns, (upright + level).mean(axis=0)) / np.bincount(columns)
-    return np.array(medians) * 360 / width / glance.gap_s, energy / (float(first.mean()) + 10.0)
+    return np.array(medians) * 360 / width / pair.gap_s, energy / (float(first.mean()) + 10.0)
 
 
 def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
