@@ -121,7 +121,7 @@ def test_a_regular_line_of_lamps_may_not_slip_by_one(slip: float) -> None:
     found = assembled(site_map, {"1L": Placement(0, 0, 0, 1e-6 * np.eye(3)), "1R": wrong}, NO_DRIVES, ask)
     assert found.site_map.matches == ()
     assert found.site_map.placements["1R"].x_m == pytest.approx(LENGTH_M + slip, abs=0.01)
-    assert found.notes == ("rows 1L and 1R: which lamp is which is not clear; none ties them",)
+    assert found.notes == ("rows 1L and 1R: which lamp is which is ambiguous; none of them is matched",)
 
 
 def test_an_irregular_line_of_lamps_is_recognised_from_far_off() -> None:
