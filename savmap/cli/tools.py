@@ -76,9 +76,9 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
 def find(map_file: Path, name: str) -> Iterator[str]:
     """Where in a map the things of a name are, or those on which it is written. Raises SiteError where there is none."""
     from savmap.maps.map_file import read_map
-    from savmap.maps.search import found
+    from savmap.maps.search import find_structures
 
-    yield from found(read_map(map_file), name)
+    yield from map(str, find_structures(read_map(map_file), name))
 
 
 def split(recording: Path, output: Path, into: Path | None = None, sheet: Path | None = None) -> Iterator[str]:
