@@ -8,11 +8,11 @@ from savmap.geometry.arrays import Floats, Ints
 
 def poses_at(wanted: Floats | Ints, known: Floats | Ints, poses: Floats) -> Floats:
     """Transforms (m, 4, 4) at times or frame numbers `wanted` (m,) from `poses` (n, 4, 4) at those `known` (n,), in order, n >= 1."""
-    found = np.tile(np.eye(4), (len(wanted), 1, 1))
+    filled = np.tile(np.eye(4), (len(wanted), 1, 1))
     if len(wanted):
-        found[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
-        found[:, :3, 3] = columns_at(wanted, known, poses[:, :3, 3])
-    return found
+        filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
+        filled[:, :3, 3] = columns_at(wanted, known, poses[:, :3, 3])
+    return filled
 
 
 def rotations_at(wanted: Floats | Ints, known: Floats | Ints, rotations: Floats) -> Floats:
@@ -20,8 +20,8 @@ def rotations_at(wanted: Floats | Ints, known: Floats | Ints, rotations: Floats)
     if len(known) == 1:
         return np.repeat(rotations, len(wanted), axis=0)
     path = Slerp(known, Rotation.from_matrix(rotations))
-    found: Floats = path(np.clip(wanted, known[0], known[-1])).as_matrix()
-    return found
+    turned: Floats = path(np.clip(wanted, known[0], known[-1])).as_matrix()
+    return turned
 
 
 def columns_at(wanted: Floats | Ints, known: Floats | Ints, values: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Points from rays."""
+"""Points nearest to rays: of many cameras, or of two lines."""
 
 import numpy as np
 

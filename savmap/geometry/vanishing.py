@@ -1,7 +1,7 @@
 """Orientation from straight edges: vanishing points of a building's three axes on the sphere.
 
-An edge seen from one point lies, with the camera, in a plane; the plane's unit normal is perpendicular to the edge's own
-direction. Every edge parallel to an axis d therefore gives n . d = 0, whatever its place (paper, section III-E).
+The camera and an edge lie in a plane; the plane's unit normal is perpendicular to the edge's own
+direction. Every edge parallel to an axis d therefore gives n . d = 0, wherever it is (paper, section III-E).
 """
 
 from dataclasses import dataclass

@@ -38,9 +38,9 @@ def attitudes(features: Sequence[Feature], views: Mapping[str, ViewSpec], start:
     turns: dict[int, Floats] = {}
     last = np.eye(3)
     for frame, low, high in zip(frames.tolist(), *bounds, strict=True):
-        found = _orientation(edges, slice(low, high), last @ start[frame])
-        if found is not None:
-            last = turns[frame] = found @ start[frame].T
+        attitude = _orientation(edges, slice(low, high), last @ start[frame])
+        if attitude is not None:
+            last = turns[frame] = attitude @ start[frame].T
     if not turns:
         return start
     return rotations_at(np.arange(len(start)), np.array(list(turns)), np.stack(list(turns.values()))) @ start
@@ -51,8 +51,8 @@ def _orientation(edges: Edges, part: slice, start: Floats) -> Floats | None:
     if part.stop - part.start < LEAST_EDGES:
         return None
     rays = edges.rays[part]
-    found = orientation_from_edges(rays[:, 0], rays[:, 1], edges.axes[part], edges.sigmas[part], start)
-    return found.world_from_rig if np.linalg.eigvalsh(found.information)[0] > LEAST_INFORMATION else None
+    orientation = orientation_from_edges(rays[:, 0], rays[:, 1], edges.axes[part], edges.sigmas[part], start)
+    return orientation.world_from_rig if np.linalg.eigvalsh(orientation.information)[0] > LEAST_INFORMATION else None
 
 
 def _edges(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Edges:

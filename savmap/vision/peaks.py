@@ -1,4 +1,4 @@
-"""Linking sightings over frames: one-dimensional peaks."""
+"""Peaks of one-dimensional values: where many of them agree, such as the places of one object in many frames."""
 
 import numpy as np
 

@@ -69,10 +69,10 @@ def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) 
     first, second = (
         np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair
     )
-    found = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
-    if found is None:
+    detected = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
+    if detected is None:
         return float("nan")
-    corners = np.asarray(found, np.float32)
+    corners = np.asarray(detected, np.float32)
     there = _follow(first, second, corners)
     back = _follow(second, first, there)
     good = np.linalg.norm(back - corners, axis=-1).ravel() < 1.0

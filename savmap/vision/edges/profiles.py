@@ -1,4 +1,4 @@
-"""Grey profiles across straight edges, cut from a panorama at its own resolution.
+"""Grey profiles across straight edges, sampled from a panorama at its own resolution.
 
 An edge is cut into short pieces; each is averaged along its length and sampled across, along short normals only. No view
 is rendered for this.
@@ -27,7 +27,7 @@ LEBESGUE = 1.25**2
 
 
 def _radiance() -> Floats:
-    """Radiance (256,), 0..1, that a camera shows as each grey value: the sRGB curve and a film-like shoulder undone."""
+    """Radiance (256,), 0..1, of each grey value of a camera: the inverse of the sRGB curve and a film-like shoulder."""
     shown = np.arange(256) / 255
     decoded = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     radiance: Floats = decoded * SHOULDER / (1 + SHOULDER - decoded)
@@ -40,8 +40,7 @@ RADIANCE = _radiance()
 @dataclass(frozen=True, eq=False)
 @array_record
 class Pieces:
-    """Short pieces of edges, in view pixels: edge (n,) that each belongs to, from 0; middle u and v (n,), slope (n,), half
-    length (n,). `stands`: u is the row and v the column (for things that stand), else u is the column."""
+    """Short pieces of edges, in view pixels: the number of its edge (n,), from 0; middle u and v (n,), slope (n,), half length (n,). `stands`: u is the row and v the column, else u is the column."""
 
     edge: Ints
     u: Floats
@@ -171,8 +170,8 @@ def _across(window: _Window, patches: _Patches) -> Singles:
     np.clip(y, 0, window.last_row, out=y)
     x -= window.left
     y -= window.top
-    found = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
-    total = found.reshape(len(found), patches.rows, -1).sum(axis=1, dtype=np.float32)
+    sampled = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+    total = sampled.reshape(len(sampled), patches.rows, -1).sum(axis=1, dtype=np.float32)
     return np.asarray(total / np.float32(patches.rows * RADIANCE_UNIT), np.float32)
 
 
@@ -185,7 +184,7 @@ def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -
 
 
 def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint8]:
-    """Columns [left, right) of a panorama, over the seam where need be."""
+    """Columns [left, right) of a panorama, which may cross the seam."""
     width = image.shape[1]
     turned = left // width * width
     left, right = left - turned, right - turned

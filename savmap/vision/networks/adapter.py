@@ -61,14 +61,14 @@ def regions(label: str, probability: Probabilities, threshold: float, min_pixels
 
 
 def _detections(label: str, above: NDArray[np.bool_], probability: Probabilities, min_pixels: int) -> list[Detection]:
-    found = connected_regions(above.view(np.uint8))
+    connected = connected_regions(above.view(np.uint8))
     shared = read_only(probability)
     detections = []
-    for number in np.flatnonzero(found.areas[1:] >= min_pixels) + 1:
-        left, top, width, height = found.boxes[number].tolist()
+    for number in np.flatnonzero(connected.areas[1:] >= min_pixels) + 1:
+        left, top, width, height = connected.boxes[number].tolist()
         place = slice(top, top + height), slice(left, left + width)
-        inside = found.labels[place] == number
-        mask = np.zeros(found.labels.shape, dtype=np.bool_)
+        inside = connected.labels[place] == number
+        mask = np.zeros(connected.labels.shape, dtype=np.bool_)
         mask[place] = inside
         score = float(probability[place][inside].mean(dtype=np.float64))
         detections.append(Detection(label, score, mask, shared))

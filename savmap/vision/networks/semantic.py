@@ -85,9 +85,9 @@ def _input_size(signature: OnnxSignature) -> tuple[int, int]:
 def _check_output(signature: OnnxSignature, channels: int, size: tuple[int, int]) -> None:
     outputs, expected = signature.outputs, (channels, size[1], size[0])
     if len(outputs) != 1 or outputs[0].kind != "tensor(float)" or outputs[0].shape[1:] != expected:
-        found = [list(output.shape) for output in outputs]
+        shapes = [list(output.shape) for output in outputs]
         raise ModelError(
-            f"{signature.path}: its output must be one float32 tensor (1, {list(expected)}), not {found}; {ADVICE}"
+            f"{signature.path}: its output must be one float32 tensor (1, {list(expected)}), not {shapes}; {ADVICE}"
         )
 
 

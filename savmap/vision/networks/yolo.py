@@ -44,11 +44,11 @@ class Yolo:
         self.names = signature.names or _numbered(signature, rows, self._masks)
         self.input_size = signature.input_size or _size_in_metadata(signature)
         channels = 6 + self._masks if self._complete else 4 + len(self.names) + self._masks
-        found = rows.shape[2 if self._complete else 1]
-        if found not in (None, channels):
+        given = rows.shape[2 if self._complete else 1]
+        if given not in (None, channels):
             raise ModelError(
                 f"{signature.path}: {len(self.names)} classes and {self._masks} masks make {channels} numbers a box, "
-                f"but {rows} has {found}; export the network again"
+                f"but {rows} has {given}; export the network again"
             )
 
     def predict(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Segmentation:
