@@ -11,7 +11,7 @@ from savmap.errors import ModelError
 from savmap.vision.networks.segmenter import Segmenter
 
 from .made_up_networks import SIDE, constant, detr, edges, picture, redness, save, yolo
-from .test_segment import GOOD, write_model
+from .test_segmenter import GOOD, write_model
 
 NAMES = {0: "post", 1: "bar"}
 WHOLE = (SIDE / 2, SIDE / 2, SIDE, SIDE)

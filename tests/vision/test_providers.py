@@ -12,7 +12,7 @@ from savmap.vision.networks.providers import PROVIDERS, choose, file_for
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.networks.session import open_network
 
-from .test_segment import GOOD, write_model
+from .test_segmenter import GOOD, write_model
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
 OPENVINO, COREML = "OpenVINOExecutionProvider", "CoreMLExecutionProvider"
