@@ -40,13 +40,13 @@ class Lines:
         return Lines(*(value[index] for value in vars(self).values()))
 
     def joined(self, others: "Lines") -> "Lines":
-        """These, then others."""
+        """These lines followed by others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Lines(*(np.concatenate(pair) for pair in pairs))
 
     @property
     def column(self) -> "Lines":
-        """The same with shape (g, 1), to be asked for many u each."""
+        """The same with shape (g, 1), for many u per line."""
         return Lines(*(value[:, None] for value in vars(self).values()))
 
     @property
@@ -89,7 +89,7 @@ def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float],
 
 
 def weighted_lines(group: Ints, u: Floats, v: Floats, weight: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """Centre, slope and offset (count,) of each group's weighted least-squares line; nan where none is fixed."""
+    """Centre, slope and offset (count,) of each group's weighted least-squares line; nan where its points fix none."""
     total = _sums_or_nan(group, weight, count)
     centre = _sums(group, weight * u, count) / total
     offset = _sums(group, weight * v, count) / total
@@ -183,7 +183,7 @@ def _sigma(group: Ints, residual: Floats, weight: Floats, count: int, most: floa
 
 
 def _summary(group: Ints, u: Floats, weight: Floats, residual: Floats, fit: tuple[Floats, Floats, Floats]) -> Lines:
-    """Lines with variances: residuals (weighted) that keep their sign from point to point count as fewer points."""
+    """Lines with variances: correlated residuals (weighted) of neighbouring points count as fewer points."""
     centre, slope, offset = fit
     count = len(slope)
     residual = np.nan_to_num(residual)

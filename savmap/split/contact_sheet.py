@@ -30,9 +30,11 @@ def picture_stamps(detected: DetectedPass) -> tuple[float, float, float]:
 def contact_sheet(
     passes: Sequence[DetectedPass], pictures: Sequence[Image], stamps_s: Floats, headings_deg: Floats
 ) -> Image:
-    """RGB picture of the timeline (headings (n,) degrees at times (n,)) above a line a pass; `pictures` are three a pass,
-    panoramas THUMB_WIDTH wide. They are turned so that the direction of travel is in the middle; a green bar is
-    beneath the sides with structure."""
+    """RGB picture of the timeline (headings (n,) degrees at times (n,)) above a line for each pass.
+
+    `pictures` are three panoramas a pass, THUMB_WIDTH wide. They are turned so that the direction of travel is in the middle; a green
+    bar marks the sides with structure.
+    """
     width = _TEXT_WIDTH + 3 * THUMB_WIDTH
     lines = [
         _line(number, detected, pictures[3 * number - 3 : 3 * number])
@@ -42,7 +44,7 @@ def contact_sheet(
 
 
 def check_picture(path: Path) -> None:
-    """Raises OutputError for another ending than .png."""
+    """Raise OutputError unless the path ends with .png."""
     if path.suffix.lower() != ".png":
         raise OutputError(f"{path}: the contact sheet is written as .png")
 

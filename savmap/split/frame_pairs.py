@@ -72,7 +72,7 @@ def pictures_at(info: VideoInfo, stamps_s: Sequence[float], width: int) -> list[
 
 
 class _Shrink:
-    """Makes small panoramas of frames."""
+    """Shrinks frames to small panoramas."""
 
     def __init__(self, width: int, pixel_format: str = "gray") -> None:
         self.width, self.pixel_format = width, pixel_format

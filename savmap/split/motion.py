@@ -1,4 +1,4 @@
-"""What two panoramas a moment apart tell: how fast the rig turns and which way it goes, and how near things pass on either hand.
+"""Motion between two panoramas: how fast the rig turns, which way it goes, and how fast both sides pass.
 
 Apparent motion of a strip around the horizon (dense inverse search: Kroeger et al. 2016; OpenCV's), as one rate for each
 bearing. Turning shifts all bearings alike; going along shifts the two sides apart, in front, and together again, behind: by
@@ -54,7 +54,7 @@ def refitted(rates: Floats, way: float) -> tuple[float, float, float]:
 
 
 def wrapped(degrees: Floats) -> Floats:
-    """Angles between -180 and 180 degrees."""
+    """Angles as equal ones between -180 and 180 degrees."""
     turned: Floats = (degrees + 180) % 360 - 180
     return turned
 
@@ -90,7 +90,7 @@ def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
 
 
 def _fit(rates: Floats) -> tuple[float, float, tuple[float, float], float]:
-    """Turn, way, sides and mean misfit of the corridor's motion that fits rates (BEARINGS,) best in the mean absolute."""
+    """Turn, way, sides and mean absolute misfit of the corridor's motion that fits rates (BEARINGS,) best."""
     ways = np.arange(_WAYS) * 360 / _WAYS - 180
     found, misfits = _corridors(rates, ways)
     misfits = np.where(found[:, 1] + found[:, 2] >= 0, misfits, np.inf)

@@ -56,8 +56,8 @@ def _along(motions: Sequence[Motion], rig: Floats, line: Straight, settings: Spl
 
 
 def _level(near: Nearness, settings: SplitSettings) -> Floats:
-    """How near the nearer side is at right angles (n,), as a share of the nearest around, or of what is usual along the way
-    where all is far; while the camera stands, as before it stood (or, at the beginning, after)."""
+    """How near the nearer side is abeam (n,), as a share of the nearest around, or of what is usual along the way where everything
+    is far; while the camera stands, as before it stood (or, at the beginning, after)."""
     moving = ~near.still
     usual = np.percentile(near.rates[moving], 80, axis=0)
     counted = _structured(usual, _texture(near, usual), settings)
@@ -79,7 +79,7 @@ def _texture(near: Nearness, usual: Floats) -> Floats:
 
 
 def _structured(rates: Floats, texture: Floats, settings: SplitSettings) -> Bools:
-    """Which sides (2,) have structure, by the rates and texture at right angles to the way."""
+    """Which sides (2,) have structure, by the rates and texture abeam."""
     near = rates >= settings.aside * rates.max()
     rich: Bools = near & (texture >= settings.texture * texture[near].max())
     return rich
@@ -131,7 +131,7 @@ def _candidate(
 
 
 def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
-    """When an end is at right angles: half way between a sample inside and its neighbour outside, and further inside by the
+    """The time when an end is abeam: half way between a sample inside and its neighbour outside, and further inside by the
     angle by which apparent motion of what is near reaches over what is behind. The sample's time at the ends of a straight."""
     if not 0 <= outside < len(stamps):
         return float(stamps[inside])
@@ -141,7 +141,7 @@ def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
 
 
 def _squared(travels: Sequence[float]) -> list[float]:
-    """Directions of travel whose changes are whole quarter turns where they nearly are: sums of turns drift."""
+    """Directions of travel with changes rounded to quarter turns where they are nearly that, because sums of turns drift."""
     squared: list[float] = []
     for index, travel in enumerate(travels):
         change = travel - travels[index - 1] if index else 0.0
@@ -188,7 +188,7 @@ def _record(candidate: _Candidate, heading: float, settings: SplitSettings) -> D
 
 
 def _half_turns(degrees: float) -> float:
-    """An angle above -180 and up to 180 degrees; a heading a hair beyond -180 is 180."""
+    """An angle above -180 and up to 180 degrees; a heading just beyond -180 is 180."""
     turned = float(wrapped(np.array(degrees)))
     return abs(turned) if abs(turned) > 179.95 else turned + 0.0
 

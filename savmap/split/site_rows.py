@@ -27,13 +27,13 @@ version: 1
 
 
 def check_new(path: Path) -> None:
-    """Raises OutputError where there is a file already."""
+    """Raise OutputError where the file exists already."""
     if path.exists():
         raise OutputError(f"{path}: already exists; add the rows to it with --into, or give another name with -o")
 
 
 def new_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None:
-    """Write a site file with a row for each side of each pass. Raises OutputError where there is a file already."""
+    """Write a site file with a row for each side of each pass. Raises OutputError where the file exists already."""
     check_new(path)
     write_text(path, _HEAD.format(video=video.name) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  "))
 
@@ -62,7 +62,7 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
 
 
 def _after(text: str, node: yaml.Node) -> int:
-    """The index in the text of the line after the last one that a node stands on."""
+    """The index in the text at which the line after a node begins."""
     while isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         node = last[1] if isinstance(last, tuple) else last
@@ -71,7 +71,7 @@ def _after(text: str, node: yaml.Node) -> int:
 
 
 def _past_comments(text: str, at: int, indent: str) -> int:
-    """The index after the comments from `at` on that belong to the last row, for they stand further in than its name."""
+    """The index after the comments from `at` on that belong to the last row: they are indented further than its name."""
     found = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
     return found.end() if found else at
 

@@ -1,8 +1,7 @@
-"""Where the recording goes straight: stretches between turns, with the direction of travel of each, and how near things are.
+"""Straights of a recording: stretches between turns, with their directions of travel, and how near things are abeam.
 
-The direction of travel is the rig's heading (its turning summed up) plus the way it goes in the panorama; so a panorama that is
-held level and northwards afterwards does as well as one that turns with the cart, and going in reverse is another
-direction.
+The direction of travel is the rig's heading (the sum of its turning) plus the way it goes in the panorama. A panorama that was
+stabilised to one direction therefore serves as well as one that turns with the cart, and going in reverse is another direction.
 
 Along a line at distance d from the way every point passes at the rate v / d once its bearing is allowed for. What is abeam (at right
 angles to the way) is compared with what passes fastest around, ahead and behind: the speed cancels out, and the moment at which the
@@ -68,7 +67,7 @@ def runs(flags: Bools) -> list[tuple[int, int]]:
 
 
 def _one_way(motions: Sequence[Motion], first: int, last: int) -> list[tuple[int, int]]:
-    """A run without a turn, parted where the camera goes back the way it came."""
+    """A run without a turn, divided where the camera goes back the way it came."""
     parts: list[tuple[int, int]] = []
     start, way = first, None
     for index in range(first, last + 1):
@@ -106,7 +105,7 @@ def _same(first: Straight, second: Straight, rig: Floats, bend_deg: float) -> bo
 
 
 def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float) -> list[Straight]:
-    """The straights with the parts of the turns at either end in which the direction is still nearly theirs."""
+    """The straights, each extended into the turns at its ends while the direction of travel is nearly its own."""
     wider = []
     for number, straight in enumerate(found):
         low = found[number - 1].last + 1 if number else 0

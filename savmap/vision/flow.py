@@ -22,7 +22,7 @@ Points = NDArray[np.float32]
 Grey = NDArray[np.uint8]
 
 
-@dataclass
+@dataclass(eq=False)
 class _Window:
     """Points in a window that begins at frame `first`: pixels (n, k, 2) in its k frames so far."""
 
@@ -30,7 +30,7 @@ class _Window:
     pixels: Points
 
 
-@dataclass
+@dataclass(eq=False)
 class _ViewState:
     """A view's last frame and grey picture, its open windows, and the flows of the complete ones."""
 
