@@ -80,7 +80,7 @@ def placed_site(tmp_path: Path, *names: str) -> Path:
         "B": Placement(0.0, 0.0, 0.0, np.diag([0.0, 0.0, np.degrees(0.1) ** 2])),
     }
     rows = {"A": row("A"), "B": row("B")}
-    write_map(SiteMap(rows, {"savmap": "0"}, placed={name: places[name] for name in names}), tmp_path / "site.json")
+    write_map(SiteMap(rows, {"savmap": "0"}, placements={name: places[name] for name in names}), tmp_path / "site.json")
     return tmp_path / "site.json"
 
 
@@ -116,7 +116,7 @@ def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match="format obj: known formats are csv, ply"):
+    with pytest.raises(SiteError, match="--format obj: known formats are csv, ply"):
         list(tools.export(one, "obj", tmp_path / "map.obj"))
 
 
