@@ -15,17 +15,7 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.files.validation import checked
-from savmap.maps.schema import (
-    FORMAT,
-    VERSION,
-    FrameEntry,
-    MapFile,
-    MatchEntry,
-    PlacementEntry,
-    RowEntry,
-    StructureEntry,
-    ViewEntry,
-)
+from savmap.maps import schema
 from savmap.types import (
     CrossRowMatch,
     Floats,
@@ -65,7 +55,13 @@ def map_of(text: str, where: str) -> SiteMap:
 def map_text(site: SiteMap) -> str:
     """The text of map.json: keys sorted, numbers rounded, arrays of numbers on one line. Raises OutputError on NaN."""
     rows = {name: _row_entry(row) for name, row in site.rows.items()}
-    content = {"format": FORMAT, "version": VERSION, "units": "m", "made_by": dict(site.made_by), "rows": rows}
+    content = {
+        "format": schema.FORMAT,
+        "version": schema.VERSION,
+        "units": "m",
+        "made_by": dict(site.made_by),
+        "rows": rows,
+    }
     if site.failed:
         content["failed"] = dict(site.failed)
     if site.placements:
@@ -178,11 +174,13 @@ def _plain(value: float | int | str) -> float | int | str:
 
 
 def _site_map(content: object, path: str) -> SiteMap:
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise OutputError(f'{path}: is not a map (it has no "format": "{FORMAT}")')
-    if content.get("version") != VERSION:
-        raise OutputError(f"{path}: is a map of version {content.get('version')}; this program reads version {VERSION}")
-    entry = checked(MapFile, content, path)
+    if not isinstance(content, dict) or content.get("format") != schema.FORMAT:
+        raise OutputError(f'{path}: is not a map (it has no "format": "{schema.FORMAT}")')
+    if content.get("version") != schema.VERSION:
+        raise OutputError(
+            f"{path}: is a map of version {content.get('version')}; this program reads version {schema.VERSION}"
+        )
+    entry = checked(schema.MapFile, content, path)
     try:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
     except ValueError as error:
@@ -191,7 +189,7 @@ def _site_map(content: object, path: str) -> SiteMap:
     return SiteMap(rows, entry.made_by, entry.failed, placements, tuple(_match(match) for match in entry.ties))
 
 
-def _row_map(name: str, row: RowEntry) -> RowMap:
+def _row_map(name: str, row: schema.RowEntry) -> RowMap:
     return RowMap(
         name=name,
         frames=_frame_table(row.trajectory),
@@ -203,11 +201,11 @@ def _row_map(name: str, row: RowEntry) -> RowMap:
     )
 
 
-def _frame_table(entries: list[FrameEntry]) -> FrameTable:
+def _frame_table(entries: list[schema.FrameEntry]) -> FrameTable:
     return FrameTable(np.array([entry.stamp_s for entry in entries]), tuple(entry.pass_name for entry in entries))
 
 
-def _trajectory(entries: list[FrameEntry]) -> Trajectory:
+def _trajectory(entries: list[schema.FrameEntry]) -> Trajectory:
     if [entry.frame for entry in entries] != list(range(len(entries))):
         raise ValueError("trajectory: frames should be numbered 0, 1, 2 ... in order")
     located = [entry for entry in entries if entry.position_m is not None and entry.orientation_xyzw is not None]
@@ -220,12 +218,12 @@ def _trajectory(entries: list[FrameEntry]) -> Trajectory:
     return Trajectory(np.array([entry.frame for entry in located], dtype=np.int64), poses, sigma)
 
 
-def _view(name: str, entry: ViewEntry) -> ViewSpec:
+def _view(name: str, entry: schema.ViewEntry) -> ViewSpec:
     angles = entry.yaw_deg, entry.pitch_deg, entry.roll_deg, entry.hfov_deg
     return ViewSpec(name, *angles, entry.width, entry.height)
 
 
-def _structure(entry: StructureEntry) -> Structure:
+def _structure(entry: schema.StructureEntry) -> Structure:
     if any(not 0 <= end < len(entry.vertices) for edge in entry.edges for end in edge):
         raise ValueError(f"{entry.id}: an edge joins a vertex that is not there")
     return Structure(
@@ -239,11 +237,11 @@ def _structure(entry: StructureEntry) -> Structure:
     )
 
 
-def _placement(entry: PlacementEntry) -> Placement:
+def _placement(entry: schema.PlacementEntry) -> Placement:
     return Placement(entry.x_m, entry.z_m, entry.heading_deg, _symmetric(entry.covariance))
 
 
-def _match(entry: MatchEntry) -> CrossRowMatch:
+def _match(entry: schema.MatchEntry) -> CrossRowMatch:
     residual, sigma = (np.array(values, dtype=np.float64) for values in (entry.residual_m, entry.sigma_m))
     return CrossRowMatch(entry.row_a, entry.row_b, entry.id_a, entry.id_b, residual, sigma)
 

@@ -95,11 +95,12 @@ def _flow_of(window: _Window, spec: ViewSpec) -> Flow:
 
 def _tracked(before: Grey, after: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
     """Where points (n, 2) px move, and which (n,) return to their start when tracked back."""
-    forth, found = _lucas_kanade(before, after, points)
-    back, again = _lucas_kanade(after, before, forth)
+    forth, found = lucas_kanade(before, after, points)
+    back, again = lucas_kanade(after, before, forth)
     return forth, found & again & (np.linalg.norm(back - points, axis=1) < MOST_RETURN_PX)
 
 
-def _lucas_kanade(a: Grey, b: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
+def lucas_kanade(a: Grey, b: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
+    """Where points of one picture are in another, and which (n,) were found there."""
     moved, found, _ = cv2.calcOpticalFlowPyrLK(a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS)  # type: ignore[call-overload] # fmt: skip
     return moved, found.ravel() == 1

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
 from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision.flow import lucas_kanade
 from savmap.vision.views import Renderer
 
 CORNERS = 300
@@ -18,15 +18,11 @@ ALONG_OVER_ACROSS = 1.5
 SHIFTS = np.array([[1.0, -1, 0], [1, 0, -1], [1, 1, 0], [1, 0, 1]])
 
 
-def travel_direction(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> int:
-    """+1 where the camera moves to the right as it looks along `spec` (towards the face's +x), -1 to the left, 0 unknown."""
-    return travel_directions(pairs, spec, renderer)[0]
-
-
 def travel_directions(
     pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer
 ) -> tuple[int, int, int, int]:
-    """The same for `spec` and the views turned from it to the right by 90, 180 and 270 degrees.
+    """Which way the camera moves along `spec` and the views turned from it to the right by 90, 180 and 270 degrees: +1 to the right
+    as it looks along the view (towards the face's +x), -1 to the left, 0 unknown.
 
     The rig's turning shifts all views alike; half the difference of opposite views is its motion. That must exceed the motion
     measured in the same way in the two views across, which it does only when looking across the way. One view may be too bare to
@@ -73,13 +69,7 @@ def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) 
     if detected is None:
         return float("nan")
     corners = np.asarray(detected, np.float32)
-    there = _follow(first, second, corners)
-    back = _follow(second, first, there)
+    there, _ = lucas_kanade(first, second, corners)
+    back, _ = lucas_kanade(second, first, there)
     good = np.linalg.norm(back - corners, axis=-1).ravel() < 1.0
     return float(np.median((there - corners)[good, 0, 0])) if good.sum() >= LEAST_TRACKS else float("nan")
-
-
-def _follow(first: NDArray[np.uint8], second: NDArray[np.uint8], points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Where points (n, 1, 2) of the first picture are in the second."""
-    moved, _, _ = cv2.calcOpticalFlowPyrLK(first, second, points, points.copy(), winSize=(21, 21), maxLevel=4)
-    return np.asarray(moved, np.float32)

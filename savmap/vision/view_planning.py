@@ -16,19 +16,8 @@ from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.geometry.vanishing import RIG_UP, facing, manhattan_from_segments
 from savmap.types import Floats, Panorama, View, ViewSpec, array_record
-from savmap.vision.travel import travel_direction, travel_directions
+from savmap.vision.travel import travel_directions
 from savmap.vision.views import Renderer
-
-__all__ = [
-    "Face",
-    "Manual",
-    "PassPreview",
-    "ceiling_view",
-    "choose_face",
-    "face_candidates",
-    "manhattan",
-    "travel_direction",
-]
 
 SEARCH_VIEWS = [
     *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
@@ -64,14 +53,7 @@ class Manual:
 
     def over(self, spec: ViewSpec) -> ViewSpec:
         """The view with these values in place of its own."""
-        given = {
-            "yaw_deg": self.yaw_deg,
-            "pitch_deg": self.pitch_deg,
-            "roll_deg": self.roll_deg,
-            "hfov_deg": self.hfov_deg,
-        }
-        fixed = {key: value for key, value in given.items() if value is not None}
-        return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
+        return replace(spec, **{key: value for key, value in vars(self).items() if value is not None})
 
 
 @dataclass(frozen=True, eq=False)

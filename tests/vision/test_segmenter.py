@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
-from savmap.vision.networks.segmenter import Segmenter, detections, regions
+from savmap.vision.networks.segmenter import Segmentation, Segmenter, regions
 
 WIDTH, HEIGHT = 64, 48
 GOOD = {"savmap.format": "semantic", "savmap.classes": json.dumps(["post"]), "savmap.output": "logits"}
@@ -124,5 +124,5 @@ def test_small_regions_and_weak_pixels_are_left_out() -> None:
 
 def test_detections_are_labelled_by_class() -> None:
     blank = np.zeros((HEIGHT, WIDTH), np.float32)
-    found = detections(np.stack([1 - two_blobs(), blank, two_blobs()]), ["post", "bar"], 0.5, 1)
+    found = Segmentation(("post", "bar"), np.stack([1 - two_blobs(), blank, two_blobs()])).detections(0.5, 1)
     assert [d.label for d in found] == ["bar", "bar"]

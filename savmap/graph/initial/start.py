@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.errors import SolveError, StructureError
+from savmap.geometry.poses import rotations_at
 from savmap.graph.initial.linear import linear_positions
 from savmap.graph.initial.observability import assume_missing, fit, require_metric
 from savmap.graph.initial.outlier_references import consistent_alternatives, without_outliers
 from savmap.graph.problem import Estimate, Problem, first_poses
-from savmap.types import Floats, Ints, RowFacts, Trajectory
+from savmap.types import Floats, RowFacts, Trajectory
 
 
 def published_start(
@@ -42,15 +42,6 @@ def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
         good = numbers[known[numbers]] if known[numbers].any() else np.flatnonzero(known)
         filled[numbers] = rotations_at(numbers, good, attitudes[good])
     return filled
-
-
-def rotations_at(wanted: Ints, frames: Ints, rotations: Floats) -> Floats:
-    """Rotations (w, 3, 3) at frame numbers `wanted`, interpolated between those at sorted `frames`; held beyond the ends."""
-    if len(frames) == 1:
-        return np.repeat(rotations, len(wanted), axis=0)
-    spline = Slerp(frames, Rotation.from_matrix(rotations))
-    turned: Floats = spline(np.clip(wanted, frames[0], frames[-1])).as_matrix()
-    return turned
 
 
 @dataclass(frozen=True, eq=False)

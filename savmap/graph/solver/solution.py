@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from savmap.geometry.poses import columns_at, rotations_at
 from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.initial.observability import require_known
-from savmap.graph.initial.start import rotations_at
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.reference_tests import (
@@ -167,7 +167,7 @@ def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None
         poses.append(_between(wanted, known, estimate.poses[of_pass]))
         if sigma is not None:
             gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
-            sigmas.append(_columns(wanted, known, sigma[of_pass]) + DRIFT_M * gap)
+            sigmas.append(columns_at(wanted, known, sigma[of_pass]) + DRIFT_M * gap)
     order = np.argsort(np.concatenate(frames), kind="stable")
     spread = np.concatenate(sigmas)[order] if sigma is not None else None
     return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], spread)
@@ -176,14 +176,10 @@ def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None
 def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:
     filled = np.tile(np.eye(4), (len(wanted), 1, 1))
     filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
-    filled[:, :3, 3] = _columns(wanted, known, poses[:, :3, 3])
+    filled[:, :3, 3] = columns_at(wanted, known, poses[:, :3, 3])
     exact = np.isin(wanted, known)
     filled[exact] = poses
     return filled
-
-
-def _columns(wanted: Ints, known: Ints, values: Floats) -> Floats:
-    return np.stack([np.interp(wanted, known, column) for column in values.T], axis=1)
 
 
 def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:

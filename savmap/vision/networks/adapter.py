@@ -34,22 +34,17 @@ class Segmentation:
         """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by class, and by instance
         where the network separates them. All of a class share its probability over the whole picture."""
         if self.owners is None:
-            return detections(self.maps, self.classes, threshold, min_pixels)
+            return [
+                detection
+                for label, probability in zip(self.classes, self.maps[1:], strict=True)
+                for detection in regions(label, np.ascontiguousarray(probability), threshold, min_pixels)
+            ]
         return [
             detection
             for label, probability, owner in zip(self.classes, self.maps[1:], self.owners, strict=True)
             for number in range(1, int(owner.max()) + 1)
             for detection in _detections(label, (owner == number) & (probability > threshold), probability, min_pixels)
         ]
-
-
-def detections(maps: Probabilities, classes: Sequence[str], threshold: float, min_pixels: int) -> list[Detection]:
-    """Regions of every class in maps (1 + classes, H, W), background first, class by class."""
-    return [
-        detection
-        for label, probability in zip(classes, maps[1:], strict=True)
-        for detection in regions(label, np.ascontiguousarray(probability), threshold, min_pixels)
-    ]
 
 
 def regions(label: str, probability: Probabilities, threshold: float, min_pixels: int) -> list[Detection]:

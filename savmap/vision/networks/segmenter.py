@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from savmap.errors import ModelError
 from savmap.types import Detection
 from savmap.vision.networks import detr, semantic, yolo
-from savmap.vision.networks.adapter import Adapter, Probabilities, Segmentation, detections, regions
+from savmap.vision.networks.adapter import Adapter, Probabilities, Segmentation, regions
 from savmap.vision.networks.semantic import network_input
 from savmap.vision.networks.session import OpenNetwork, open_network
 
-__all__ = ["Probabilities", "Segmenter", "detections", "network_input", "regions"]
+__all__ = ["Probabilities", "Segmentation", "Segmenter", "network_input", "regions"]
 
 
 class Segmenter:
