@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from savmap.errors import OutputError
-from savmap.plugin.isolation import contained
+from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.types import RowMap, SiteMap
 
@@ -65,16 +65,14 @@ def plugins_of_map(site_map: SiteMap, skip: bool = False) -> dict[str, LoadedPlu
     """Rooms by name for the plugins that made a map, with their usual settings; `skip`: their failures are contained. Raises PluginError."""
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
     plugins = [open_plugin(name, {}) for name in names]
-    return {plugin.name: plugin for plugin in (contained(plugins) if skip else plugins)}
+    return {plugin.name: plugin for plugin in (isolated(plugins) if skip else plugins)}
 
 
 def evaluation_of(site_map: SiteMap, survey: "Survey", plugins: Mapping[str, LoadedPlugin]) -> "Evaluation":
     """A map against a survey, scored by the plugins that made it. Raises OutputError."""
     from savmap.evaluation import evaluate_site
 
-    return evaluate_site(
-        site_map, survey, lambda name, own, sheet: plugins[name].evaluate(structures=own, survey=sheet)
-    )
+    return evaluate_site(site_map, survey, lambda name, own, sheet: plugins[name].evaluate(own, sheet))
 
 
 def drawings_of(plugins: Sequence[LoadedPlugin], row: RowMap, survey: Mapping[str, Any] | None) -> "list[Drawing]":
@@ -82,6 +80,6 @@ def drawings_of(plugins: Sequence[LoadedPlugin], row: RowMap, survey: Mapping[st
     drawings: list[Drawing] = []
     for plugin in plugins:
         own = row.structures[plugin.name]
-        deviations = plugin.evaluate(structures=own, survey=survey).deviations if survey is not None else {}
-        drawings += plugin.draw(structures=own, survey=survey, deviations=deviations)
+        deviations = plugin.evaluate(own, survey).deviations if survey is not None else {}
+        drawings += plugin.draw(own, survey, deviations)
     return drawings

@@ -73,7 +73,7 @@ def in_one_frame(job: Job, site_map: SiteMap) -> tuple[SiteMap, Sequence[str]]:
     priors, plugins = placements(job.site), plugins_of_map(site_map, skips(job))
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
     try:
-        found = assembled(site_map, priors, footage, lambda plugin, own: plugins[plugin].shared(structures=own))
+        found = assembled(site_map, priors, footage, lambda plugin, own: plugins[plugin].cross_row_landmarks(own))
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)
     return found.site_map, found.notes

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -101,13 +101,8 @@ def plan_pass(
     manual = {key: Manual(**view.model_dump()) for key, view in one.views.items()}
     aims: dict[str, ViewPlan] = {}
     for plugin in plugins:
-        aims[plugin.name] = plugin.render_views(
-            pass_preview=pass_preview,
-            see=lambda view, plugin=plugin: segmenters.see(plugin, view),
-            side=one.side,
-            manual=manual,
-            attitude=attitude,
-        )
+        predict = partial(segmenters.detections, plugin)
+        aims[plugin.name] = plugin.render_views(pass_preview, predict, one.side, manual, attitude)
         attitude = aims[plugin.name].world_from_rig if attitude is None else attitude
     return PassPlan(name, clip, aims), pass_preview
 
@@ -218,7 +213,7 @@ class Walk:
         views = [self.renderer.render(panorama, spec) for spec in aimed.watched if spec.shows(panorama.frame)]
         for view in views:
             for plugin in self._rooms_at(view, aimed):
-                self.segmenters.look_ahead(plugin, view)
+                self.segmenters.prefetch(plugin, view)
         return views
 
     def _frame(self, panorama: Panorama, views: Sequence[View], aimed: PassPlan) -> None:
@@ -230,7 +225,8 @@ class Walk:
             if any(aimed.knows_face(plugin) for plugin in aimed.watched[view.spec]):
                 self.flow.look(view)
             for plugin in self._rooms_at(view, aimed):
-                self.features[plugin.name] += plugin.extract(view, self.segmenters.see(plugin, view), panorama)
+                detections = self.segmenters.detections(plugin, view)
+                self.features[plugin.name] += plugin.extract_features(view, detections, panorama)
 
     def _rooms_at(self, view: View, aimed: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in aimed.watched[view.spec]]

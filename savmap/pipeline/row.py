@@ -82,6 +82,8 @@ class Posed:
 
 def look(row: Row, plugins: Sequence[LoadedPlugin], monitor: Monitor) -> RowMeasurements:
     """What is seen of a row: the only walk over its pixels. Raises SavmapError's kinds with what is wrong and what to do."""
+    if plugins and all(plugin.needs_path for plugin in plugins):
+        require_path(row.name, plugins[0], row.path)
     markers = row.references.markers if row.path is None else ()
     wanted = [(marker.dictionary, marker.number) for marker in markers]
     return observe(row.name, row.passes, plugins, monitor, initial_attitudes(row), wanted, row.appearance)
@@ -149,19 +151,29 @@ def follow(
         if path is None and constraints:
             path = (vouched if seen.flows else located)(merge(frames, *constraints.values(), *markers))
         try:
-            own = plugin.track(features=seen.features[plugin.name], facts=seen.facts, attitudes=attitudes, start=path)
+            require_path(row.name, plugin, path)
+            own = plugin.track(seen.features[plugin.name], seen.facts, attitudes, path)
         except StructureError as error:
             if not constraints:
                 raise
             notes.append(f"row {row.name}: nothing of `{plugin.name}` is mapped: {error}")
             continue
-        bound = plugin.constrain(tracks=own, facts=seen.facts, start=path or start)
+        bound = plugin.constrain(own, seen.facts, path or start)
         if plugin.failure is None:
             tracks[plugin.name], constraints[plugin.name] = own, bound
     if row.path is not None or not seen.flows:
         return Followed(tracks, constraints, markers, tuple(notes), {})
     motion, counts = moved(merge(frames, *constraints.values(), *markers), seen.flows, path)
     return Followed(tracks, constraints, (*markers, motion), tuple(notes), counts)
+
+
+def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
+    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's path."""
+    if plugin.needs_path and path is None:
+        raise StructureError(
+            f"row {row}: `{plugin.name}` alone does not locate the camera: add a plugin that maps the face "
+            f"(--plugins NAME,{plugin.name}), or give an earlier map with --trajectory"
+        )
 
 
 def moved(problem: Problem, flows: Sequence[Flow], path: Trajectory | None) -> tuple[Constraints, dict[str, int]]:
@@ -188,7 +200,7 @@ def described(
 ) -> dict[str, tuple[Structure, ...]]:
     """Structures of every room, which may say how they stand to the others'; none of a room that found nothing."""
     alone = {
-        plugin.name: tuple(plugin.describe(tracks=followed.tracks[plugin.name], facts=seen.facts, solution=solution))
+        plugin.name: tuple(plugin.describe(followed.tracks[plugin.name], seen.facts, solution))
         if plugin.name in followed.tracks
         else ()
         for plugin in plugins

@@ -1,4 +1,4 @@
-"""What happens where a plugin says nothing: these implementations answer last."""
+"""The hooks that a plugin may leave out: these implementations are asked last."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -27,8 +27,8 @@ def relate(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookimpl(trylast=True)
-def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-    """Nothing is seen from other rows."""
+def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    """Other rows have none of them."""
     return []
 
 

@@ -1,24 +1,23 @@
-"""Rooms whose plugin may fail without harm to the others: from then on they answer that there is nothing."""
+"""Plugins that may fail without harm to the others: after its first failure, a plugin is asked no more and gives nothing."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
-from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Structure
+from savmap.plugin.manager import Answer, LoadedPlugin, notices
+from savmap.types import Structure, ViewPlan
 
 log = logging.getLogger("savmap")
-told = logging.getLogger("savmap-plugins")
 _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", default=None)
 
 
 @dataclass(frozen=True)
 class IsolatedPlugin(LoadedPlugin):
-    """A room for one row, or for none in particular, whose plugin is asked no more once it failed."""
+    """A plugin at work for one row, or for none in particular, which is asked no more once it failed."""
 
     row: str = ""
     failures: list[PluginFailedError] = field(default_factory=list, repr=False)
@@ -27,12 +26,12 @@ class IsolatedPlugin(LoadedPlugin):
     def failure(self) -> PluginFailedError | None:
         return self.failures[0] if self.failures else None
 
-    def ask(self, hook: str, expected: type, item: type | None = None, **arguments: Any) -> Any:
+    def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
         """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still raised, but not
         where another hook of its own failed meanwhile."""
         if not self.failures:
             try:
-                return super().ask(hook, expected, item, **arguments)
+                return super()._ask(hook, expected, check, **arguments)
             except PluginFailedError as error:
                 if not self.failures:
                     self._failed(error)
@@ -51,7 +50,7 @@ class IsolatedPlugin(LoadedPlugin):
     def _failed(self, error: PluginFailedError) -> None:
         self.failures.append(error)
         where = f"row {self.row}: " if self.row else ""
-        told.warning("%s%s", where, left_out(str(error)))
+        notices.warning("%s%s", where, left_out(str(error)))
         log.error("%s%s", where, error, exc_info=error)
         gathered = _gathered.get()
         if gathered is not None:
@@ -63,14 +62,17 @@ def left_out(failure: str) -> str:
     return f"{failure}; all else is mapped without it"
 
 
-def contained(rooms: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
-    """The same rooms, each kept from harming the others."""
-    return [IsolatedPlugin(**{own.name: getattr(room, own.name) for own in fields(room)}, row=row) for room in rooms]
+def isolated(plugins: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
+    """The same plugins, each kept from harming the others."""
+    return [
+        IsolatedPlugin(**{part.name: getattr(plugin, part.name) for part in fields(plugin)}, row=row)
+        for plugin in plugins
+    ]
 
 
-def failed(rooms: Sequence[LoadedPlugin]) -> dict[str, str]:
-    """By room: how its plugin failed, if it did."""
-    return {room.name: str(room.failure) for room in rooms if room.failure is not None}
+def failed(plugins: Sequence[LoadedPlugin]) -> dict[str, str]:
+    """By plugin: how it failed, if it did."""
+    return {plugin.name: str(plugin.failure) for plugin in plugins if plugin.failure is not None}
 
 
 @contextmanager
@@ -91,11 +93,14 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
     return PluginError(f"{'; '.join(failures.values())}; without it the row cannot be mapped: {error}")
 
 
-def nothing(expected: type, room: str) -> Any:
+def nothing(expected: type[Answer], plugin: str) -> Answer:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, observe
-    from savmap.types import ViewPlan
+    from savmap.graph import Constraints, observe  # keeps `savmap --help` fast
 
+    empty: Any
     if expected is Constraints:
-        return Constraints(room, {}, observe([], {}, {}), (), {})
-    return ViewPlan(()) if expected is ViewPlan else expected()
+        empty = Constraints(plugin, {}, observe([], {}, {}), (), {})
+    else:
+        empty = ViewPlan(()) if expected is ViewPlan else expected()
+    answer: Answer = empty
+    return answer

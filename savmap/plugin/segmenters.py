@@ -1,4 +1,4 @@
-"""The rooms' networks: each loaded once, each picture shown to it once."""
+"""The plugins' networks: each loaded once, each picture shown to it once."""
 
 import logging
 import weakref
@@ -20,7 +20,7 @@ Wish = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
-    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once.
+    """The plugins' networks. A file that several plugins name is loaded once, and a view they share is segmented once.
 
     `notes`: a line for each network that does not run on the processor, or not where it was asked to.
     """
@@ -42,19 +42,19 @@ class SegmenterPool:
                     f"{few(network.names)}: say with `class_names` which of them it is"
                 )
 
-    def see(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
-        """What a room detects in a view."""
-        return plugin.detect(view=view, segmenter=self.networks[plugin.name])
+    def detections(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
+        """What a plugin detects in a view."""
+        return plugin.detect(view, self.networks[plugin.name])
 
-    def look_ahead(self, plugin: LoadedPlugin, view: View) -> None:
-        """Ask the network now about what the room will detect; nothing where the room has its own way to detect."""
-        if not hasattr(plugin.instance, "detect"):
+    def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
+        """Run the network now on what the plugin will be asked about; not where the plugin has a `detect` of its own."""
+        if not plugin.has("detect"):
             self.networks[plugin.name].see(view.image)
 
 
 class OnceSegmenter(Segmenter):
-    """A segmenter that remembers what it said of a picture for as long as that is in use: so rooms which share a view share
-    its inference, and it may be asked ahead of them, by other threads."""
+    """A segmenter that keeps its answer for a picture as long as the picture is in use: plugins that share a view share its
+    inference, which other threads may have asked for ahead of them."""
 
     def __init__(self, *network: Any) -> None:
         super().__init__(*network)

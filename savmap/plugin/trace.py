@@ -27,7 +27,7 @@ def wanted() -> bool:
 
 
 def watch(manager: pluggy.PluginManager, plugin: str) -> None:
-    """Have every call of a plugin's hooks told, if a trace is wanted."""
+    """Trace every call of a plugin's hooks, if a trace is wanted."""
     if not wanted():
         return
     begun = threading.local()

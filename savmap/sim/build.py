@@ -50,7 +50,7 @@ def _installed(name: str) -> SceneMaker:
     """The `scene` hook of an installed plugin, or the function of a module `savmap_NAME.scene` that is there without being installed."""
     if name in installed():
         room = open_plugin(name, {})
-        return lambda section, rng, site: room.ask("scene", SceneParts, section=section, rng=rng, site=site)
+        return lambda section, rng, site: room.scene(section, rng, site)
     try:
         make: SceneMaker = importlib.import_module(f"savmap_{name}.scene").scene
     except ImportError as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 from savmap.errors import OutputError, PluginError, SiteError
 from savmap.files.atomic import reason
-from savmap.plugin.isolation import contained
+from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, installed, lacking, load_class, open_plugins
 from savmap.site.load import draft_of, read_draft, site_of
 from savmap.site.locations import SourceMap
@@ -102,7 +102,7 @@ def plugins_for(job: Job, row: str) -> Sequence[LoadedPlugin]:
     """The job's plugins, each with its settings for one row."""
     site = job.site
     plugins = open_plugins(job.plugins, lambda plugin: site.row_config(row, plugin), str(job.source), site.providers)
-    return contained(plugins, row) if skips(job) else plugins
+    return isolated(plugins, row) if skips(job) else plugins
 
 
 def skips(job: Job) -> bool:

@@ -175,7 +175,7 @@ def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
     """What plugins cannot read of a row's survey."""
     for plugin in plugins_for(job, row):
         try:
-            plugin.evaluate(structures=(), survey=entry)
+            plugin.evaluate((), entry)
         except OutputError as error:
             yield placed(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
         except SavmapError:

@@ -66,9 +66,9 @@ class Good:
             raise RuntimeError("oh")
 
     @hookimpl
-    def render_views(self, pass_preview, see):
+    def render_views(self, pass_preview, predict):
         self.may("render_views")
-        if self.config.looks and not see(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
+        if self.config.looks and not predict(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
             raise StructureError("nothing is seen")
         spec = ViewSpec(self.name, 0.0, hfov_deg=110.0, width=160, height=120)
         return ViewPlan((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
@@ -127,8 +127,8 @@ class Good:
         return [replace(one, attributes={"related": True}) for one in structures]
 
     @hookimpl
-    def shared(self, structures):
-        self.may("shared")
+    def cross_row_landmarks(self, structures):
+        self.may("cross_row_landmarks")
         return []
 
     @hookimpl
@@ -289,16 +289,16 @@ def test_a_map_is_written_scored_and_drawn_without_a_plugin_that_fails_then(
 def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setenv("bad_fails_in", "shared")
+    monkeypatch.setenv("bad_fails_in", "cross_row_landmarks")
     empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty, {"good": (), "bad": ()}, ())
     with failures_gathered() as failures:
         rooms = plugins_of_map(SiteMap({"A": row}, {}), skip=True)
-        assert [room.shared([]) for room in rooms.values()] == [[], []]
-    assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "shared")]
-    assert "plugin `bad` failed in `shared`: RuntimeError: oh" in caplog.text
+        assert [room.cross_row_landmarks([]) for room in rooms.values()] == [[], []]
+    assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "cross_row_landmarks")]
+    assert "plugin `bad` failed in `cross_row_landmarks`: RuntimeError: oh" in caplog.text
     with pytest.raises(PluginFailedError):
-        plugins_of_map(SiteMap({"A": row}, {}))["bad"].shared([])
+        plugins_of_map(SiteMap({"A": row}, {}))["bad"].cross_row_landmarks([])
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:

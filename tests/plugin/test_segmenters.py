@@ -9,15 +9,15 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import ModelError, SiteError
 from savmap.files.validation import ClassNames
-from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import job_for, plugins_for
 from savmap.site.overrides import overrides_of
-from savmap.types import Feature, View, ViewSpec
+from savmap.types import View, ViewSpec
 from savmap.vision.networks import providers
 
 from ..vision.made_up_networks import SIDE, picture, yolo
+from .made_up_plugin import plugin_class
 
 LEFT, RIGHT = (16.0, 32.0, 32.0, 64.0), (48.0, 32.0, 32.0, 64.0)
 SITE = "providers: {}\nplugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: a.mp4}}]}}}}\n"
@@ -32,19 +32,8 @@ class Config(BaseModel):
 def room(
     path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)
 ) -> LoadedPlugin:
-    class Pillars:
-        name = needs
-        classes = (needs,)
-        model = path
-        Config = Config
-
-        def __init__(self, config: Config) -> None: ...
-
-        @hookimpl
-        def extract_features(self, view: View) -> list[Feature]:
-            return []
-
-    return loaded_plugin(needs, Pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
+    pillars = plugin_class(classes=(needs,), model=path, Config=Config)
+    return loaded_plugin(needs, pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
 
 
 @pytest.fixture
@@ -60,7 +49,7 @@ def view() -> View:
 def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
     own = room(network, {key: "pillar"})
     segmenters = SegmenterPool([own])
-    found = segmenters.see(own, view())
+    found = segmenters.detections(own, view())
     assert [one.label for one in found] == ["pillar", "pillar"]
     assert segmenters.notes == ()
 
@@ -82,10 +71,10 @@ def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = room(network, {"post": "pillar"})
     segmenters, seen = SegmenterPool([own]), view()
-    segmenters.look_ahead(own, seen)
+    segmenters.prefetch(own, seen)
     segmenter = segmenters.networks["pillar"]
     monkeypatch.setattr(segmenter, "_adapter", None)
-    assert len(segmenters.see(own, seen)) == 2
+    assert len(segmenters.detections(own, seen)) == 2
     assert np.array_equal(segmenter.probabilities(seen.image), segmenter.see(seen.image).maps)
 
 

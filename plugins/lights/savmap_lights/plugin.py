@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from savmap.errors import SolveError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
@@ -50,6 +49,7 @@ class Lights:
     Config = Settings
     scale_settings = ()
     after_pixels = ("line",)
+    needs_path = True
 
     def __init__(self, config: Settings) -> None:
         self.config = config
@@ -58,13 +58,13 @@ class Lights:
     def render_views(
         self,
         pass_preview: Any,
-        see: Callable[[View], list[Detection]],
+        predict: Callable[[View], list[Detection]],
         manual: Mapping[str, Any],
         attitude: Floats | None,
     ) -> ViewPlan:
         from savmap_lights.aim import aim_at_ceiling
 
-        return aim_at_ceiling(pass_preview, see, manual, attitude, self.config.every)
+        return aim_at_ceiling(pass_preview, predict, manual, attitude, self.config.every)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -73,14 +73,9 @@ class Lights:
         return extract_features(view, detections)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
         from savmap_lights.tracking import track_lamps
 
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: lights alone do not locate the camera: "
-                "add a plugin that maps the face (--plugins shelves,lights), or give an earlier map with --trajectory"
-            )
         return track_lamps(features, facts, start)
 
     @hookimpl
@@ -96,7 +91,7 @@ class Lights:
         return describe(tracks, solution, self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_lights.shared import shared
 
         return shared(structures)

@@ -94,13 +94,15 @@ class Shelves:
     def render_views(
         self,
         pass_preview: Any,
-        see: Callable[[View], list[Detection]],
+        predict: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
         manual: Mapping[str, Any],
     ) -> ViewPlan:
         from savmap_shelves.aim import aim_at_face, apart
 
-        aim = aim_at_face(pass_preview, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
+        aim = aim_at_face(
+            pass_preview, predict, lambda view, seen: self.extract_features(view, seen, None), side, manual
+        )
         every = self.config.every or apart(pass_preview, aim.views[0])
         return replace(aim, views=tuple(replace(view, every=every) for view in aim.views))
 
@@ -139,7 +141,7 @@ class Shelves:
         return describe(tracks, solution, room=self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.shared import shared
 
         return shared(structures)

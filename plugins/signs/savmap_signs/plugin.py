@@ -1,12 +1,11 @@
 """Signs on racks and over the aisle, with what is written on them, as a plugin of savmap."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from savmap.errors import SolveError
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View, ViewPlan
 from savmap_signs.settings import Settings
@@ -21,19 +20,14 @@ class Signs:
     Config = Settings
     libraries = ("rapidocr", "zxing-cpp")
     scale_settings = ("sizes_m",)
+    needs_path = True
     after_pixels = ("pattern", "least_confidence", "shape", "shape_sigma_m", "sizes_m", "size_sigma_m", "parallel")
 
     def __init__(self, config: Settings) -> None:
         self.config = config
 
     @hookimpl
-    def render_views(
-        self,
-        pass_preview: Any,
-        see: Callable[[View], list[Detection]],
-        manual: Mapping[str, Any],
-        attitude: Floats | None,
-    ) -> ViewPlan:
+    def render_views(self, pass_preview: Any, manual: Mapping[str, Any], attitude: Floats | None) -> ViewPlan:
         from savmap_signs.aim import aim_at_signs
 
         return aim_at_signs(pass_preview, manual, attitude, self.config)
@@ -45,14 +39,9 @@ class Signs:
         return extract_features(view, detections, panorama, self.config.read, self.config.read_every)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
         from savmap_signs.tracking import track_signs
 
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: signs alone do not locate the camera: "
-                "add a plugin that maps the face (--plugins shelves,signs), or give an earlier map with --trajectory"
-            )
         return track_signs(features, facts, start, self.config)
 
     @hookimpl
