@@ -34,7 +34,7 @@ def plugin_class(leave_out: tuple[str, ...] = (), **members: Any) -> type:
     given = {name: value for name, value in members.items() if callable(value) and not isinstance(value, type)}
     rest = {name: value for name, value in members.items() if name not in given}
     marked = {name: hookimpl(function) for name, function in {**hooks, **given}.items()}
-    return type("MadeUp", (), {**attributes, **rest, **marked})
+    return type("MadeUp", (), {**attributes, **marked, **rest})
 
 
 def loaded(**members: Any) -> LoadedPlugin:

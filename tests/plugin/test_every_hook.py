@@ -88,7 +88,7 @@ def ask_constrain() -> dict[str, Any]:
 
 def ask_describe() -> dict[str, Any]:
     plugin, given = asked("describe", [THING])
-    assert plugin.describe([TRACK], FACTS, SimpleNamespace(of=dict)) == [THING]
+    assert plugin.describe([TRACK], FACTS, SimpleNamespace(of=lambda plugin: {})) == [THING]
     return given
 
 

@@ -119,7 +119,8 @@ def test_what_is_drawn_is_checked() -> None:
 def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
     assert loaded().cross_row_landmarks([]) == []
     thing = CrossRowLandmark("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
-    assert loaded(cross_row_landmarks=lambda self, structures: [thing]).cross_row_landmarks([]) == [thing]
+    post = Structure("post 1", "post", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.zeros((0, 2), np.int64))
+    assert loaded(cross_row_landmarks=lambda self: [thing]).cross_row_landmarks([post]) == [thing]
     plugin = loaded(cross_row_landmarks=lambda self, structures: ["post"])
     with pytest.raises(PluginError, match="a str from `cross_row_landmarks`, not CrossRowLandmark"):
         plugin.cross_row_landmarks([])

@@ -85,8 +85,8 @@ def _outermost(along: Floats, places: Floats, reach: float, outwards: int, close
     first, last = np.arange(SAMPLES // 3), np.arange(SAMPLES - SAMPLES // 3, SAMPLES)
     a, b = (grid.ravel() for grid in np.meshgrid(first, last))
     pairs = places[a][:, :, None], places[b][:, None, :]
-    slopes = ((pairs[1] - pairs[0]) / (along[b] - along[a])[:, None, None]).ravel()
-    heights = (pairs[0] - slopes.reshape(len(a), PEAKS, PEAKS) * off_middle[a][:, None, None]).ravel()
+    grades = (pairs[1] - pairs[0]) / (along[b] - along[a])[:, None, None]
+    heights, slopes = (pairs[0] - grades * off_middle[a][:, None, None]).ravel(), grades.ravel()
     known = np.isfinite(heights) & (np.abs(slopes) * np.ptp(along) < 2 * reach)
     slopes, heights = slopes[known], heights[known]
     if not len(slopes):
