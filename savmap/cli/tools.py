@@ -6,17 +6,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from savmap.errors import ModelError, PluginError, SavmapError, SiteError, format_error
-from savmap.plugin.manager import exporters, installed, lacking, load_class
+from savmap.plugin.manager import exporters, installed, lacking, load_installed
+from savmap.plugin.protocol import implements
 from savmap.site.job import prepare
 from savmap.types import ViewSpec
 
 
 def plugin_lines() -> Iterator[str]:
-    """What is installed: name, classes, model, hooks."""
+    """What is installed: name, classes, model, hooks; of a plugin that cannot be used, the reason."""
+    plugins = load_installed()
     for name, point in installed().items():
-        plugin = load_class(name)
-        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
         yield f"{name}  ({point.value})"
+        if name in plugins.broken:
+            yield f"  broken   {plugins.broken[name]}"
+            continue
+        plugin = plugins.classes[name]
+        hooks = sorted(hook for hook in dir(plugin) if implements(plugin, hook))
         yield f"  classes  {', '.join(plugin.classes)}"
         yield f"  model    {plugin.model}"
         yield f"  network  {_network(plugin.model)}"
@@ -44,7 +49,7 @@ def schema(name: str) -> str:
     if name == "map":
         return map_schema_text()
     if name == "site":
-        return schema_text(installed())
+        return schema_text(load_installed().classes)
     raise SiteError(f"schema {name}: there is one for `site` and one for `map`")
 
 
@@ -58,7 +63,8 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
 
     formats = exporters()
     if name not in formats:
-        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}")
+        broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
+        raise SiteError(f"--format {name}: known formats are {', '.join(sorted(formats))}{broken}")
     site_map = read_map(map_file)
     if row is not None:
         if row not in site_map.rows:
@@ -68,7 +74,7 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
         write_with(lambda part: formats[name](site_map, part), output)
     except SavmapError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error
     yield f"wrote {output}"
 
