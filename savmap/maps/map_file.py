@@ -21,6 +21,7 @@ from savmap.maps.schema import (
     VERSION,
     FrameEntry,
     MapFile,
+    MeasuredEntry,
     PlacementEntry,
     RowEntry,
     StructureEntry,
@@ -28,8 +29,10 @@ from savmap.maps.schema import (
     ViewEntry,
 )
 from savmap.types import (
+    Attribute,
     Floats,
     FrameTable,
+    Measured,
     Placement,
     ReferenceUse,
     RowMap,
@@ -190,7 +193,7 @@ def _structure_entry(own: Structure) -> Entry:
             for label, vertex, covariance in zip(own.vertex_labels, own.vertices, own.covariances, strict=True)
         ],
         "edges": [[int(end) for end in edge] for edge in own.edges],
-        "attributes": {name: _plain(value) for name, value in own.attributes.items()},
+        "attributes": {name: _attribute_entry(value) for name, value in own.attributes.items()},
     }
 
 
@@ -243,8 +246,18 @@ def _structure(own: StructureEntry) -> Structure:
         covariances=np.array([symmetric(vertex.covariance_m2) for vertex in own.vertices]).reshape(-1, 3, 3),
         vertex_labels=tuple(vertex.label for vertex in own.vertices),
         edges=np.array(own.edges, dtype=np.int64).reshape(-1, 2),
-        attributes=own.attributes,
+        attributes={name: _attribute(value) for name, value in own.attributes.items()},
     )
+
+
+def _attribute_entry(value: Attribute) -> Entry | float | int | str:
+    if isinstance(value, Measured):
+        return {"value": _plain(value.value), "sigma": _plain(value.sigma)}
+    return _plain(value)
+
+
+def _attribute(entry: float | int | str | MeasuredEntry) -> Attribute:
+    return Measured(entry.value, entry.sigma) if isinstance(entry, MeasuredEntry) else entry
 
 
 def _plain(value: float | int | str) -> float | int | str:

@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.types import CrossRowLandmark, Detection, Feature, Floats, RowFacts, Structure, Track, View, ViewPlan
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Feature,
+    Floats,
+    Measured,
+    RowFacts,
+    Structure,
+    Track,
+    View,
+    ViewPlan,
+)
 
 if TYPE_CHECKING:
     from savmap.evaluation import Score
@@ -161,6 +172,7 @@ def _require_attribute(name: object, value: object, where: str) -> None:
     require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
     number = isinstance(value, int | float | np.integer | np.floating)
     require(
-        number or isinstance(value, str), f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text"
+        number or isinstance(value, str | Measured),
+        f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
     )
     require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")

@@ -5,7 +5,7 @@ towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x ri
 at integer coordinates.
 """
 
-from savmap.types.common import Axis, Floats, Ints, Place
+from savmap.types.common import Attribute, Axis, Floats, Ints, Measured, Place
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import (
@@ -23,6 +23,7 @@ from savmap.types.rows import (
 )
 
 __all__ = [
+    "Attribute",
     "Axis",
     "CrossRowLandmark",
     "Detection",
@@ -32,6 +33,7 @@ __all__ = [
     "Flow",
     "FrameTable",
     "Ints",
+    "Measured",
     "Panorama",
     "Place",
     "Placement",

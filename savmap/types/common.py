@@ -1,6 +1,8 @@
-"""What all records share: the kinds of arrays, and a check."""
+"""What all records share: the kinds of arrays, what is written on structures, and a check."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -9,7 +11,26 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Axis = Literal["x", "y", "z"]
-Place = Mapping[str, int | str]
+Place = Mapping[str, int | float | str]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number with its standard deviation, in the unit that its name ends with ("height_m"). Raises ValueError for a sigma that is
+    negative or a number that is not finite."""
+
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        require(isfinite(self.value) and isfinite(self.sigma), self, "value and sigma must be finite")
+        require(self.sigma >= 0, self, "sigma must not be negative")
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+
+Attribute = float | int | str | Measured
 
 
 def require(condition: bool, record: object, what: str) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from savmap.types.common import Axis, Floats, Ints, Place, require
+from savmap.types.common import Attribute, Axis, Floats, Ints, Place, require
 from savmap.types.pictures import ViewSpec
 
 
@@ -14,7 +14,7 @@ class Track:
     """One physical point seen in many frames.
 
     `name` is its label in the map ("section 3 / beam 2 / upper left"), `label` its class, `place` where in the structure
-    it is, as the plugin numbers it. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
+    it is: numbers and words of the plugin's own, for its later hooks. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
     """
 
     name: str
@@ -78,7 +78,10 @@ class RowFacts:
 
 @dataclass(frozen=True)
 class Structure:
-    """One mapped thing: vertices (n, 3) m in the row's frame with covariances (n, 3, 3), their labels, and edges (m, 2)."""
+    """One mapped thing: vertices (n, 3) m in the row's frame with covariances (n, 3, 3), their labels, and edges (m, 2).
+
+    `attributes`: what else is known of it, by a name that ends with its unit ("height_m"); a `Measured` has a standard deviation.
+    """
 
     id: str
     label: str
@@ -86,7 +89,7 @@ class Structure:
     covariances: Floats
     vertex_labels: tuple[str, ...]
     edges: Ints
-    attributes: Mapping[str, float | int | str] = field(default_factory=dict)
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(self.vertices)

@@ -13,7 +13,18 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import OutputError
 from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
-from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory, ViewSpec
+from savmap.types import (
+    FrameTable,
+    Measured,
+    Placement,
+    ReferenceUse,
+    RowMap,
+    SiteMap,
+    Structure,
+    Tie,
+    Trajectory,
+    ViewSpec,
+)
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "map.schema.json"
 
@@ -28,7 +39,7 @@ def site() -> SiteMap:
         covariances=root @ root.transpose(0, 2, 1),
         vertex_labels=("lower left", "lower right", "upper right", "[ 1 ]"),
         edges=np.array([[0, 1], [1, 2], [2, 3]]),
-        attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25)},
+        attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25), "height_m": Measured(1.2345, 0.002)},
     )
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3, :3] = Rotation.random(3, rng=rng).as_matrix()

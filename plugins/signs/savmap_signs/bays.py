@@ -23,7 +23,7 @@ def _spans(parts: Sequence[Structure]) -> dict[int, tuple[float, float]]:
     """From where to where along x sections reach."""
     places: dict[int, list[float]] = {}
     for part in parts:
-        places.setdefault(int(part.attributes[SECTION]), []).extend(part.vertices[:, 0].tolist())
+        places.setdefault(int(float(part.attributes[SECTION])), []).extend(part.vertices[:, 0].tolist())
     return {number: (min(x), max(x)) for number, x in sorted(places.items())}
 
 

@@ -6,14 +6,17 @@ import numpy as np
 
 from savmap.evaluation import Score
 from savmap.report.page.numbers import centimetres, fixed
-from savmap.types import RowMap, Structure
+from savmap.types import Measured, RowMap, Structure
 
 _SIGMA, _METRES = "_sigma_m", "_m"
 
 
 def measures(structure: Structure) -> Iterator[tuple[str, float, float]]:
-    """Sizes among its attributes with their standard deviations: name, m, m ("width_m" goes with "width_sigma_m")."""
+    """Sizes among its attributes with their standard deviations: name, m, m. A size is `Measured`, or "width_m" goes with
+    "width_sigma_m"."""
     for key, sigma in structure.attributes.items():
+        if key.endswith(_METRES) and isinstance(sigma, Measured):
+            yield key.removesuffix(_METRES).replace("_", " "), sigma.value, sigma.sigma
         value = structure.attributes.get(key.removesuffix(_SIGMA) + _METRES)
         if key.endswith(_SIGMA) and isinstance(sigma, float | int) and isinstance(value, float | int):
             yield key.removesuffix(_SIGMA).replace("_", " "), float(value), float(sigma)
