@@ -1,1 +1,123 @@
-"""The door for plugins: hooks, their manager, isolation of failures, contract tests, scaffold."""
+"""The door for plugins, and the one place that their authors import from: docs/writing-plugins.md says what each name is for.
+
+A name is looked up when it is first used, so that `savmap --help` does not import the factor graph.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from savmap.errors import PluginError as PluginError
+    from savmap.errors import SavmapError as SavmapError
+    from savmap.errors import SolveError as SolveError
+    from savmap.errors import StructureError as StructureError
+    from savmap.evaluation import Distances as Distances
+    from savmap.evaluation import Score as Score
+    from savmap.files.validation import ClassNames as ClassNames
+    from savmap.files.validation import checked as checked
+    from savmap.geometry.pinhole import angles_from_rotation as angles_from_rotation
+    from savmap.geometry.pinhole import project as project
+    from savmap.graph import Constraints as Constraints
+    from savmap.graph import KeySpace as KeySpace
+    from savmap.graph import Landmark as Landmark
+    from savmap.graph import Relation as Relation
+    from savmap.graph import Solution as Solution
+    from savmap.graph import flat as flat
+    from savmap.graph import frame_key as frame_key
+    from savmap.graph import graph_of as graph_of
+    from savmap.graph import known_distance as known_distance
+    from savmap.graph import known_length as known_length
+    from savmap.graph import observe as observe
+    from savmap.graph import pin as pin
+    from savmap.graph import rectangle as rectangle
+    from savmap.graph import reference as reference
+    from savmap.graph import sight_lines as sight_lines
+    from savmap.graph import tie as tie
+    from savmap.plugin.contract import check_plugin as check_plugin
+    from savmap.plugin.hookspecs import Exporter as Exporter
+    from savmap.plugin.hookspecs import hookimpl as hookimpl
+    from savmap.plugin.points import Sightings as Sightings
+    from savmap.plugin.points import draw_points as draw_points
+    from savmap.plugin.points import face_view_plan as face_view_plan
+    from savmap.plugin.points import keys_by_object as keys_by_object
+    from savmap.plugin.points import point_constraints as point_constraints
+    from savmap.plugin.points import point_feature as point_feature
+    from savmap.plugin.points import point_structures as point_structures
+    from savmap.plugin.points import score_points as score_points
+    from savmap.plugin.points import sightings as sightings
+    from savmap.plugin.points import surveyed_points as surveyed_points
+    from savmap.plugin.points import touches_border as touches_border
+    from savmap.plugin.points import track_of as track_of
+    from savmap.plugin.points import tracks_on_floor as tracks_on_floor
+    from savmap.plugin.points import upright_ends as upright_ends
+    from savmap.plugin.points import with_sizes as with_sizes
+    from savmap.plugin.protocol import KnownSize as KnownSize
+    from savmap.plugin.protocol import Plugin as Plugin
+    from savmap.plugin.protocol import PluginSettings as PluginSettings
+    from savmap.report.drawing import Drawing as Drawing
+    from savmap.types import Attribute as Attribute
+    from savmap.types import Axis as Axis
+    from savmap.types import CrossRowLandmark as CrossRowLandmark
+    from savmap.types import Detection as Detection
+    from savmap.types import Feature as Feature
+    from savmap.types import Floats as Floats
+    from savmap.types import FrameTable as FrameTable
+    from savmap.types import Ints as Ints
+    from savmap.types import Measured as Measured
+    from savmap.types import Panorama as Panorama
+    from savmap.types import RowFacts as RowFacts
+    from savmap.types import SiteMap as SiteMap
+    from savmap.types import Structure as Structure
+    from savmap.types import Track as Track
+    from savmap.types import Trajectory as Trajectory
+    from savmap.types import View as View
+    from savmap.types import ViewPlan as ViewPlan
+    from savmap.types import ViewSpec as ViewSpec
+    from savmap.vision.field_of_view import fit_count as fit_count
+    from savmap.vision.field_of_view import fit_height as fit_height
+    from savmap.vision.view_planning import LEVEL as LEVEL
+    from savmap.vision.view_planning import Face as Face
+    from savmap.vision.view_planning import Manual as Manual
+    from savmap.vision.view_planning import PassPreview as PassPreview
+    from savmap.vision.view_planning import ceiling_view as ceiling_view
+    from savmap.vision.view_planning import choose_face as choose_face
+    from savmap.vision.view_planning import face_at as face_at
+    from savmap.vision.view_planning import floor_view as floor_view
+    from savmap.vision.view_planning import tilted as tilted
+
+_NAMES = {
+    "savmap.errors": "PluginError SavmapError SolveError StructureError",
+    "savmap.evaluation": "Distances Score",
+    "savmap.files.validation": "ClassNames checked",
+    "savmap.geometry.pinhole": "angles_from_rotation project",
+    "savmap.graph": (
+        "Constraints KeySpace Landmark Relation Solution flat frame_key graph_of known_distance known_length "
+        "observe pin rectangle reference sight_lines tie"
+    ),
+    "savmap.plugin.contract": "check_plugin",
+    "savmap.plugin.hookspecs": "Exporter hookimpl",
+    "savmap.plugin.points": (
+        "Sightings draw_points face_view_plan keys_by_object point_constraints point_feature point_structures "
+        "score_points sightings surveyed_points touches_border track_of tracks_on_floor upright_ends with_sizes"
+    ),
+    "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
+    "savmap.report.drawing": "Drawing",
+    "savmap.types": (
+        "Attribute Axis CrossRowLandmark Detection Feature Floats FrameTable Ints Measured Panorama RowFacts "
+        "SiteMap Structure Track Trajectory View ViewPlan ViewSpec"
+    ),
+    "savmap.vision.field_of_view": "fit_count fit_height",
+    "savmap.vision.view_planning": ("LEVEL Face Manual PassPreview ceiling_view choose_face face_at floor_view tilted"),
+}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = list(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'savmap.plugin' has no attribute '{name}'")
+    return getattr(import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_MODULES)

@@ -139,10 +139,11 @@ def check_drawings(drawings: "Sequence[Drawing]") -> None:
         require(_finite(drawing.points), f"a point of `{drawing.name or drawing.legend}` is not finite")
 
 
-def check_exporters(formats: object) -> None:
-    """Functions by name."""
-    fit = isinstance(formats, Mapping) and all(callable(write) for write in formats.values())
-    require(fit, "no functions by name")
+def check_exporters(answers: Sequence[object]) -> None:
+    """Functions by name, from the plugin and from the default."""
+    for formats in answers:
+        fit = isinstance(formats, Mapping) and all(callable(write) for write in formats.values())
+        require(fit, "no functions by name")
 
 
 def _finite(numbers: object) -> bool:

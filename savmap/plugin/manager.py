@@ -307,7 +307,7 @@ class LoadedPlugin:
 
     def exporters(self) -> dict[str, hookspecs.Exporter]:
         """The plugin's map formats by name; none where it has no hook for that."""
-        answers = self._ask("exporters", list, lambda found: [checks.check_exporters(formats) for formats in found])
+        answers = self._ask("exporters", list, checks.check_exporters)
         return dict(answers[0]) if self.has("exporters") else {}
 
     def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:

@@ -27,6 +27,16 @@ class PluginSettings(BaseModel):
     """Confidence above which a pixel belongs to a class."""
 
 
+class KnownSize(BaseModel):
+    """A size that was measured, with its standard deviation, both in metres."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    value: Annotated[float, Field(gt=0, lt=100)]
+    """Metres."""
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.005
+    """Its standard deviation."""
+
+
 class Plugin(Protocol):
     """A plugin: one structure type, from views to structures in the map.
 

@@ -82,8 +82,8 @@ def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> N
         ("json", "`json` is a word of Python or pydantic"),
         ("on", "`on` is a word of YAML"),
         ("view", "calls something `View`"),
-        ("boxes", "calls something `boxes`"),
-        ("parts", "calls something `part`"),
+        ("relations", "calls something `relations`"),
+        ("parts", "calls something `parts`"),
         ("points", "calls something `points`"),
         ("contract", "calls something `contract`"),
         ("tests", "pytest takes a class `Tests` for a test"),
@@ -131,4 +131,4 @@ def test_the_template_is_packaged() -> None:
     patterns = content["tool"]["setuptools"]["package-data"]["savmap"]
     packaged = {path for pattern in patterns for path in (ROOT / "savmap").glob(pattern) if path.is_file()}
     assert {path for path in TEMPLATE.rglob("*.*") if path.is_file() and "__pycache__" not in path.parts} <= packaged
-    assert len(project_files("posts")) == 14
+    assert len(project_files("posts")) == 10
