@@ -36,21 +36,24 @@ if TYPE_CHECKING:
     from savmap.plugin.contract import check_plugin as check_plugin
     from savmap.plugin.hookspecs import Exporter as Exporter
     from savmap.plugin.hookspecs import hookimpl as hookimpl
-    from savmap.plugin.points import Sightings as Sightings
-    from savmap.plugin.points import draw_points as draw_points
-    from savmap.plugin.points import face_view_plan as face_view_plan
-    from savmap.plugin.points import keys_by_object as keys_by_object
-    from savmap.plugin.points import point_constraints as point_constraints
-    from savmap.plugin.points import point_feature as point_feature
-    from savmap.plugin.points import point_structures as point_structures
-    from savmap.plugin.points import score_points as score_points
-    from savmap.plugin.points import sightings as sightings
-    from savmap.plugin.points import surveyed_points as surveyed_points
-    from savmap.plugin.points import touches_border as touches_border
-    from savmap.plugin.points import track_of as track_of
-    from savmap.plugin.points import tracks_on_floor as tracks_on_floor
-    from savmap.plugin.points import upright_ends as upright_ends
-    from savmap.plugin.points import with_sizes as with_sizes
+    from savmap.plugin.points.sightings import Sightings as Sightings
+    from savmap.plugin.points.sightings import frames_showing as frames_showing
+    from savmap.plugin.points.sightings import gathering_level as gathering_level
+    from savmap.plugin.points.sightings import sightings as sightings
+    from savmap.plugin.points.sightings import track_of as track_of
+    from savmap.plugin.points.sightings import tracks_on_floor as tracks_on_floor
+    from savmap.plugin.points.structures import draw_points as draw_points
+    from savmap.plugin.points.structures import keys_by_object as keys_by_object
+    from savmap.plugin.points.structures import point_constraints as point_constraints
+    from savmap.plugin.points.structures import point_structures as point_structures
+    from savmap.plugin.points.structures import score_points as score_points
+    from savmap.plugin.points.structures import surveyed_points as surveyed_points
+    from savmap.plugin.points.structures import with_sizes as with_sizes
+    from savmap.plugin.points.views import count_view_plan as count_view_plan
+    from savmap.plugin.points.views import face_view_plan as face_view_plan
+    from savmap.plugin.points.views import point_feature as point_feature
+    from savmap.plugin.points.views import touches_border as touches_border
+    from savmap.plugin.points.views import upright_ends as upright_ends
     from savmap.plugin.protocol import KnownSize as KnownSize
     from savmap.plugin.protocol import Plugin as Plugin
     from savmap.plugin.protocol import PluginSettings as PluginSettings
@@ -75,7 +78,9 @@ if TYPE_CHECKING:
     from savmap.types import ViewSpec as ViewSpec
     from savmap.vision.field_of_view import fit_count as fit_count
     from savmap.vision.field_of_view import fit_height as fit_height
+    from savmap.vision.view_planning import DOWNWARDS as DOWNWARDS
     from savmap.vision.view_planning import LEVEL as LEVEL
+    from savmap.vision.view_planning import UPWARDS as UPWARDS
     from savmap.vision.view_planning import Face as Face
     from savmap.vision.view_planning import Manual as Manual
     from savmap.vision.view_planning import PassPreview as PassPreview
@@ -96,10 +101,11 @@ _NAMES = {
     ),
     "savmap.plugin.contract": "check_plugin",
     "savmap.plugin.hookspecs": "Exporter hookimpl",
-    "savmap.plugin.points": (
-        "Sightings draw_points face_view_plan keys_by_object point_constraints point_feature point_structures "
-        "score_points sightings surveyed_points touches_border track_of tracks_on_floor upright_ends with_sizes"
+    "savmap.plugin.points.sightings": ("Sightings frames_showing gathering_level sightings track_of tracks_on_floor"),
+    "savmap.plugin.points.structures": (
+        "draw_points keys_by_object point_constraints point_structures score_points surveyed_points with_sizes"
     ),
+    "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.report.drawing": "Drawing",
     "savmap.types": (
@@ -107,7 +113,9 @@ _NAMES = {
         "SiteMap Structure Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",
-    "savmap.vision.view_planning": ("LEVEL Face Manual PassPreview ceiling_view choose_face face_at floor_view tilted"),
+    "savmap.vision.view_planning": (
+        "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at floor_view tilted"
+    ),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = list(_MODULES)
