@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from savmap.plugin.points.sightings import gathering_level as gathering_level
     from savmap.plugin.points.sightings import sightings as sightings
     from savmap.plugin.points.sightings import track_of as track_of
+    from savmap.plugin.points.sightings import tracks_along_face as tracks_along_face
     from savmap.plugin.points.sightings import tracks_on_floor as tracks_on_floor
     from savmap.plugin.points.structures import draw_points as draw_points
     from savmap.plugin.points.structures import keys_by_object as keys_by_object
@@ -101,7 +102,9 @@ _NAMES = {
     ),
     "savmap.plugin.contract": "check_plugin",
     "savmap.plugin.hookspecs": "Exporter hookimpl",
-    "savmap.plugin.points.sightings": ("Sightings frames_showing gathering_level sightings track_of tracks_on_floor"),
+    "savmap.plugin.points.sightings": (
+        "Sightings frames_showing gathering_level sightings track_of tracks_along_face tracks_on_floor"
+    ),
     "savmap.plugin.points.structures": (
         "draw_points keys_by_object point_constraints point_structures score_points surveyed_points with_sizes"
     ),

@@ -15,9 +15,9 @@ def site_of(scene: Scene, known: Mapping[str, Any], passes: Sequence[TruePass] =
         "survey": "survey.json",
         "references": {"camera_height_m": known["camera_height_m"], "travel_m": known["camera_travel_m"]["value"]},
         "rows": {
-            name: _row(one, known[f"row_{name}"])
+            name: _row(one, known.get(f"row_{name}", {}))
             for name, one in _drives(scene, passes).items()
-            if f"row_{name}" in known
+            if scene.rows[name].mapped
         },
     }
 
@@ -40,6 +40,8 @@ def _side(scene: Scene, name: str) -> str:
 
 
 def _row(passes: Sequence[Mapping[str, Any]], known: Mapping[str, Any]) -> dict[str, Any]:
+    if not known:
+        return {"passes": list(passes)}
     lowest = known["lowest_beam_bottom_height_m"]
     length = known["first_to_last_upright_outer_edges_m"]
     last = f"upright {len(lowest['values']) + 1} / right"

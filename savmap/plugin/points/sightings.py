@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from savmap.vision import peaks
 
 Mask = NDArray[np.bool_]
 WITHIN = 0.7  # cosine of 45 degrees
+TOO_FLAT = 0.1  # rays nearly along the face tell nothing of a place on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +139,67 @@ def tracks_on_floor(
     """
     feet = sightings([feature for feature in features if feature.part == anchor], facts, path, False, max_slope)
     x = feet.at(0.0)[:, 0]
-    places = peaks.peaks(x, same_m, least_frames)
+    return _tracks(features, feet.features, x, same_m, least_frames)
+
+
+def tracks_along_face(
+    features: Sequence[Feature],
+    facts: RowFacts,
+    attitudes: Floats,
+    anchor: str,
+    same: float = 0.1,
+    least_frames: int = 3,
+) -> list[Track]:
+    """Tracks of objects in one plane, the face, where nothing is known of the camera but its attitudes (n, 3, 3), world_from_rig: for
+    the plugin that locates the camera. Numbered along x, a track for each part of each object.
+
+    Lengths are in units of the camera's distance from the face, which is not known and must change little. Between two frames all
+    anchors move by one step; the step on which most pairs of anchors agree is taken, or, of several, the one nearest to the last. Those
+    whose place along the face, the camera's summed steps and their own bearing, agrees within `same` are one object. Each pass is
+    aligned with the first one by its first object, so all must see that. Raises StructureError where none is seen in `least_frames` frames.
+    """
+    placed = [(feature, _bearing(feature, facts, attitudes)) for feature in features if feature.part == anchor]
+    anchors = [feature for feature, bearing in placed if bearing is not None]
+    bearings = np.array([bearing for _, bearing in placed if bearing is not None])
+    frames, x = np.array([feature.frame for feature in anchors], np.int64), np.full(len(anchors), np.inf)
+    for name in dict.fromkeys(facts.frames.passes):
+        numbers = facts.frames.of_pass(name)
+        own = np.isin(frames, numbers)
+        positions = _positions([bearings[frames == frame] for frame in numbers], same)
+        place = bearings[own] + positions[np.searchsorted(numbers, frames[own])]
+        first = peaks.peaks(place, same, least_frames)[:1]
+        x[own] = place - first if len(first) else np.inf
+    known = np.isfinite(x)
+    return _tracks(
+        features, [own for own, is_known in zip(anchors, known, strict=True) if is_known], x[known], same, least_frames
+    )
+
+
+def _bearing(feature: Feature, facts: RowFacts, attitudes: Floats) -> float | None:
+    """How far along the face a point lies from the camera, in units of the camera's distance; None for one that is not before it."""
+    ray = attitudes[feature.frame] @ facts.views[feature.view].rig_rays(feature.pixels[0])
+    return float(ray[0] / -ray[2]) if ray[2] < -TOO_FLAT else None
+
+
+def _positions(bearings: Sequence[Floats], same: float) -> Floats:
+    """The camera's places (n,) along the face, from the bearings of what each frame shows."""
+    positions, last = [0.0], 0.0
+    for before, after in pairwise(bearings):
+        steps = (before[:, None] - after[None]).ravel()
+        if len(steps):
+            agree = np.abs(steps[:, None] - steps[None]) < same / 2
+            best = np.flatnonzero(agree.sum(axis=1) == agree.sum(axis=1).max())
+            chosen = best[np.argmin(np.abs(steps[best] - last))]
+            last = float(np.median(steps[agree[chosen]]))
+        positions.append(positions[-1] + last)
+    return np.array(positions)
+
+
+def _tracks(
+    features: Sequence[Feature], anchors: Sequence[Feature], x: Floats, same: float, least_frames: int
+) -> list[Track]:
+    """Tracks of all parts of the objects whose anchors agree in their places x (n,) along the row within `same`."""
+    places = peaks.peaks(x, same, least_frames)
     if not len(places):
         raise StructureError(f"nothing was seen in {least_frames} frames: was the network trained on such?")
     seen: dict[tuple[int, str, int], list[Feature]] = {}
@@ -145,8 +207,8 @@ def tracks_on_floor(
         seen.setdefault(_instance(feature), []).append(feature)
     tracks: list[Track] = []
     for number, place in enumerate(places, start=1):
-        anchors = feet.where(np.abs(x - place) <= same_m).features
-        parts = [feature for foot in anchors for feature in seen[_instance(foot)]]
+        own = [anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same]
+        parts = [feature for anchor in own for feature in seen[_instance(anchor)]]
         tracks += [track_of(number, part, group) for part, group in _by_part(parts)]
     return tracks
 

@@ -24,18 +24,27 @@ def face_view_plan(
     manual: Mapping[str, Manual],
     attitude: Floats | None,
     name: str,
+    finds_face: bool = False,
 ) -> ViewPlan:
     """One view at the face that shows all masks from their lowest to their highest row, as narrow as may be.
 
-    attitude: world_from_rig (3, 3) where an earlier plugin found the face; else the level direction with the largest masks. The
-    plan does not claim to know the face. Without views, and with a note, where nothing is detected.
+    attitude: world_from_rig (3, 3) where an earlier plugin or map gives it; else the level direction with the largest masks. Where
+    nothing is detected, the plan has no view, and a note. finds_face: the objects make up the face, and the plugin locates the
+    camera. The plan then has the face's attitude and the direction of travel, and StructureError is raised where nothing is detected.
     """
     try:
         face = face_at(attitude) if attitude is not None else face_with_most(pass_preview, predict, side)
         fitted = fit_height(pass_preview, face, lambda view: rows_of(predict(view)), manual.get(name, Manual()), name)
     except StructureError as error:
+        if finds_face:
+            raise
         return ViewPlan((), notes=(f"{name}: {error}",))
-    return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
+    notes = (fitted.warning,) if fitted.warning else ()
+    return (
+        ViewPlan((fitted.spec,), face.world_from_rig, face.travel, notes)
+        if finds_face
+        else ViewPlan((fitted.spec,), notes=notes)
+    )
 
 
 def count_view_plan(
