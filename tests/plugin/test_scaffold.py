@@ -83,7 +83,7 @@ def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> N
         ("on", "`on` is a word of YAML"),
         ("view", "calls something `View`"),
         ("relations", "calls something `relations`"),
-        ("parts", "calls something `parts`"),
+        ("parts", "calls something `part`"),
         ("points", "calls something `points`"),
         ("contract", "calls something `contract`"),
         ("tests", "pytest takes a class `Tests` for a test"),

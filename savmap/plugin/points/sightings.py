@@ -14,6 +14,7 @@ from savmap.vision import peaks
 
 Mask = NDArray[np.bool_]
 WITHIN = 0.7  # cosine of 45 degrees
+BELOW = (-8.0, -0.3)  # where the floor is looked for, of a path that may be off by any scale
 TOO_FLAT = 0.1  # rays nearly along the face tell nothing of a place on it
 
 
@@ -66,8 +67,8 @@ def sightings(
 
 
 def gathering_level(seen: Sightings, above_m: tuple[float, float]) -> float:
-    """The level y, m, at which sightings of different frames fall on one another best, searched between two heights above the camera,
-    coarsely, then finely: of objects at one height that is not known. Paper, section III.D."""
+    """The level y, m, at which sightings of different frames fall on one another best, searched between two heights above the camera
+    (negative: below it), coarsely, then finely: of objects at one height that is not known. Paper, section III.D."""
     base = float(seen.origins[:, 1].mean())
     above = np.arange(*above_m, 0.05)
     best = above[np.argmax([_gathering(seen, base + height, 0.03 * height) for height in above])]
@@ -131,14 +132,19 @@ def tracks_on_floor(
     same_m: float,
     least_frames: int = 3,
     max_slope: float = 10.0,
+    level_known: bool = True,
 ) -> list[Track]:
-    """Tracks of objects that stand on the floor, y = 0, numbered along x: a track for each part of each object.
+    """Tracks of objects that stand on the floor, numbered along x: a track for each part of each object.
+
+    The floor is y = 0. Where nothing but this plugin tells the map's scale or height, the path is not in metres and above another level:
+    with `level_known` False the floor is the level at which the rays of different frames meet best.
 
     The rays of the part `anchor` are put on the floor from the camera's path; those that agree in x within `same_m` are one object,
     and the other parts belong to the anchor of their instance. Raises StructureError where none is seen in `least_frames` frames.
     """
     feet = sightings([feature for feature in features if feature.part == anchor], facts, path, False, max_slope)
-    x = feet.at(0.0)[:, 0]
+    level_m = 0.0 if level_known or len(feet.frames) < least_frames else gathering_level(feet, BELOW)
+    x = feet.at(level_m)[:, 0]
     return _tracks(features, feet.features, x, same_m, least_frames)
 
 

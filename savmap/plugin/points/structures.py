@@ -44,15 +44,16 @@ def point_constraints(
     return Constraints(keys.room, key_of, observe(tracks, key_of, facts.views), tuple(relations), first)
 
 
-def point_structures(tracks: Sequence[Track], landmarks: "Mapping[str, Landmark]", lost_m: float) -> list[Structure]:
-    """A structure for each object, "pillar 1", with a vertex for each of its parts in the order of their names, joined by edges in
-    that order; attributes: its number and how many observations it has.
+def point_structures(
+    tracks: Sequence[Track], landmarks: "Mapping[str, Landmark]", lost_m: float, closed: bool = False
+) -> list[Structure]:
+    """A structure for each object, "pillar 1", with a vertex for each of its tracks, joined by edges in their order, and, if `closed`,
+    the last with the first; attributes: its number and how many observations it has.
 
     One with a vertex that the solve could not place within `lost_m`, one standard deviation, is left out.
     """
-    ordered = sorted(tracks, key=lambda track: (_number(track), track.name))
-    groups = [list(group) for _, group in groupby(ordered, key=_number)]
-    structures = [_structure(group, [landmarks[track.name] for track in group]) for group in groups]
+    groups = [list(group) for _, group in groupby(sorted(tracks, key=_number), key=_number)]
+    structures = [_structure(group, [landmarks[track.name] for track in group], closed) for group in groups]
     return [own for own in structures if np.sqrt(np.linalg.eigvalsh(own.covariances).max()) < lost_m]
 
 
@@ -86,15 +87,16 @@ def _number(track: Track) -> int:
     return int(track.place[track.label])
 
 
-def _structure(tracks: Sequence[Track], points: "Sequence[Landmark]") -> Structure:
-    label = tracks[0].label
+def _structure(tracks: Sequence[Track], points: "Sequence[Landmark]", closed: bool) -> Structure:
+    label, count = tracks[0].label, len(points)
+    edges = [[k, (k + 1) % count] for k in range(count if closed else count - 1)]
     return Structure(
         id=_object(tracks[0]),
         label=label,
         vertices=np.array([point.position for point in points]),
         covariances=np.array([point.covariance for point in points]),
         vertex_labels=tuple(str(track.place["part"]) for track in tracks),
-        edges=np.array([[k, k + 1] for k in range(len(points) - 1)], dtype=np.int64).reshape(-1, 2),
+        edges=np.array(edges, dtype=np.int64).reshape(-1, 2),
         attributes={label: _number(tracks[0]), "observations": sum(point.observations for point in points)},
     )
 
