@@ -103,9 +103,9 @@ def frames_showing(
         for name, spec in facts.views.items():
             along = float((pose[:3, :3] @ spec.rig_from_view)[:, 2] @ direction)
             if along > WITHIN and spec.shows(frame) and name.startswith(facts.frames.passes[frame]):
-                pixels = project((points - pose[:3, 3]) @ pose[:3, :3] @ spec.rig_from_view, spec.camera)
-                size = np.array([spec.width, spec.height]) - 1
-                inside |= ((pixels > margin_px) & (pixels < size - margin_px)).all(axis=1)
+                in_view = (points - pose[:3, 3]) @ pose[:3, :3] @ spec.rig_from_view
+                pixels, size = project(in_view, spec.camera), np.array([spec.width, spec.height]) - 1
+                inside |= ((pixels > margin_px) & (pixels < size - margin_px)).all(axis=1) & (in_view[:, 2] > 0)
         count += inside
     return count
 
