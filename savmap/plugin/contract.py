@@ -9,7 +9,7 @@ import numpy as np
 from savmap.errors import PluginFailedError, SavmapError
 from savmap.geometry.pinhole import project
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.plugin.protocol import class_faults
+from savmap.plugin.protocol import Plugin, class_faults
 from savmap.types import (
     Detection,
     Feature,
@@ -34,7 +34,7 @@ HEIGHT_M, DISTANCE_M, CEILING_M = 1.4, 2.4, 4.0
 POST_M, STRIP_M, SLAB_M = (0.1, 2.2, 0.1), (1.2, 0.06, 0.12), (1.0, 0.02, 0.3)
 
 
-def check_plugin(plugin_class: Any, require_model: bool = True) -> None:
+def check_plugin(plugin_class: type[Plugin], require_model: bool = True) -> None:
     """Raise AssertionError with every clause of the contract that the plugin's class breaks.
 
     Each required hook is asked: `render_views` with and without detections, `extract_features` with none and with masks of any
@@ -44,7 +44,8 @@ def check_plugin(plugin_class: Any, require_model: bool = True) -> None:
     """
     faults = list(class_faults(plugin_class))
     if not faults:
-        plugin = loaded_plugin(plugin_class.name, plugin_class, plugin_class.Config())
+        declared: Any = plugin_class
+        plugin = loaded_plugin(declared.name, plugin_class, declared.Config())
         faults += [fault for clause in CLAUSES for fault in clause(plugin)]
         if require_model:
             faults += _network_faults(plugin)

@@ -16,7 +16,7 @@ from savmap.vision.networks.adapter import Sight
 from savmap.vision.networks.segmenter import Segmenter, few
 
 log = logging.getLogger("savmap")
-Wish = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
+NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
@@ -26,12 +26,14 @@ class SegmenterPool:
     """
 
     def __init__(self, plugins: Sequence[LoadedPlugin]) -> None:
-        wishes = {plugin.name: _wish(plugin) for plugin in plugins}
+        network_keys = {plugin.name: _network_key(plugin) for plugin in plugins}
         networks = {
-            wish: _network(wish, [plugin for plugin in plugins if wishes[plugin.name] == wish])
-            for wish in wishes.values()
+            network_key: _network(
+                network_key, [plugin for plugin in plugins if network_keys[plugin.name] == network_key]
+            )
+            for network_key in network_keys.values()
         }
-        self.networks = {plugin.name: networks[wishes[plugin.name]] for plugin in plugins}
+        self.networks = {plugin.name: networks[network_keys[plugin.name]] for plugin in plugins}
         self.notes = tuple(dict.fromkeys(line for network in networks.values() for line in _notes(network)))
         for plugin in plugins:
             network = self.networks[plugin.name]
@@ -67,12 +69,12 @@ class OnceSegmenter(Segmenter):
         return self._said[id(image)]
 
 
-def _wish(plugin: LoadedPlugin) -> Wish:
+def _network_key(plugin: LoadedPlugin) -> NetworkKey:
     return plugin.model, tuple(sorted(plugin.class_names.items())), plugin.providers
 
 
-def _network(wish: Wish, plugins: Sequence[LoadedPlugin]) -> OnceSegmenter:
-    path, class_names, providers = wish
+def _network(network_key: NetworkKey, plugins: Sequence[LoadedPlugin]) -> OnceSegmenter:
+    path, class_names, providers = network_key
     wanted = {name for plugin in plugins for name in plugin.classes}
     network = OnceSegmenter(path, 1, dict(class_names), wanted, providers)
     log.info("network of %s: %s", " and ".join(plugin.name for plugin in plugins), network)
@@ -80,5 +82,5 @@ def _network(wish: Wish, plugins: Sequence[LoadedPlugin]) -> OnceSegmenter:
 
 
 def _notes(network: Segmenter) -> Sequence[str]:
-    told = [] if network.provider == "cpu" else [f"network {network}"]
-    return [*told, *([network.note] if network.note else [])]
+    lines = [] if network.provider == "cpu" else [f"network {network}"]
+    return [*lines, *([network.note] if network.note else [])]

@@ -293,8 +293,8 @@ def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
     empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty, {"good": (), "bad": ()}, ())
     with failures_gathered() as failures:
-        rooms = plugins_of_map(SiteMap({"A": row}, {}), skip=True)
-        assert [room.cross_row_landmarks([]) for room in rooms.values()] == [[], []]
+        plugins = plugins_of_map(SiteMap({"A": row}, {}), skip=True)
+        assert [plugin.cross_row_landmarks([]) for plugin in plugins.values()] == [[], []]
     assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "cross_row_landmarks")]
     assert "plugin `bad` failed in `cross_row_landmarks`: RuntimeError: oh" in caplog.text
     with pytest.raises(PluginFailedError):
@@ -343,22 +343,22 @@ def test_calls_are_traced_in_other_processes_too(place: Path, tmp_path: Path) ->
         "2",
     ]
     paths = os.pathsep.join([str(place / "packages"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
-    told = subprocess.run(
+    done = subprocess.run(
         command,
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": paths, "SAVMAP_TRACE": "1"},
         capture_output=True,
         text=True,
     )
-    assert told.returncode == 11, told.stderr
+    assert done.returncode == 11, done.stderr
     log = (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
-    for text in (told.stderr, log):
+    for text in (done.stderr, log):
         assert "trace: good.extract_features [row A, frame 3, pass 1 / good]: " in text
         assert "trace: good.track [row B]: " in text
         assert "12 Track" in text
         assert "trace: bad.describe [row A]: " in text
         assert "raised RuntimeError: oh" in text
-    assert log.count("trace: good.track [row B]: ") == told.stderr.count("trace: good.track [row B]: ") == 1
+    assert log.count("trace: good.track [row B]: ") == done.stderr.count("trace: good.track [row B]: ") == 1
 
 
 def test_without_a_trace_nothing_is_in_the_calls_way(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Rooms' networks: other people's names for classes, and execution providers from the site file to the session."""
+"""Plugins' networks: other people's names for classes, and execution providers from the site file to the session."""
 
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ class Config(BaseModel):
     class_names: ClassNames = {}
 
 
-def room(
+def plugin_with(
     path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)
 ) -> LoadedPlugin:
     pillars = plugin_class(classes=(needs,), model=path, Config=Config)
@@ -46,8 +46,8 @@ def view() -> View:
 
 
 @pytest.mark.parametrize("key", ["post", "0", 0])
-def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
-    own = room(network, {key: "pillar"})
+def test_a_plugin_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
+    own = plugin_with(network, {key: "pillar"})
     segmenters = SegmenterPool([own])
     found = segmenters.detections(own, view())
     assert [one.label for one in found] == ["pillar", "pillar"]
@@ -56,20 +56,24 @@ def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Pa
 
 def test_a_class_that_is_missing_is_told_with_those_that_there_are(network: Path) -> None:
     with pytest.raises(ModelError, match=r"does not give `pillar`, .* gives post, bar: say with `class_names`"):
-        SegmenterPool([room(network, {})])
+        SegmenterPool([plugin_with(network, {})])
 
 
-def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
+def test_plugins_with_one_file_and_one_naming_share_it(network: Path) -> None:
     names = {"post": "pillar", "bar": "rail"}
-    rooms = [room(network, names), room(network, names, "rail"), room(network, {"post": "column"}, "column")]
-    segmenters = SegmenterPool(rooms)
+    plugins = [
+        plugin_with(network, names),
+        plugin_with(network, names, "rail"),
+        plugin_with(network, {"post": "column"}, "column"),
+    ]
+    segmenters = SegmenterPool(plugins)
     assert segmenters.networks["pillar"] is segmenters.networks["rail"]
     assert segmenters.networks["pillar"].classes == ("pillar", "rail")
     assert segmenters.networks["column"].classes == ("column",)
 
 
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = room(network, {"post": "pillar"})
+    own = plugin_with(network, {"post": "pillar"})
     segmenters, seen = SegmenterPool([own]), view()
     segmenters.prefetch(own, seen)
     segmenter = segmenters.networks["pillar"]
@@ -80,7 +84,7 @@ def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(providers, "_available", lambda: ["CPUExecutionProvider"])
-    (note,) = SegmenterPool([room(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
+    (note,) = SegmenterPool([plugin_with(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
     assert "tensorrt not in this onnxruntime" in note
     assert note.endswith("it runs on cpu")
 
@@ -94,7 +98,7 @@ def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytes
         ("", ()),
     ],
 )
-def test_providers_of_the_site_file_reach_the_rooms(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
+def test_providers_of_the_site_file_reach_the_plugins(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
     (tmp_path / "site.yaml").write_text(SITE.format(given), encoding="utf-8")
     job = job_for(tmp_path / "site.yaml", None, tmp_path)
     assert [own.providers for own in plugins_for(job, "A")] == [asked]

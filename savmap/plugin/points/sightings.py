@@ -15,7 +15,7 @@ from savmap.vision import peaks
 Mask = NDArray[np.bool_]
 WITHIN = 0.7  # cosine of 45 degrees
 BELOW = (-8.0, -0.3)  # where the floor is looked for, of a path that may be off by any scale
-TOO_FLAT = 0.1  # rays nearly along the face tell nothing of a place on it
+TOO_FLAT = 0.1  # rays nearly along the face say little of a place on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ def tracks_on_floor(
 ) -> list[Track]:
     """Tracks of objects that stand on the floor, numbered along x: a track for each part of each object.
 
-    The floor is y = 0. Where nothing but this plugin tells the map's scale or height, the path is not in metres and above another level:
+    The floor is y = 0. Where nothing but this plugin gives the map's scale or height, the path is not in metres and above another level:
     with `level_known` False the floor is the level at which the rays of different frames meet best.
 
     The rays of the part `anchor` are put on the floor from the camera's path; those that agree in x within `same_m` are one object,
