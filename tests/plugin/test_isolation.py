@@ -64,6 +64,8 @@ class Good:
     def may(self, hook):
         if hook in (self.config.fails_in, os.environ.get(f"{self.name}_fails_in")):
             raise RuntimeError("oh")
+        if self.config.fails_in == f"{hook} by exit":
+            raise SystemExit(0)
 
     @hookimpl
     def render_views(self, pass_preview, predict):
@@ -98,6 +100,8 @@ class Good:
         pixels = np.concatenate([one.pixels for one in own])
         covariances = np.concatenate([one.covariance for one in own])
         frames = np.array([one.frame for one in own])
+        if self.config.fails_in == "track by nan":
+            pixels = pixels * np.nan
         name = f"{self.name} {number}"
         return Track(name, "post", {"post": number}, frames, tuple(one.view for one in own), pixels, covariances)
 
@@ -243,6 +247,26 @@ def test_a_row_is_mapped_without_the_plugin_that_fails_in_it(place: Path, tmp_pa
     assert wanted in log
     assert "Traceback" in log
     assert wanted in (out / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ("track by exit", "failed in `track`: SystemExit: 0"),
+        ("describe by exit", "failed in `describe`: SystemExit: 0"),
+        ("track by nan", "returned what cannot be used from `track`: track `bad 0`: a pixel is not finite"),
+    ],
+)
+def test_a_row_is_mapped_without_a_plugin_that_exits_or_answers_nan(
+    place: Path, tmp_path: Path, how: str, says: str
+) -> None:
+    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
+        mapped(site(place, tmp_path, "skip", how), tmp_path / "out")
+    assert structures(tmp_path / "out", "A", "bad") == []
+    assert len(structures(tmp_path / "out", "A", "good")) == 12
+    assert f"plugin `bad` {says}" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
+    with pytest.raises(PluginFailedError, match=f"plugin `bad` {says}"):
+        mapped(site(place, tmp_path, "fail", how), tmp_path / "fail")
 
 
 def test_structures_stay_where_only_their_relations_fail(place: Path, tmp_path: Path) -> None:

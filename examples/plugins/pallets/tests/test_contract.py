@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.plugin.contract import check_plugin
+from savmap.plugin import check_plugin
 from savmap.plugin.manager import load_class
 from savmap.sim.dataset import random_place
 from savmap.sim.scene import RowFrame, Site, load_scene
