@@ -218,8 +218,8 @@ def _boxes(spec: ViewSpec) -> list[Floats]:
     size, y, z = (STRIP_M, CEILING_M, DISTANCE_M) if up > 0.7 else (SLAB_M, SLAB_M[1] / 2, 0.8)
     if abs(up) <= 0.7:
         size, y, z = POST_M, POST_M[1] / 2, 0.3
-    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    return [np.array([x, y, z]) + signs * size for x in (0.0, 1.6, 3.2)]
+    halves = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    return [np.array([x, y, z]) + halves * size for x in (0.0, 1.6, 3.2)]
 
 
 def _mask(corners: Floats, spec: ViewSpec, pose: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -100,10 +100,10 @@ def load_installed() -> InstalledPlugins:
 
 def lacking(plugin_class: Any) -> tuple[str, ...]:
     """The packages that a plugin's class names as its `libraries` and that are not installed: without them it does less."""
-    return tuple(name for name in getattr(plugin_class, "libraries", ()) if not _is_installed(name))
+    return tuple(name for name in getattr(plugin_class, "libraries", ()) if not _is_there(name))
 
 
-def _is_installed(package: str) -> bool:
+def _is_there(package: str) -> bool:
     try:
         distribution(package)
     except PackageNotFoundError:
