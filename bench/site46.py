@@ -111,7 +111,7 @@ def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
         SiteMap(rows, {}, failed),
         {own.task.name: prior(own.task) for own in results},
         {own.task.name: {"pass 1": own.task.recording} for own in results},
-        lambda plugin, structures: rooms[plugin].shared(structures),
+        lambda plugin, structures: rooms[plugin].cross_row_landmarks(structures),
     )
     return assembly, time.perf_counter() - begin
 

@@ -6,15 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from savmap.errors import ModelError, SiteError
-from savmap.plugin.manager import exporters, installed, lacking, load_class
+from savmap.plugin.manager import exporters, installed, lacking, load_installed
+from savmap.plugin.protocol import implements
 
 
 def plugin_lines() -> Iterator[str]:
-    """What is installed: name, classes, model, hooks."""
+    """What is installed: name, classes, model, hooks; of a plugin that cannot be used, the reason."""
+    plugins = load_installed()
     for name, point in installed().items():
-        plugin = load_class(name)
-        hooks = sorted(hook for hook in vars(plugin) if hasattr(getattr(plugin, hook), "savmap_impl"))
         yield f"{name}  ({point.value})"
+        if name in plugins.broken:
+            yield f"  broken   {plugins.broken[name]}"
+            continue
+        plugin = plugins.classes[name]
+        hooks = sorted(hook for hook in dir(plugin) if implements(plugin, hook))
         yield f"  classes  {', '.join(plugin.classes)}"
         yield f"  model    {plugin.model}"
         yield f"  network  {_network(plugin.model)}"
@@ -42,7 +47,7 @@ def schema(name: str) -> str:
     if name == "map":
         return map_schema_text()
     if name == "site":
-        return schema_text(installed())
+        return schema_text(load_installed().classes)
     raise SiteError(f"schema {name}: there is one for `site` and one for `map`")
 
 
@@ -59,7 +64,8 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
         if row not in site_map.rows:
             raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
         site_map = replace(site_map, rows={row: site_map.rows[row]})
-    export_map(site_map, name, output, exporters())
+    broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
+    export_map(site_map, name, output, exporters(), broken)
     yield f"wrote {output}"
 
 

@@ -91,7 +91,7 @@ def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[Si
             site_map,
             placements(job.site),
             footage,
-            lambda row, plugin, structures: plugins[row][plugin].shared(structures=structures),
+            lambda row, plugin, structures: plugins[row][plugin].cross_row_landmarks(structures),
         )
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)

@@ -105,14 +105,14 @@ def _spaced(colour: tuple[int, int, int]) -> str:
     return " ".join(map(str, colour))
 
 
-def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter]) -> None:
+def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "") -> None:
     """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError for an exporter
-    that fails, OutputError."""
+    that fails, OutputError. `remark`: what to add where the format is unknown."""
     if name not in formats:
-        raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}")
+        raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
     try:
         write_with(lambda part: formats[name](site_map, part), path)
     except SavmapError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error

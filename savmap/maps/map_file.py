@@ -16,10 +16,13 @@ from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.files.validation import checked
 from savmap.maps import schema
+from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
+    Attribute,
     CrossRowMatch,
     Floats,
     FrameTable,
+    Measured,
     Placement,
     ReferenceUse,
     RowMap,
@@ -123,7 +126,7 @@ def _structure_entry(structure: Structure) -> Entry:
         "label": structure.label,
         "vertices": [_vertex_entry(*vertex) for vertex in vertices],
         "edges": [[int(end) for end in edge] for edge in structure.edges],
-        "attributes": {name: _plain(value) for name, value in structure.attributes.items()},
+        "attributes": {name: _attribute_entry(value) for name, value in structure.attributes.items()},
     }
 
 
@@ -165,6 +168,16 @@ def _upper_triangle(covariance: Floats) -> list[float]:
 
 def _or_null(values: Floats) -> list[float | None]:
     return [None if np.isnan(value) else _rounded([value], SIGMA)[0] for value in values]
+
+
+def _attribute_entry(value: Attribute) -> Entry | float | int | str:
+    if isinstance(value, Measured):
+        return {"value": _plain(value.value), "sigma": _plain(value.sigma)}
+    return _plain(value)
+
+
+def _attribute(entry: float | int | str | MeasuredEntry) -> Attribute:
+    return Measured(entry.value, entry.sigma) if isinstance(entry, MeasuredEntry) else entry
 
 
 def _plain(value: float | int | str) -> float | int | str:
@@ -233,7 +246,7 @@ def _structure(entry: schema.StructureEntry) -> Structure:
         covariances=np.array([_symmetric(vertex.covariance_m2) for vertex in entry.vertices]).reshape(-1, 3, 3),
         vertex_labels=tuple(vertex.label for vertex in entry.vertices),
         edges=np.array(entry.edges, dtype=np.int64).reshape(-1, 2),
-        attributes=entry.attributes,
+        attributes={name: _attribute(value) for name, value in entry.attributes.items()},
     )
 
 

@@ -30,6 +30,13 @@ class VertexEntry(_Part):
     covariance_m2: UpperTriangle
 
 
+class MeasuredEntry(_Part):
+    """A number with its standard deviation, in the unit that its name ends with."""
+
+    value: float
+    sigma: float = Field(ge=0)
+
+
 class StructureEntry(_Part):
     """One mapped structure. Edges join vertices by their number in `vertices`, from 0."""
 
@@ -37,7 +44,7 @@ class StructureEntry(_Part):
     label: str
     vertices: list[VertexEntry]
     edges: list[tuple[int, int]]
-    attributes: dict[str, Value]
+    attributes: dict[str, Value | MeasuredEntry]
 
 
 class FrameEntry(_Part):

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -102,13 +102,8 @@ def plan_pass(
     manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
     plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
-        plans[plugin.name] = plugin.render_views(
-            pass_preview=pass_preview,
-            see=lambda view, plugin=plugin: segmenters.detect(plugin, view),
-            side=row_pass.side,
-            manual=manual,
-            attitude=attitude,
-        )
+        predict = partial(segmenters.detect, plugin)
+        plans[plugin.name] = plugin.render_views(pass_preview, predict, row_pass.side, manual, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
     return PassPlan(name, clip, plans), pass_preview
 
@@ -240,7 +235,9 @@ class RowWalk:
             if plan.locators().intersection(plan.plugins_by_view[view.spec]):
                 self.flow.update(view)
             for plugin in self._plugins_at(view, plan):
-                self.features[plugin.name] += plugin.extract(view, self.segmenters.detect(plugin, view), panorama)
+                self.features[plugin.name] += plugin.extract_features(
+                    view, self.segmenters.detect(plugin, view), panorama
+                )
 
     def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

@@ -52,6 +52,8 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
     """Render the views, detect, and extract features: the only walk over the pixels. Raises SavmapError."""
     if row.measurements is not None:
         return MeasuredRow(row, row.measurements)
+    if row.plugins and all(plugin.needs_path for plugin in row.plugins):
+        require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
     return MeasuredRow(
         row,
@@ -93,9 +95,7 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
                 raise
             notes.append(f"row {row.request.name}: nothing of `{plugin.name}` is mapped: {error}")
             continue
-        plugin_constraints = plugin.constrain(
-            tracks=plugin_tracks, facts=row.measurements.facts, start=path or row.start
-        )
+        plugin_constraints = plugin.constrain(plugin_tracks, row.measurements.facts, path or row.start)
         if plugin.failure is None:
             tracks[plugin.name], constraints[plugin.name] = plugin_tracks, plugin_constraints
     metric_path = None if assumed else path
@@ -133,9 +133,7 @@ def solve(rows: Sequence[PosedRow | SavmapError], monitor: Monitor) -> list[Solv
 def describe(row: SolvedRow) -> DescribedRow:
     """Structures of every plugin, which may say how they stand to the others'; none of a plugin that found nothing."""
     alone = {
-        plugin.name: tuple(
-            plugin.describe(tracks=row.tracks[plugin.name], facts=row.measurements.facts, solution=row.solution)
-        )
+        plugin.name: tuple(plugin.describe(row.tracks[plugin.name], row.measurements.facts, row.solution))
         if plugin.name in row.tracks
         else ()
         for plugin in row.request.plugins
@@ -176,12 +174,18 @@ def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasureme
 
 def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None) -> list[Track]:
     """One plugin's tracks. `path`: where the camera was, where that is known. Raises StructureError where it finds no structure."""
-    return plugin.track(
-        features=row.measurements.features[plugin.name],
-        facts=row.measurements.facts,
-        attitudes=row.start.world_from_rig[:, :3, :3],
-        start=path,
-    )
+    require_path(row.request.name, plugin, path)
+    features, attitudes = row.measurements.features[plugin.name], row.start.world_from_rig[:, :3, :3]
+    return plugin.track(features, row.measurements.facts, attitudes, path)
+
+
+def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
+    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's path."""
+    if plugin.needs_path and path is None:
+        raise StructureError(
+            f"row {row}: `{plugin.name}` alone does not locate the camera: add a plugin that maps the face "
+            f"(--plugins NAME,{plugin.name}), or give an earlier map with --trajectory"
+        )
 
 
 def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[Trajectory, bool]:

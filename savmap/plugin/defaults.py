@@ -1,12 +1,13 @@
-"""What happens where a plugin says nothing: these implementations answer last."""
+"""The hooks that a plugin may leave out: these implementations are asked last."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import CrossRowLandmark, Detection, Drawing, Score, Structure, View
+from savmap.types import CrossRowLandmark, Detection, Structure, View
 
 if TYPE_CHECKING:
+    from savmap.types import Drawing, Score
     from savmap.vision.networks.segmenter import Segmenter
 
 MIN_PIXELS = 12
@@ -25,21 +26,23 @@ def relate(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookimpl(trylast=True)
-def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-    """Nothing is seen from other rows."""
+def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    """Other rows have none of them."""
     return []
 
 
 @hookimpl(trylast=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
     """Nothing is scored."""
+    from savmap.types import Score
+
     return Score()
 
 
 @hookimpl(trylast=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> tuple[Drawing, ...]:
+) -> "tuple[Drawing, ...]":
     """Nothing is drawn."""
     return ()
 

@@ -1,8 +1,7 @@
 """The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
 
-A plugin is a class named by an entry point of the group `savmap.plugins`. It has `name`, `classes` (what its network
-sees), `model` (the network's file) and `Config` (a pydantic model); the engine makes it with its validated config. Every
-hook but the last two is asked of one plugin at a time. docs/hooks.md shows each with an example.
+`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last two is asked of one plugin at a time. A plugin
+must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,12 +14,10 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Drawing,
     Feature,
     Floats,
     Panorama,
     RowFacts,
-    Score,
     SiteMap,
     Structure,
     Track,
@@ -33,41 +30,43 @@ from savmap.types.scenes import RandomSection, SceneParts, Site
 if TYPE_CHECKING:
     import typer
 
-    from savmap.graph import Constraints, Solution
+    from savmap.graph import Constraints, KeySpace, Landmark, Solution
+    from savmap.types import Drawing, Score
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview
 
 Exporter = Callable[[SiteMap, Path], None]
 hookspec = pluggy.HookspecMarker("savmap")
 hookimpl = pluggy.HookimplMarker("savmap")
+REQUIRED = ("render_views", "extract_features", "track", "constrain", "describe")
 
 
 @hookspec(firstresult=True)
 def render_views(
     pass_preview: "PassPreview",
-    see: Callable[[View], list[Detection]],
+    predict: Callable[[View], list[Detection]],
     side: Literal["left", "right"] | None,
     manual: Mapping[str, "Manual"],
     attitude: Floats | None,
 ) -> ViewPlan:
-    """View rendering: the views of one pass that this plugin wants to look at.
+    """View rendering: which views of one pass are cut for this plugin.
 
-    `scout` has key frames of the pass, `see` runs the plugin's network on a view, `side` is the hand that the site file
-    says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig (3, 3) of the
+    `pass_preview` has key frames of the pass, `predict` runs the plugin's network on a view, `side` is the hand that the site
+    file says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig (3, 3) of the
     first key frame if an earlier plugin or map knows it.
     """
 
 
 @hookspec(firstresult=True)
 def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
-    """Detection: what the network sees in a view. Default: connected regions of each of the plugin's classes."""
+    """Detection: what the network gives for a view. Default: connected regions of each of the plugin's classes."""
 
 
 @hookspec(firstresult=True)
 def extract_features(view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
     """Feature extraction: points and edges with their covariance, in pixels of the view.
 
-    `panorama` is the one that the view was cut from, to be measured in at full resolution; None while views are aimed.
+    `panorama` is the one that the view was cut from, for measuring at full resolution; None while views are chosen.
     """
 
 
@@ -75,18 +74,21 @@ def extract_features(view: View, detections: Sequence[Detection], panorama: Pano
 def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None) -> list[Track]:
     """Tracking: which features of which frames are one physical point.
 
-    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them.
+    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them (never None for a
+    plugin that declares `needs_path`). Raises StructureError where there is nothing to map.
     """
 
 
 @hookspec(firstresult=True)
-def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
-    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks."""
+def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: "KeySpace") -> "Constraints":
+    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks, whose keys `keys` gives."""
 
 
 @hookspec(firstresult=True)
-def describe(tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
-    """Solution to structures: what goes into the map."""
+def describe(
+    tracks: Sequence[Track], facts: RowFacts, landmarks: "Mapping[str, Landmark]", solution: "Solution"
+) -> list[Structure]:
+    """Solution to structures: what goes into the map. `landmarks`: the plugin's own, by name."""
 
 
 @hookspec(firstresult=True)
@@ -96,20 +98,20 @@ def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Struct
 
 
 @hookspec(firstresult=True)
-def shared(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both see them in one
-    place. Default: none."""
+def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows give
+    the same position. Default: none."""
 
 
 @hookspec(firstresult=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score | None:
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
     """Structures against a surveyor's sheet of the row."""
 
 
 @hookspec(firstresult=True)
 def draw(
     structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-) -> tuple[Drawing, ...]:
+) -> "tuple[Drawing, ...]":
     """How structures look in the face view and in the plan, over the survey where there is one.
 
     `deviations`: by structure id, how far it is off the survey, m.

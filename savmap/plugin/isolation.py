@@ -1,27 +1,23 @@
-"""Rooms whose plugin may fail without harm to the others: from then on they answer that there is nothing."""
+"""Plugins that may fail without harm to the others: after its first failure, a plugin is asked no more and gives nothing."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
-from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Structure
-
-if TYPE_CHECKING:
-    from savmap.graph import Constraints
+from savmap.plugin.manager import Answer, LoadedPlugin, notices
+from savmap.types import Structure, ViewPlan
 
 log = logging.getLogger("savmap")
-told = logging.getLogger("savmap-plugins")
 _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", default=None)
 
 
 @dataclass(frozen=True)
 class IsolatedPlugin(LoadedPlugin):
-    """A room for one row, or for none in particular, whose plugin is asked no more once it failed."""
+    """A plugin at work for one row, or for none in particular, which is asked no more once it failed."""
 
     row: str = ""
     failures: list[PluginFailedError] = field(default_factory=list, repr=False)
@@ -30,12 +26,12 @@ class IsolatedPlugin(LoadedPlugin):
     def failure(self) -> PluginFailedError | None:
         return self.failures[0] if self.failures else None
 
-    def ask(self, hook: str, expected: type, item: type | None = None, **arguments: Any) -> Any:
+    def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
         """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still raised, but not
         where another hook of its own failed meanwhile."""
         if not self.failures:
             try:
-                return super().ask(hook, expected, item, **arguments)
+                return super()._ask(hook, expected, check, **arguments)
             except PluginFailedError as error:
                 if not self.failures:
                     self._failed(error)
@@ -43,17 +39,6 @@ class IsolatedPlugin(LoadedPlugin):
                 if not self.failures:
                     raise
         return nothing(expected, self.name)
-
-    def constrain(self, **arguments: Any) -> "Constraints":
-        """The plugin's constraints; none, where these are not valid."""
-        from savmap.graph import Constraints
-
-        try:
-            return super().constrain(**arguments)
-        except PluginFailedError as error:
-            self._failed(error)
-            none: Constraints = nothing(Constraints, self.name)
-            return none
 
     def relate(
         self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
@@ -65,7 +50,7 @@ class IsolatedPlugin(LoadedPlugin):
     def _failed(self, error: PluginFailedError) -> None:
         self.failures.append(error)
         where = f"row {self.row}: " if self.row else ""
-        told.warning("%s%s", where, left_out(str(error)))
+        notices.warning("%s%s", where, left_out(str(error)))
         log.error("%s%s", where, error, exc_info=error)
         gathered = _gathered.get()
         if gathered is not None:
@@ -78,23 +63,23 @@ def left_out(failure: str) -> str:
 
 
 def isolated(
-    rooms: Sequence[LoadedPlugin], row: str = "", failed: Mapping[str, PluginFailedError] | None = None
+    plugins: Sequence[LoadedPlugin], row: str = "", failed: Mapping[str, PluginFailedError] | None = None
 ) -> Sequence[LoadedPlugin]:
     """The same plugins, each kept from harming the others. `failed`: by plugin, how it failed in this row already."""
     known = failed or {}
     return [
         IsolatedPlugin(
-            **{own.name: getattr(room, own.name) for own in fields(room)},
+            **{part.name: getattr(plugin, part.name) for part in fields(plugin)},
             row=row,
-            failures=[known[room.name]] if room.name in known else [],
+            failures=[known[plugin.name]] if plugin.name in known else [],
         )
-        for room in rooms
+        for plugin in plugins
     ]
 
 
-def failed(rooms: Sequence[LoadedPlugin]) -> dict[str, str]:
-    """By room: how its plugin failed, if it did."""
-    return {room.name: str(room.failure) for room in rooms if room.failure is not None}
+def failed(plugins: Sequence[LoadedPlugin]) -> dict[str, str]:
+    """By plugin: how it failed, if it did."""
+    return {plugin.name: str(plugin.failure) for plugin in plugins if plugin.failure is not None}
 
 
 @contextmanager
@@ -115,11 +100,14 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
     return PluginError(f"{'; '.join(failures.values())}; without it the row cannot be mapped: {error}")
 
 
-def nothing(expected: type, room: str) -> Any:
+def nothing(expected: type[Answer], plugin: str) -> Answer:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, image_measurements
-    from savmap.types import ViewPlan
+    from savmap.graph import Constraints, image_measurements  # keeps `savmap --help` fast
 
+    empty: Any
     if expected is Constraints:
-        return Constraints(room, {}, image_measurements([], {}, {}), (), {})
-    return ViewPlan(()) if expected is ViewPlan else expected()
+        empty = Constraints(plugin, {}, image_measurements([], {}, {}), (), {})
+    else:
+        empty = ViewPlan(()) if expected is ViewPlan else expected()
+    answer: Answer = empty
+    return answer

@@ -1,35 +1,47 @@
-"""Rooms: each plugin with its config, behind typed calls that check what came back and name the plugin that gave it."""
+"""Plugins at work: each with its settings, behind typed calls that check what came back and name the plugin that gave it."""
 
 import difflib
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pluggy
 from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
-from savmap.plugin import activity, defaults, hookspecs, trace
+from savmap.plugin import activity, checks, defaults, hookspecs, trace
+from savmap.plugin.protocol import Plugin, class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Drawing,
     Feature,
+    Floats,
     Panorama,
-    Score,
+    RowFacts,
     Structure,
     Track,
+    Trajectory,
     View,
     ViewPlan,
 )
 
 if TYPE_CHECKING:
-    from savmap.graph import Constraints
+    import numpy as np
+
+    from savmap.graph import Constraints, Solution
+    from savmap.types import Drawing, Score
+    from savmap.types.scenes import RandomSection, SceneParts, Site
+    from savmap.vision.networks.segmenter import Segmenter
+    from savmap.vision.view_planning import Manual, PassPreview
 
 GROUP = "savmap.plugins"
+Answer = TypeVar("Answer")
+Item = TypeVar("Item")
+notices = logging.getLogger("savmap-plugins")
 
 
 def installed() -> dict[str, EntryPoint]:
@@ -40,7 +52,8 @@ def installed() -> dict[str, EntryPoint]:
 def load_class(name: str) -> Any:
     """The class of an installed plugin.
 
-    Raises PluginError when there is none of that name (with the nearest) or when importing it fails.
+    Raises PluginError when there is none of that name (with the nearest), when importing it fails, or when it lacks what every
+    plugin must have.
     """
     points = installed()
     if name not in points:
@@ -48,11 +61,40 @@ def load_class(name: str) -> Any:
         hint = f"did you mean `{near[0]}`?" if near else f"installed are: {', '.join(points) or 'none'}"
         raise PluginError(f"unknown plugin `{name}`: {hint}")
     try:
-        return points[name].load()
-    except Exception as error:
+        plugin_class = points[name].load()
+    except (Exception, SystemExit) as error:
         raise PluginError(
             f"plugin `{name}` ({points[name].value}) cannot be imported: {format_error(error)}"
         ) from error
+    require_complete(name, plugin_class)
+    return plugin_class
+
+
+def require_complete(name: str, plugin_class: Any) -> None:
+    """Raise PluginError where a plugin's class lacks an attribute or a hook that it must have."""
+    fault = next(class_faults(plugin_class), None)
+    if fault is not None:
+        raise PluginError(f"plugin `{name}` cannot be used: {fault}")
+
+
+@dataclass(frozen=True)
+class InstalledPlugins:
+    """The classes of the installed plugins by name, and, of those that cannot be used, the reason by name."""
+
+    classes: Mapping[str, Any]
+    broken: Mapping[str, str]
+
+
+def load_installed() -> InstalledPlugins:
+    """Import every installed plugin; one that cannot be used is no harm to the others."""
+    classes: dict[str, Any] = {}
+    broken: dict[str, str] = {}
+    for name in installed():
+        try:
+            classes[name] = load_class(name)
+        except PluginError as error:
+            broken[name] = str(error)
+    return InstalledPlugins(classes, broken)
 
 
 def lacking(plugin_class: Any) -> tuple[str, ...]:
@@ -71,10 +113,15 @@ def _is_there(package: str) -> bool:
 @dataclass(frozen=True)
 class LoadedPlugin:
     """One plugin at work: its instance, its config, the manager that asks it (and the defaults) alone, and the execution
-    providers that its network is to run on (none: the automatic choice)."""
+    providers that its network is to run on (none: the automatic choice).
+
+    Each hook is a method with the arguments of its specification (savmap.plugin.hookspecs). All of them raise PluginFailedError,
+    with the plugin's and the hook's name, where the hook raises or ends the program or its answer cannot be used. A SavmapError
+    of the plugin's own, with which it refuses in its own words, is raised as it is.
+    """
 
     name: str
-    instance: Any
+    instance: Plugin
     config: BaseModel
     manager: pluggy.PluginManager = field(repr=False)
     providers: tuple[str, ...] = ()
@@ -91,8 +138,8 @@ class LoadedPlugin:
 
     @property
     def model_file(self) -> Path:
-        """The network's file that the room's first execution provider takes: `model`, or the one in float32 that lies beside it."""
-        from savmap.vision.networks.providers import choose, file_for
+        """The network's file that the plugin's first execution provider takes: `model`, or the one in float32 beside it."""
+        from savmap.vision.networks.providers import choose, file_for  # keeps `savmap --help` fast
 
         return file_for(self.model, choose(self.providers).names[0])
 
@@ -107,84 +154,214 @@ class LoadedPlugin:
         return dict(getattr(self.config, "class_names", {}))
 
     @property
+    def needs_path(self) -> bool:
+        """Whether the plugin cannot locate the camera, so that another plugin or an earlier map must."""
+        return bool(getattr(self.instance, "needs_path", False))
+
+    @property
     def failure(self) -> PluginFailedError | None:
-        """How the plugin failed, in a room that keeps this from the others; here it is raised."""
+        """How the plugin failed, if it did and its failures are contained; here they are raised."""
         return None
 
-    def ask(self, hook: str, expected: type, item: type | None = None, **arguments: Any) -> Any:
-        """What the plugin answers to a hook; `item`: what all that it gives must be.
+    def has(self, hook: str) -> bool:
+        """Whether the plugin writes a hook itself, so that no default answers."""
+        return implements(self.instance, hook)
 
-        Raises PluginFailedError if it raises or answers otherwise. What it refuses in its own words (a SavmapError) is raised as it is.
-        """
-        try:
-            with activity.working(self.name, hook):
-                answer = getattr(self.manager.hook, hook)(**arguments)
-        except SavmapError:
-            raise
-        except Exception as error:
-            what = f"failed in `{hook}`{_place(arguments)}: {format_error(error)}"
-            raise PluginFailedError(self.name, hook, what) from error
-        if not isinstance(answer, expected):
-            given = type(answer).__name__
-            raise PluginFailedError(self.name, hook, f"returned {given} from `{hook}`, not {expected.__name__}")
-        if item is not None:
-            self._require_items(hook, answer, item)
-        return answer
+    def render_views(
+        self,
+        pass_preview: "PassPreview",
+        predict: Callable[[View], list[Detection]],
+        side: Literal["left", "right"] | None,
+        manual: Mapping[str, "Manual"],
+        attitude: Floats | None,
+    ) -> ViewPlan:
+        """The views of one pass that the plugin wants."""
+        return self._ask(
+            "render_views",
+            ViewPlan,
+            checks.check_view_plan,
+            pass_preview=pass_preview,
+            predict=predict,
+            side=side,
+            manual=manual,
+            attitude=attitude,
+        )
 
-    def _require_items(self, hook: str, answer: Any, item: type) -> None:
-        wrong = next((one for one in answer if not isinstance(one, item)), None)
-        if wrong is not None:
-            what = (
-                f"returned a {type(answer).__name__} with a {type(wrong).__name__} from `{hook}`, not {item.__name__}"
-            )
-            raise PluginFailedError(self.name, hook, what)
+    def detect(self, view: View, segmenter: "Segmenter") -> list[Detection]:
+        """What the network gives for a view."""
+        return self._ask_list(
+            "detect",
+            Detection,
+            lambda detections: checks.check_detections(detections, view),
+            view=view,
+            segmenter=segmenter,
+            threshold=self.threshold,
+        )
 
-    def ask_list(self, hook: str, item: type, **arguments: Any) -> list[Any]:
-        """Like `ask`, for a list whose items must all be of one type."""
-        answer: list[Any] = self.ask(hook, list, item, **arguments)
-        return answer
+    def extract_features(
+        self, view: View, detections: Sequence[Detection], panorama: Panorama | None = None
+    ) -> list[Feature]:
+        """Points and edges of a view."""
+        return self._ask_list(
+            "extract_features",
+            Feature,
+            lambda features: checks.check_features(features, view),
+            view=view,
+            detections=detections,
+            panorama=panorama,
+        )
 
-    def render_views(self, **arguments: Any) -> ViewPlan:
-        answer: ViewPlan = self.ask("render_views", ViewPlan, **arguments)
-        return answer
+    def track(
+        self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None
+    ) -> list[Track]:
+        """Which features are one physical point."""
+        return self._ask_list(
+            "track",
+            Track,
+            lambda tracks: checks.check_tracks(tracks, facts),
+            features=features,
+            facts=facts,
+            attitudes=attitudes,
+            start=start,
+        )
 
-    def detect(self, **arguments: Any) -> list[Detection]:
-        return self.ask_list("detect", Detection, threshold=self.threshold, **arguments)
+    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
+        """The plugin's part of the factor graph, in its own key space."""
+        from savmap.graph import Constraints, KeySpace  # keeps `savmap --help` fast
 
-    def extract(self, view: View, detections: Sequence[Detection], panorama: Panorama | None = None) -> list[Feature]:
-        return self.ask_list("extract_features", Feature, view=view, detections=detections, panorama=panorama)
+        return self._ask(
+            "constrain",
+            Constraints,
+            lambda constraints: checks.check_constraints(constraints, self.name, start),
+            tracks=tracks,
+            facts=facts,
+            start=start,
+            keys=KeySpace(self.name),
+        )
 
-    def track(self, **arguments: Any) -> list[Track]:
-        return self.ask_list("track", Track, **arguments)
-
-    def constrain(self, **arguments: Any) -> "Constraints":
-        from savmap.graph import Constraints, require_valid_constraints
-
-        answer: Constraints = self.ask("constrain", Constraints, **arguments)
-        require_valid_constraints(self.name, answer, arguments["start"])
-        return answer
-
-    def evaluate(self, **arguments: Any) -> Score:
-        answer: Score = self.ask("evaluate", Score, **arguments)
-        return answer
-
-    def draw(self, **arguments: Any) -> tuple[Drawing, ...]:
-        answer: tuple[Drawing, ...] = self.ask("draw", tuple, Drawing, **arguments)
-        return answer
-
-    def describe(self, **arguments: Any) -> list[Structure]:
-        return self.ask_list("describe", Structure, **arguments)
+    def describe(self, tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
+        """What goes into the map."""
+        return self._ask_list(
+            "describe",
+            Structure,
+            checks.check_structures,
+            tracks=tracks,
+            facts=facts,
+            landmarks=solution.landmarks_of(self.name),
+            solution=solution,
+        )
 
     def relate(
         self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
     ) -> tuple[Structure, ...]:
-        return tuple(self.ask_list("relate", Structure, structures=structures, others=others))
+        """The plugin's structures with attributes that say how they stand to those of others, by plugin."""
+        return tuple(
+            self._ask_list(
+                "relate",
+                Structure,
+                lambda related: checks.check_related(related, structures),
+                structures=structures,
+                others=others,
+            )
+        )
 
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-        return self.ask_list("shared", CrossRowLandmark, structures=structures)
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+        """Which of the structures other rows may have mapped too."""
+        return self._ask_list(
+            "cross_row_landmarks",
+            CrossRowLandmark,
+            lambda landmarks: checks.check_landmarks(landmarks, structures),
+            structures=structures,
+        )
+
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+        """Structures against a surveyor's sheet of the row."""
+        from savmap.types import Score  # keeps `savmap --help` fast
+
+        return self._ask("evaluate", Score, checks.check_score, structures=structures, survey=survey)
+
+    def draw(
+        self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+    ) -> "tuple[Drawing, ...]":
+        """The structures as figures."""
+        from savmap.types import Drawing  # keeps `savmap --help` fast
+
+        answer: tuple[Drawing, ...] = self._ask(
+            "draw",
+            tuple,
+            lambda drawings: self._check_items("draw", drawings, Drawing, checks.check_drawings),
+            structures=structures,
+            survey=survey,
+            deviations=deviations,
+        )
+        return answer
+
+    def scene(self, section: Mapping[str, Any], rng: "np.random.Generator", site: "Site") -> "SceneParts":
+        """What a simulator builds for the plugin. Raises PluginError where it has no hook for that."""
+        from savmap.types.scenes import SceneParts  # only the simulator needs it
+
+        if not self.has("scene"):
+            raise PluginError(f"plugin `{self.name}` cannot be simulated: it has no hook `scene`")
+        return self._ask("scene", SceneParts, lambda parts: None, section=section, rng=rng, site=site)
+
+    def random_section(
+        self, rng: "np.random.Generator", site: "Site", drawn: "RandomSection | None"
+    ) -> "RandomSection | None":
+        """What a random scene holds of the plugin's structure; None where the plugin has nothing to add."""
+        if not self.has("random_section"):
+            return None
+        from savmap.types.scenes import RandomSection  # only the simulator needs it
+
+        return self._ask("random_section", RandomSection, lambda section: None, rng=rng, site=site, drawn=drawn)
+
+    def exporters(self) -> dict[str, hookspecs.Exporter]:
+        """The plugin's map formats by name; none where it has no hook for that."""
+        answers = self._ask("exporters", list, checks.check_exporters)
+        return dict(answers[0]) if self.has("exporters") else {}
+
+    def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
+        """What the plugin answers to a hook, when it is of the expected type and passes the check. Raises PluginFailedError."""
+        try:
+            with activity.at_work(self.name, hook):
+                answer = getattr(self.manager.hook, hook)(**arguments)
+        except SavmapError:
+            raise
+        except (Exception, SystemExit) as error:
+            what = f"failed in `{hook}`{_where(arguments)}: {format_error(error)}"
+            raise PluginFailedError(self.name, hook, what) from error
+        if not isinstance(answer, expected):
+            given = type(answer).__name__
+            raise PluginFailedError(self.name, hook, f"returned {given} from `{hook}`, not {expected.__name__}")
+        try:
+            check(answer)
+        except PluginFailedError:
+            raise
+        except Exception as error:
+            fault = str(error) if type(error) is ValueError else format_error(error)
+            what = f"returned what cannot be used from `{hook}`{_where(arguments)}: {fault}"
+            raise PluginFailedError(self.name, hook, what) from error
+        return answer
+
+    def _ask_list(
+        self, hook: str, item: type[Item], check: Callable[[Sequence[Item]], object], **arguments: Any
+    ) -> list[Item]:
+        """Like `_ask`, for a list whose items must all be of one type."""
+        answer: list[Item] = self._ask(
+            hook, list, lambda items: self._check_items(hook, items, item, check), **arguments
+        )
+        return answer
+
+    def _check_items(
+        self, hook: str, answer: Sequence[Item], item: type[Item], check: Callable[[Sequence[Item]], object]
+    ) -> None:
+        wrong = [type(value).__name__ for value in answer if not isinstance(value, item)]
+        if wrong:
+            what = f"returned a {type(answer).__name__} with a {wrong[0]} from `{hook}`, not {item.__name__}"
+            raise PluginFailedError(self.name, hook, what)
+        check(answer)
 
 
-def _place(arguments: Mapping[str, Any]) -> str:
+def _where(arguments: Mapping[str, Any]) -> str:
     view = arguments.get("view")
     return f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
 
@@ -192,9 +369,9 @@ def _place(arguments: Mapping[str, Any]) -> str:
 def open_plugin(
     name: str, config: Mapping[str, Any], where: str = "options", providers: tuple[str, ...] = ()
 ) -> LoadedPlugin:
-    """A room for an installed plugin.
+    """An installed plugin with its settings, at work.
 
-    Raises PluginError for an unknown or broken plugin, SiteError for a config it does not take.
+    Raises PluginError for an unknown, broken or incomplete plugin, SiteError for settings that it does not take.
     """
     plugin_class = load_class(name)
     settings = validated(plugin_class.Config, config, f"{where}: plugins.{name}")
@@ -204,7 +381,8 @@ def open_plugin(
 def loaded_plugin(
     name: str, plugin_class: Callable[[Any], Any], settings: BaseModel, providers: tuple[str, ...] = ()
 ) -> LoadedPlugin:
-    """A room for a plugin's class and its validated config. Raises PluginError for a hook that does not exist."""
+    """A plugin of a class and validated settings, at work. Raises PluginError for a class that is incomplete."""
+    require_complete(name, plugin_class)
     try:
         plugin = plugin_class(settings)
         manager = pluggy.PluginManager("savmap")
@@ -215,7 +393,7 @@ def loaded_plugin(
         trace.watch(manager, name)
     except SavmapError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {format_error(error)}") from error
     return LoadedPlugin(name, plugin, settings, manager, providers)
 
@@ -223,33 +401,33 @@ def loaded_plugin(
 def open_plugins(
     names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str, providers: tuple[str, ...] = ()
 ) -> Sequence[LoadedPlugin]:
-    """Rooms for the named plugins, in that order, each once."""
+    """The named plugins at work, in that order, each once."""
     return [open_plugin(name, configs(name), where, providers) for name in dict.fromkeys(names)]
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:
-    """Map formats by name: savmap's own, and those of every installed plugin, whose word counts more.
+    """Map formats by name: savmap's own, and those of every installed plugin that can be used, which win.
 
-    Raises PluginError for a plugin that fails or gives something else.
+    Raises PluginError for a plugin that fails in the hook or gives something else.
     """
-    found = dict(defaults.exporters())
-    for name in installed():
-        *own, _ = open_plugin(name, {}).ask("exporters", list)
-        for answer in own:
-            if not isinstance(answer, Mapping) or not all(callable(write) for write in answer.values()):
-                raise PluginError(f"plugin `{name}` returned no functions by name from `exporters`")
-            found.update(answer)
-    return found
+    formats = dict(defaults.exporters())
+    for name in load_installed().classes:
+        formats.update(open_plugin(name, {}).exporters())
+    return formats
 
 
 def register_commands(app: Any) -> None:
-    """Let every installed plugin whose class answers `register_commands` add to the command line. Raises PluginError."""
-    for name in installed():
-        add = getattr(load_class(name), "register_commands", None)
+    """Let every installed plugin whose class has `register_commands` add to the command line; one that cannot be used is named in a
+    warning. Raises PluginFailedError."""
+    plugins = load_installed()
+    for reason in plugins.broken.values():
+        notices.warning("%s", reason)
+    for name, plugin_class in plugins.classes.items():
+        add = getattr(plugin_class, "register_commands", None)
         if add is None:
             continue
         try:
             add(app)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             what = f"failed in `register_commands`: {format_error(error)}"
             raise PluginFailedError(name, "register_commands", what) from error

@@ -44,11 +44,11 @@ class SegmenterPool:
 
     def detect(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
         """The plugin's detections in a view."""
-        return plugin.detect(view=view, segmenter=self.networks[plugin.name])
+        return plugin.detect(view, self.networks[plugin.name])
 
     def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
         """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are left alone."""
-        if not hasattr(plugin.instance, "detect"):
+        if not plugin.has("detect"):
             self.networks[plugin.name].predict(view.image)
 
 

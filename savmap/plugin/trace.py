@@ -1,4 +1,4 @@
-"""SAVMAP_TRACE=1: every call of a hook as a line on standard error and in the log. Where it is off, nothing is in the calls' way."""
+"""SAVMAP_TRACE=1: every call of a hook as a line on standard error and in the log. Without it, calls go through no extra code."""
 
 import logging
 import os
@@ -27,7 +27,7 @@ def wanted() -> bool:
 
 
 def watch(manager: pluggy.PluginManager, plugin: str) -> None:
-    """Have every call of a plugin's hooks told, if a trace is wanted."""
+    """Trace every call of a plugin's hooks, if a trace is wanted."""
     if not wanted():
         return
     begun = threading.local()
@@ -39,20 +39,20 @@ def watch(manager: pluggy.PluginManager, plugin: str) -> None:
         outcome: pluggy.Result[Any], hook: str, implementations: Sequence[Any], arguments: Mapping[str, Any]
     ) -> None:
         seconds = time.perf_counter() - begun.times.pop()
-        tell(f"{plugin}.{hook}{_place(arguments)}: {1e3 * seconds:.2f} ms, {_answer(outcome)}")
+        write_line(f"{plugin}.{hook}{_place(arguments)}: {1e3 * seconds:.2f} ms, {_answer(outcome)}")
 
     manager.add_hookcall_monitoring(before, after)
 
 
-def tell(line: str) -> None:
-    """A line of the trace; one that cannot be printed goes into the log alone."""
+def write_line(line: str) -> None:
+    """Write a line of the trace; one that cannot be printed goes into the log alone."""
     with suppress(OSError, ValueError):
         print(f"trace: {line}", file=sys.stderr, flush=True)
     log.info("trace: %s", line)
 
 
 def log_lines(lines: Sequence[str]) -> None:
-    """Lines that another process had no log for: into this one's."""
+    """Write lines into this process's log that another process had no log for."""
     for line in lines:
         log.info("%s", line)
 
@@ -68,8 +68,8 @@ class _Kept(logging.Handler):
 
 @contextmanager
 def about(rows: Sequence[str], keep: bool) -> Iterator[list[str]]:
-    """While this lasts, calls that do not tell their row are about these; `keep`: what is logged, the trace with it, is gathered, for a
-    process that has no log."""
+    """While this lasts, calls without a row among their arguments are taken to be about these rows. `keep`: all that is logged is gathered,
+    the trace with it, for a process that has no log."""
     lines: list[str] = []
     own = logging.getLogger("savmap")
     handler, level, token = _Kept(lines), own.level, _row.set(" and ".join(rows))
@@ -85,7 +85,7 @@ def about(rows: Sequence[str], keep: bool) -> Iterator[list[str]]:
 
 
 def _place(arguments: Mapping[str, Any]) -> str:
-    """Row, frame and view of a call, as far as it tells: " [row A, frame 12, pass 1 / face]"."""
+    """Row, frame and view of a call, as far as its arguments say: " [row A, frame 12, pass 1 / face]"."""
     view = arguments.get("view")
     row = getattr(arguments.get("facts"), "name", None) or _row.get()
     known = [f"row {row}"] if row else []
@@ -105,8 +105,8 @@ def _answer(outcome: pluggy.Result[Any]) -> str:
 
 
 def _amount(answer: object) -> str:
-    """How much an answer is, by the part of it that tells best: " of 6 keys". Nothing of one that has no such part, or none that can be
-    counted: a plugin may answer anything."""
+    """How large an answer is, by the first of its `PARTS`: " of 6 keys". Empty for an answer without such a part, or with one that cannot
+    be counted: a plugin may return anything."""
     for name in PARTS:
         with suppress(Exception):
             part = getattr(answer, name)

@@ -71,7 +71,7 @@ def evaluation_of(site_map: SiteMap, survey: Survey, plugins: PluginsByRow) -> E
     return evaluate_site(
         site_map,
         survey,
-        lambda row, name, structures, surveyed: plugins[row][name].evaluate(structures=structures, survey=surveyed),
+        lambda row, name, structures, surveyed: plugins[row][name].evaluate(structures, surveyed),
     )
 
 
@@ -84,5 +84,5 @@ def drawings_of(
     """What the plugins draw of a row, over its survey where there is one; `deviations`: by structure id, m."""
     drawings: list[Drawing] = []
     for name, structures in row.structures.items():
-        drawings += plugins[name].draw(structures=structures, survey=surveyed, deviations=deviations)
+        drawings += plugins[name].draw(structures, surveyed, deviations)
     return drawings

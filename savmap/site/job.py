@@ -10,7 +10,7 @@ from typing import Any
 from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
 from savmap.files.atomic import reason
 from savmap.plugin.isolation import isolated
-from savmap.plugin.manager import LoadedPlugin, installed, lacking, load_class, open_plugin
+from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
 from savmap.site.load import draft_of, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
@@ -102,16 +102,18 @@ def job_for(
 
 
 def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
-    """The plugins of a job: those that are named, else those of the site, else all installed ones that have what they need, with
-    a line that says so. Raises SiteError where an option names none, PluginError for an installed one that cannot be imported, or
-    where there is none."""
+    """The plugins of a job: those that are named, else those of the site, else all installed ones that can be used and have what
+    they need, with a line that says so and which were left out. Raises SiteError where an option names none, PluginError where
+    there is none."""
     if named is not None and not named:
         raise SiteError("--plugins: names none; give one or more, with commas between, or leave the option out")
     if named or site.plugins:
         return named or list(site.plugins), ""
-    missing = {name: lacking(load_class(name)) for name in installed()}
+    plugins = load_installed()
+    missing = {name: lacking(plugin_class) for name, plugin_class in plugins.classes.items()}
     taken = [name for name, packages in missing.items() if not packages]
     left = "".join(f"; not {name} ({' and '.join(lost)} not installed)" for name, lost in missing.items() if lost)
+    left += "".join(f"; not {name}: {reason}" for name, reason in plugins.broken.items())
     if not taken:
         raise PluginError(f"no plugin is installed that has all it needs{left}; name one with --plugins")
     return taken, f"no plugins are named: looking for {', '.join(taken)}{left}"

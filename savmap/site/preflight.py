@@ -170,11 +170,11 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
             yield f"{job.site.survey}: {who} row {', '.join(sorted(rows))}"
 
 
-def _surveyed(job: Job, row: str, entry: object) -> Iterator[SavmapError]:
+def _surveyed(job: Job, row: str, entry: Any) -> Iterator[SavmapError]:
     """What plugins cannot read of a row's survey."""
     for plugin in plugins_for(job, row):
         try:
-            plugin.evaluate(structures=(), survey=entry)
+            plugin.evaluate((), entry)
         except OutputError as error:
             yield with_location(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
         except SavmapError:

@@ -11,7 +11,7 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
-from savmap.plugin.manager import installed, lacking, load_class
+from savmap.plugin.manager import lacking, load_installed
 from savmap.site.schema import TITLE, schema_text
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path
         raise OutputError(f"{path}: is there already; choose another file with -o, or overwrite it with --force")
     if not force and schema.exists() and not _is_ours(schema):
         raise OutputError(f"{schema}: is there already and is not savmap's; choose another folder with -o, or --force")
-    write_text(schema, schema_text(installed()))
+    write_text(schema, schema_text(load_installed().classes))
     write_text(path, starter_text(infos, path.parent))
     return path, schema
 
@@ -107,10 +107,11 @@ def _names(count: int) -> Iterable[str]:
 
 
 def _plugins() -> str:
-    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a package."""
+    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a package or is broken."""
     lines = ["", "# Which structures to map, with settings for all rows; rows may say otherwise.", "plugins:"]
-    for name in installed():
-        plugin = load_class(name)
+    plugins = load_installed()
+    lines += [f"#  {name}:  # {reason}" for name, reason in plugins.broken.items()]
+    for name, plugin in plugins.classes.items():
         missing = " and ".join(lacking(plugin))
         lines.append(f"#  {name}:  # {missing} not installed" if missing else f"  {name}:")
         for key, field in plugin.Config.model_fields.items():

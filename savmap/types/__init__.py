@@ -5,7 +5,7 @@ towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x ri
 at integer coordinates.
 """
 
-from savmap.types.common import Axis, Bools, Floats, Ints, Place, array_record
+from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, Place, array_record
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.maps import CrossRowLandmark, CrossRowMatch, Placement, ReferenceUse, RowMap, SiteMap, Structure
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
@@ -14,6 +14,7 @@ from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
 from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
 
 __all__ = [
+    "Attribute",
     "Axis",
     "Bools",
     "CrossRowLandmark",
@@ -29,6 +30,7 @@ __all__ = [
     "FrameTable",
     "Ints",
     "Kind",
+    "Measured",
     "Panorama",
     "Picture",
     "Place",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.types.common import Axis, Floats, Ints, array_record, require
+from savmap.types.common import Attribute, Axis, Floats, Ints, array_record, require
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
 
@@ -26,7 +26,7 @@ class Structure:
     covariances: Floats
     vertex_labels: tuple[str, ...]
     edges: Ints
-    attributes: Mapping[str, float | int | str] = field(default_factory=dict)
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(self.vertices)

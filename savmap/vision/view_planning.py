@@ -30,6 +30,7 @@ Score = Callable[[ViewSpec, Panorama], float]
 # world_from_view of a level view straight at the face, and of one straight up
 LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
 UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+DOWNWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 STEEPEST_TILT_DEG = 60.0
 FEW = 5
 ENOUGH_FRAMES = 100
@@ -168,6 +169,16 @@ def _evenly(keys: Sequence[Panorama]) -> list[Panorama]:
 def ceiling_view(face: Face, hfov_deg: float = 110.0, name: str = "ceiling") -> ViewSpec:
     """The view straight up in the building; its x runs along the row's."""
     return _spec(name, face.rig_from_world @ UPWARDS, hfov_deg)
+
+
+def floor_view(face: Face, hfov_deg: float = 110.0, name: str = "floor") -> ViewSpec:
+    """The view straight down in the building; its x runs along the row's, and the face is above its middle."""
+    return _spec(name, face.rig_from_world @ DOWNWARDS, hfov_deg)
+
+
+def face_at(world_from_rig: Floats) -> Face:
+    """The face of a row whose frame is known: the attitude (3, 3) of the rig tells which way it lies."""
+    return Face(_spec("face", world_from_rig.T @ LEVEL, 100.0), 0, 1.0)
 
 
 def tilted(face: Face, pitch_deg: float, hfov_deg: float, name: str) -> ViewSpec:

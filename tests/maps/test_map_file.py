@@ -16,6 +16,7 @@ from savmap.maps.schema import schema_text
 from savmap.types import (
     CrossRowMatch,
     FrameTable,
+    Measured,
     Placement,
     ReferenceUse,
     RowMap,
@@ -38,7 +39,7 @@ def site() -> SiteMap:
         covariances=root @ root.transpose(0, 2, 1),
         vertex_labels=("lower left", "lower right", "upper right", "[ 1 ]"),
         edges=np.array([[0, 1], [1, 2], [2, 3]]),
-        attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25)},
+        attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25), "height_m": Measured(1.2345, 0.002)},
     )
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3, :3] = Rotation.random(3, rng=rng).as_matrix()

@@ -12,7 +12,6 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError
 from savmap.pipeline import measure
-from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
@@ -22,6 +21,7 @@ from savmap.vision.flow import NullFlowTracker
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
+from ..plugin.made_up_plugin import plugin_class
 from ..video.made_up_video import evenly, write_video
 
 ROOT = Path(__file__).parents[2]
@@ -36,17 +36,11 @@ class Config(BaseModel):
 
 
 def room(name: str, extract: Extract) -> LoadedPlugin:
-    class Watcher:
-        classes = ("light",)
-        model = LAMPS
+    def extract_features(self: object, view: View, detections: Any) -> list[Feature]:
+        return extract(view, detections)
 
-        def __init__(self, config: Config) -> None: ...
-
-        @hookimpl
-        def extract_features(self, view: View, detections: Any) -> list[Feature]:
-            return extract(view, detections)
-
-    return loaded_plugin(name, Watcher, Config())
+    watcher = plugin_class(classes=("light",), model=LAMPS, extract_features=extract_features)
+    return loaded_plugin(name, watcher, Config())
 
 
 @pytest.fixture

@@ -7,44 +7,36 @@ import textwrap
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import typer
-from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError, PluginFailedError
 from savmap.graph import Constraints, image_measurements
 from savmap.plugin import hookspecs, manager
-from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
     CrossRowLandmark,
     Detection,
     Drawing,
     Feature,
-    FrameTable,
-    RowFacts,
     Score,
     SiteMap,
     Structure,
     Track,
-    Trajectory,
-    View,
     ViewPlan,
-    ViewSpec,
 )
 from savmap.types.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
+
+from .made_up_plugin import FACTS, PATH, SPEC, VIEW, loaded
 
 HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
 }
 DOCS = (Path(__file__).parents[2] / "docs" / "hooks.md").read_text(encoding="utf-8")
-SPEC = ViewSpec("view", 0.0, width=16, height=12)
-VIEW = View(SPEC, 3, 0.1, np.zeros((12, 16, 3), np.uint8))
-FACTS = RowFacts("A", FrameTable(np.arange(2.0), ("pass 1",) * 2), {"view": SPEC}, {"pass 1": 1})
-PATH = Trajectory(np.arange(2), np.tile(np.eye(4), (2, 1, 1)))
 MASK = np.ones((12, 16), np.bool_)
 DETECTION = Detection("thing", 0.9, MASK, MASK.astype(np.float32))
 FEATURE = Feature(3, "view", "thing", "foot", 0, np.ones((1, 2)), np.eye(2)[None])
@@ -52,127 +44,111 @@ TRACK = Track("thing 1", "thing", {}, np.zeros(1, np.int64), ("view",), np.ones(
 THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64))
 
 
-class Config(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    threshold: float = 0.25
-
-
 def asked(hook: str, answer: object) -> tuple[LoadedPlugin, dict[str, Any]]:
-    """A room whose plugin answers one hook with `answer`, and what that is given, once it is asked."""
+    """A plugin that answers one hook with `answer`, and what that is given, once it is asked."""
     given: dict[str, Any] = {}
     names = list(inspect.signature(HOOKS[hook]).parameters)
     body = f"def {hook}(self, {', '.join(names)}):\n    given.update({', '.join(f'{n}={n}' for n in names)})\n    return answer"
     scope: dict[str, Any] = {"given": given, "answer": answer}
     exec(body, scope)
-    own = {
-        "name": "made_up",
-        "classes": ("thing",),
-        "model": Path("none"),
-        "Config": Config,
-        "__init__": lambda s, c: None,
-    }
-    return loaded_plugin("made_up", type("MadeUp", (), {**own, hook: hookimpl(scope[hook])}), Config()), given
+    return loaded(**{hook: scope[hook]}), given
 
 
 def ask_render_views() -> dict[str, Any]:
-    room, given = asked("render_views", ViewPlan((SPEC,)))
-    assert room.render_views(pass_preview=1, see=len, side="left", manual={}, attitude=None).views == (SPEC,)
+    plugin, given = asked("render_views", ViewPlan((SPEC,)))
+    assert plugin.render_views(1, len, "left", {}, None).views == (SPEC,)
     return given
 
 
 def ask_detect() -> dict[str, Any]:
-    room, given = asked("detect", [DETECTION])
-    assert room.detect(view=VIEW, segmenter=1) == [DETECTION]
+    plugin, given = asked("detect", [DETECTION])
+    assert plugin.detect(VIEW, 1) == [DETECTION]
     assert given["threshold"] == 0.25
     return given
 
 
 def ask_extract_features() -> dict[str, Any]:
-    room, given = asked("extract_features", [FEATURE])
-    assert room.extract(VIEW, [DETECTION]) == [FEATURE]
+    plugin, given = asked("extract_features", [FEATURE])
+    assert plugin.extract_features(VIEW, [DETECTION]) == [FEATURE]
     return given
 
 
 def ask_track() -> dict[str, Any]:
-    room, given = asked("track", [TRACK])
-    assert room.track(features=[FEATURE], facts=FACTS, attitudes=np.eye(3)[None], start=PATH) == [TRACK]
+    plugin, given = asked("track", [TRACK])
+    assert plugin.track([FEATURE], FACTS, np.eye(3)[None], PATH) == [TRACK]
     return given
 
 
 def ask_constrain() -> dict[str, Any]:
-    nothing = Constraints("made_up", {}, image_measurements([], {}, {}), (), {})
-    room, given = asked("constrain", nothing)
-    assert room.constrain(tracks=[TRACK], facts=FACTS, start=PATH) is nothing
+    nothing = Constraints("made-up", {}, image_measurements([], {}, {}), (), {})
+    plugin, given = asked("constrain", nothing)
+    assert plugin.constrain([TRACK], FACTS, PATH) is nothing
     return given
 
 
 def ask_describe() -> dict[str, Any]:
-    room, given = asked("describe", [THING])
-    assert room.describe(tracks=[TRACK], facts=FACTS, solution=1) == [THING]
+    plugin, given = asked("describe", [THING])
+    assert plugin.describe([TRACK], FACTS, SimpleNamespace(landmarks_of=lambda plugin: {})) == [THING]
     return given
 
 
 def ask_relate() -> dict[str, Any]:
     related = replace(THING, attributes={"section": 1})
-    room, given = asked("relate", [related])
-    assert room.relate([THING], {"others": [THING]}) == (related,)
+    plugin, given = asked("relate", [related])
+    assert plugin.relate([THING], {"others": [THING]}) == (related,)
     assert asked("describe", [])[0].relate([THING], {}) == (THING,)
     return given
 
 
-def ask_shared() -> dict[str, Any]:
+def ask_cross_row_landmarks() -> dict[str, Any]:
     thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
-    room, given = asked("shared", [thing])
-    assert room.shared([THING]) == [thing]
+    plugin, given = asked("cross_row_landmarks", [thing])
+    assert plugin.cross_row_landmarks([THING]) == [thing]
     return given
 
 
 def ask_evaluate() -> dict[str, Any]:
     score = Score(missing={"thing": 1})
-    room, given = asked("evaluate", score)
-    assert room.evaluate(structures=[THING], survey={}) is score
+    plugin, given = asked("evaluate", score)
+    assert plugin.evaluate([THING], {}) is score
     return given
 
 
 def ask_draw() -> dict[str, Any]:
     drawing = Drawing("point", np.zeros((1, 3)), "mapped", "fixture", "things")
-    room, given = asked("draw", (drawing,))
-    assert room.draw(structures=[THING], survey=None, deviations={}) == (drawing,)
+    plugin, given = asked("draw", (drawing,))
+    assert plugin.draw([THING], None, {}) == (drawing,)
     return given
 
 
 def ask_scene() -> dict[str, Any]:
     parts = SceneParts([], {})
-    room, given = asked("scene", parts)
+    plugin, given = asked("scene", parts)
     site = Site(Hall(), Goods(), Look(), {})
-    assert room.ask("scene", SceneParts, section={}, rng=np.random.default_rng(0), site=site) is parts
+    assert plugin.scene({}, np.random.default_rng(0), site) is parts
     return given
 
 
 def ask_random_section() -> dict[str, Any]:
-    found = RandomSection({"x": 1.0})
-    room, given = asked("random_section", found)
-    rng, site = np.random.default_rng(0), Site(Hall(), Goods(), Look(), {})
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("savmap.sim.scene.build.installed", lambda: {"made_up": None})
-        patch.setattr("savmap.sim.scene.build.open_plugin", lambda *_: room)
-        assert random_section("made_up", rng, site, None) is found
+    section = RandomSection({})
+    plugin, given = asked("random_section", section)
+    site = Site(Hall(), Goods(), Look(), {})
+    assert plugin.random_section(np.random.default_rng(0), site, None) is section
     return given
 
 
 def ask_exporters() -> dict[str, Any]:
     def write(site_map: SiteMap, path: Path) -> None: ...
 
-    room, given = asked("exporters", {"made": write})
-    own, ours = room.ask("exporters", list)
-    assert own == {"made": write}
-    assert set(ours) == {"csv", "ply"}
+    plugin, given = asked("exporters", {"made": write})
+    assert plugin.exporters() == {"made": write}
+    assert loaded().exporters() == {}
     return given
 
 
 def ask_register_commands() -> dict[str, Any]:
-    room, given = asked("register_commands", None)
-    room.ask("register_commands", list, app=typer.Typer())
+    plugin, given = asked("register_commands", None)
+    plugin.instance.register_commands(typer.Typer())
     return given
 
 
@@ -184,7 +160,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "constrain": ask_constrain,
     "describe": ask_describe,
     "relate": ask_relate,
-    "shared": ask_shared,
+    "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
     "draw": ask_draw,
     "scene": ask_scene,
@@ -208,9 +184,9 @@ def test_an_answer_of_another_type_is_refused_with_the_plugins_name(name: str, m
     real = asked
     ask = ASKED[name]
     monkeypatch.setitem(ask.__globals__, "asked", lambda hook, answer: real(hook, 3))
-    with pytest.raises(PluginFailedError, match=f"plugin `made_up` returned int from `{name}`, not ") as caught:
+    with pytest.raises(PluginFailedError, match=f"plugin `made-up` returned int from `{name}`, not ") as caught:
         ask()
-    assert (caught.value.plugin, caught.value.hook) == ("made_up", name)
+    assert (caught.value.plugin, caught.value.hook) == ("made-up", name)
 
 
 def test_a_plugin_that_fails_to_add_its_commands_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

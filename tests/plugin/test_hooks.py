@@ -8,32 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError, PluginFailedError, SiteError
 from savmap.plugin import hookspecs, manager
-from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.manager import loaded_plugin, open_plugin
+from savmap.plugin.manager import open_plugin
 from savmap.types import CrossRowLandmark, Panorama, Structure, View
 
+from .made_up_plugin import VIEW, loaded
+
 HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
-
-
-class Config(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    threshold: float = 0.5
-
-
-def plugin(**hooks: Any) -> type:
-    """A plugin's class with the given hooks."""
-    body = {
-        "name": "made-up",
-        "classes": ("thing",),
-        "model": Path("none.onnx"),
-        "Config": Config,
-        "__init__": lambda self, config: None,
-    }
-    return type("MadeUp", (), {**body, **{name: hookimpl(function) for name, function in hooks.items()}})
 
 
 def test_the_hooks_that_were_asked_for_exist() -> None:
@@ -45,7 +28,7 @@ def test_the_hooks_that_were_asked_for_exist() -> None:
         "constrain",
         "describe",
         "relate",
-        "shared",
+        "cross_row_landmarks",
         "evaluate",
         "draw",
         "scene",
@@ -54,23 +37,25 @@ def test_the_hooks_that_were_asked_for_exist() -> None:
 
 def test_a_misspelt_hook_is_refused() -> None:
     with pytest.raises(PluginError, match="made-up"):
-        loaded_plugin("made-up", plugin(extract_feature=lambda self, view: []), Config())
+        loaded(extract_feature=lambda self, view: [])
 
 
 def test_a_plugin_that_raises_is_named() -> None:
     def extract_features(self: object, view: View) -> list[Any]:
         raise ZeroDivisionError("oh")
 
-    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
-    with pytest.raises(PluginError, match=r"`made-up` failed in `extract_features`: ZeroDivisionError: oh"):
-        room.extract(view=None, detections=[])
+    plugin = loaded(extract_features=extract_features)
+    with pytest.raises(
+        PluginError, match=r"`made-up` failed in `extract_features` at frame 3 of view: ZeroDivisionError: oh"
+    ):
+        plugin.extract_features(VIEW, [])
 
 
 @pytest.mark.parametrize("answer", [None, 3, ["x"]])
 def test_a_wrong_answer_is_named(answer: object) -> None:
-    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: answer), Config())
+    plugin = loaded(extract_features=lambda self, view: answer)
     with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
-        room.extract(view=None, detections=[])
+        plugin.extract_features(VIEW, [])
 
 
 class SpeechlessError(Exception):
@@ -91,10 +76,10 @@ def test_whatever_a_plugin_raises_is_one_line(
         raise error
 
     monkeypatch.setenv("SAVMAP_TRACE", traced)
-    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
+    plugin = loaded(extract_features=extract_features)
     with pytest.raises(PluginFailedError) as caught:
-        room.extract(view=None, detections=[])
-    assert str(caught.value) == f"plugin `made-up` failed in `extract_features`: {says}"
+        plugin.extract_features(VIEW, [])
+    assert str(caught.value) == f"plugin `made-up` failed in `extract_features` at frame 3 of view: {says}"
     lines = capsys.readouterr().err.splitlines()
     assert [line.endswith(f"ms, raised {says}") for line in lines] == ([True] if traced else [])
 
@@ -111,41 +96,42 @@ class Odd:
 
 def test_a_trace_tells_of_odd_answers_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("SAVMAP_TRACE", "1")
-    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: Odd()), Config())
+    plugin = loaded(extract_features=lambda self, view: Odd())
     with pytest.raises(PluginError, match="returned Odd from `extract_features`, not list"):
-        room.extract(view=object(), detections=[])
+        plugin.extract_features(VIEW, [])
     assert capsys.readouterr().err.endswith("ms, Odd\n")
 
 
 def test_a_trace_that_cannot_be_printed_is_in_nobodys_way(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("SAVMAP_TRACE", "1")
-    room = loaded_plugin("made-up", plugin(extract_features=lambda self, view: []), Config())
+    plugin = loaded(extract_features=lambda self, view: [])
     with (tmp_path / "closed").open("w") as closed:
         monkeypatch.setattr("sys.stderr", closed)
-    assert room.extract(view=None, detections=[]) == []
+    assert plugin.extract_features(VIEW, []) == []
 
 
 def test_what_is_drawn_is_checked() -> None:
-    room = loaded_plugin("made-up", plugin(draw=lambda self, structures: ("line",)), Config())
+    plugin = loaded(draw=lambda self, structures: ("line",))
     with pytest.raises(PluginError, match="returned a tuple with a str from `draw`, not Drawing"):
-        room.draw(structures=[], survey=None, deviations={})
+        plugin.draw([], None, {})
 
 
 def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
-    assert loaded_plugin("made-up", plugin(), Config()).shared([]) == []
+    assert loaded().cross_row_landmarks([]) == []
     thing = CrossRowLandmark("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
-    assert loaded_plugin("made-up", plugin(shared=lambda self, structures: [thing]), Config()).shared([]) == [thing]
-    room = loaded_plugin("made-up", plugin(shared=lambda self, structures: ["post"]), Config())
-    with pytest.raises(PluginError, match="a str from `shared`, not CrossRowLandmark"):
-        room.shared([])
+    post = Structure("post 1", "post", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.zeros((0, 2), np.int64))
+    assert loaded(cross_row_landmarks=lambda self: [thing]).cross_row_landmarks([post]) == [thing]
+    plugin = loaded(cross_row_landmarks=lambda self, structures: ["post"])
+    with pytest.raises(PluginError, match="a str from `cross_row_landmarks`, not CrossRowLandmark"):
+        plugin.cross_row_landmarks([])
 
 
 def test_a_plugin_answers_for_itself_alone() -> None:
-    first = loaded_plugin("made-up", plugin(extract_features=lambda self, view: []), Config())
-    second = loaded_plugin("made-up", plugin(), Config())
-    assert first.extract(view=None, detections=[]) == []
+    first = loaded(extract_features=lambda self, view: [])
+    second = loaded()
+    assert first.extract_features(VIEW, []) == []
     with pytest.raises(PluginError):
-        second.extract(view=None, detections=[])
+        second.extract_features(VIEW, [])
 
 
 def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
@@ -155,12 +141,11 @@ def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
         given.append(panorama)
         return []
 
-    image = np.zeros((8, 16, 3), dtype=np.uint8)
-    room = loaded_plugin("made-up", plugin(extract_features=extract_features), Config())
-    room.extract(None, [], Panorama(0, 0.0, image))
-    room.extract(None, [])
-    assert isinstance(given[0], Panorama)
-    assert given[0].image is image
+    panorama = Panorama(0, 0.0, np.zeros((8, 16, 3), dtype=np.uint8))
+    plugin = loaded(extract_features=extract_features)
+    plugin.extract_features(VIEW, [], panorama)
+    plugin.extract_features(VIEW, [])
+    assert given[0] is panorama
     assert given[1] is None
 
 
@@ -190,6 +175,6 @@ def test_structures_may_be_related_to_what_others_mapped() -> None:
     def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
         return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
 
-    assert loaded_plugin("made-up", plugin(), Config()).relate([point], {"rack": [point]}) == (point,)
-    (related,) = loaded_plugin("made-up", plugin(relate=relate), Config()).relate([point], {"rack": [point]})
+    assert loaded().relate([point], {"rack": [point]}) == (point,)
+    (related,) = loaded(relate=relate).relate([point], {"rack": [point]})
     assert related.attributes == {"others": 1}

@@ -15,7 +15,7 @@ import pytest
 
 from savmap.cli.mapping import map_and_print
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
-from savmap.plugin.isolation import failures_gathered
+from savmap.plugin.isolation import failures_gathered, isolated
 from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.site_report import plugins_of_map
@@ -32,11 +32,12 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from savmap.errors import StructureError
+from savmap.types import Score
 from savmap.geometry.pinhole import project
-from savmap.graph import Constraints, KeySpace, known_length, image_measurements, fixed_coordinate, known_coordinate
-from savmap.hookspecs import hookimpl
-from savmap.stages.aim import LEVEL
-from savmap.types import Aim, Detection, Feature, Score, Structure, Track, ViewSpec
+from savmap.graph import Constraints, KeySpace, fixed_coordinate, image_measurements, known_coordinate, known_length
+from savmap.plugin.hookspecs import hookimpl
+from savmap.vision.view_planning import LEVEL
+from savmap.types import ViewPlan, Detection, Feature, Structure, Track, ViewSpec
 
 POINTS = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0) for y in (0.5, 1.3, 2.2)])
 
@@ -62,11 +63,13 @@ class Good:
     def may(self, hook):
         if hook in (self.config.fails_in, os.environ.get(f"{self.name}_fails_in")):
             raise RuntimeError("oh")
+        if self.config.fails_in == f"{hook} by exit":
+            raise SystemExit(0)
 
     @hookimpl
-    def render_views(self, pass_preview, see):
+    def render_views(self, pass_preview, predict):
         self.may("render_views")
-        if self.config.looks and not see(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
+        if self.config.looks and not predict(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
             raise StructureError("nothing is seen")
         spec = ViewSpec(self.name, 0.0, hfov_deg=110.0, width=160, height=120)
         return ViewPlan((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
@@ -96,6 +99,8 @@ class Good:
         pixels = np.concatenate([one.pixels for one in own])
         covariances = np.concatenate([one.covariance for one in own])
         frames = np.array([one.frame for one in own])
+        if self.config.fails_in == "track by nan":
+            pixels = pixels * np.nan
         name = f"{self.name} {number}"
         return Track(name, "post", {"post": number}, frames, tuple(one.view for one in own), pixels, covariances)
 
@@ -125,8 +130,8 @@ class Good:
         return [replace(one, attributes={"related": True}) for one in structures]
 
     @hookimpl
-    def shared(self, structures):
-        self.may("shared")
+    def cross_row_landmarks(self, structures):
+        self.may("cross_row_landmarks")
         return []
 
     @hookimpl
@@ -243,6 +248,26 @@ def test_a_row_is_mapped_without_the_plugin_that_fails_in_it(place: Path, tmp_pa
     assert wanted in (out / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ("track by exit", "failed in `track`: SystemExit: 0"),
+        ("describe by exit", "failed in `describe`: SystemExit: 0"),
+        ("track by nan", "returned what cannot be used from `track`: track `bad 0`: a pixel is not finite"),
+    ],
+)
+def test_a_row_is_mapped_without_a_plugin_that_exits_or_answers_nan(
+    place: Path, tmp_path: Path, how: str, says: str
+) -> None:
+    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
+        mapped(site(place, tmp_path, "skip", how), tmp_path / "out")
+    assert structures(tmp_path / "out", "A", "bad") == []
+    assert len(structures(tmp_path / "out", "A", "good")) == 12
+    assert f"plugin `bad` {says}" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
+    with pytest.raises(PluginFailedError, match=f"plugin `bad` {says}"):
+        mapped(site(place, tmp_path, "fail", how), tmp_path / "fail")
+
+
 def test_structures_stay_where_only_their_relations_fail(place: Path, tmp_path: Path) -> None:
     with pytest.raises(PluginsLeftOutError):
         mapped(site(place, tmp_path, "skip", "relate"), tmp_path / "out")
@@ -287,16 +312,16 @@ def test_a_map_is_written_scored_and_drawn_without_a_plugin_that_fails_then(
 def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setenv("bad_fails_in", "shared")
+    monkeypatch.setenv("bad_fails_in", "cross_row_landmarks")
     empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty, {"good": (), "bad": ()}, ())
     with failures_gathered() as failures:
-        rooms = plugins_of_map(SiteMap({"A": row}, {}), skip=True)
-        assert [room.shared([]) for room in rooms.values()] == [[], []]
-    assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "shared")]
-    assert "plugin `bad` failed in `shared`: RuntimeError: oh" in caplog.text
+        plugins = isolated(list(plugins_of_map(SiteMap({"A": row}, {}))["A"].values()))
+        assert [plugin.cross_row_landmarks([]) for plugin in plugins] == [[], []]
+    assert [(failure.plugin, failure.hook) for failure in failures] == [("bad", "cross_row_landmarks")]
+    assert "plugin `bad` failed in `cross_row_landmarks`: RuntimeError: oh" in caplog.text
     with pytest.raises(PluginFailedError):
-        plugins_of_map(SiteMap({"A": row}, {}))["bad"].shared([])
+        plugins_of_map(SiteMap({"A": row}, {}))["A"]["bad"].cross_row_landmarks([])
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:
@@ -341,22 +366,22 @@ def test_calls_are_traced_in_other_processes_too(place: Path, tmp_path: Path) ->
         "2",
     ]
     paths = os.pathsep.join([str(place / "packages"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
-    told = subprocess.run(
+    done = subprocess.run(
         command,
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": paths, "SAVMAP_TRACE": "1"},
         capture_output=True,
         text=True,
     )
-    assert told.returncode == 11, told.stderr
+    assert done.returncode == 11, done.stderr
     log = (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
-    for text in (told.stderr, log):
+    for text in (done.stderr, log):
         assert "trace: good.extract_features [row A, frame 3, pass 1 / good]: " in text
         assert "trace: good.track [row B]: " in text
         assert "12 Track" in text
         assert "trace: bad.describe [row A]: " in text
         assert "raised RuntimeError: oh" in text
-    assert log.count("trace: good.track [row B]: ") == told.stderr.count("trace: good.track [row B]: ") == 1
+    assert log.count("trace: good.track [row B]: ") == done.stderr.count("trace: good.track [row B]: ") == 1
 
 
 def test_without_a_trace_nothing_is_in_the_calls_way(monkeypatch: pytest.MonkeyPatch) -> None:

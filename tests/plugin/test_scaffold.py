@@ -13,17 +13,17 @@ from typer.testing import CliRunner
 from savmap.cli.app import app
 from savmap.errors import OutputError, SiteError
 from savmap.plugin.scaffold import new_plugin
-from savmap.plugin.scaffold.new import TEMPLATE, project_files, thing_of, write_folder
+from savmap.plugin.scaffold.new import LOCATES_CAMERA, TEMPLATE, project_files, thing_of, write_folder
 from savmap.vision.networks.segmenter import Segmenter
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=[False, True], ids=["needs a path", "locates the camera"])
+def project(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project of `lamp_posts`."""
     folder = tmp_path_factory.mktemp("new") / "project"
-    list(new_plugin("lamp_posts", folder))
+    list(new_plugin("lamp_posts", folder, locates_camera=request.param))
     return folder
 
 
@@ -58,7 +58,7 @@ def test_its_tests_pass_as_written(project: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"]
     done = subprocess.run(command, cwd=project, env=env, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "..........." in done.stdout
+    assert "........" in done.stdout
 
 
 def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> None:
@@ -82,7 +82,7 @@ def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> N
         ("json", "`json` is a word of Python or pydantic"),
         ("on", "`on` is a word of YAML"),
         ("view", "calls something `View`"),
-        ("boxes", "calls something `boxes`"),
+        ("relations", "calls something `relations`"),
         ("parts", "calls something `part`"),
         ("points", "calls something `points`"),
         ("contract", "calls something `contract`"),
@@ -130,5 +130,22 @@ def test_the_template_is_packaged() -> None:
     content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = content["tool"]["setuptools"]["package-data"]["savmap"]
     packaged = {path for pattern in patterns for path in (ROOT / "savmap").glob(pattern) if path.is_file()}
-    assert {path for path in TEMPLATE.rglob("*.*") if path.is_file() and "__pycache__" not in path.parts} <= packaged
-    assert len(project_files("posts")) == 14
+    for template in (TEMPLATE, LOCATES_CAMERA):
+        files = {path for path in template.rglob("*.*") if path.is_file() and "__pycache__" not in path.parts}
+        assert files <= packaged
+    assert len(project_files("posts")) == len(project_files("posts", locates_camera=True)) == 10
+
+
+def test_the_option_writes_a_plugin_that_needs_no_other(tmp_path: Path) -> None:
+    command = ["plugin", "new", "posts", "--locates-camera", "-o", str(tmp_path / "new")]
+    assert CliRunner().invoke(app, command, catch_exceptions=False).exit_code == 0
+    code = (tmp_path / "new" / "src" / "savmap_posts" / "plugin.py").read_text(encoding="utf-8")
+    assert "needs_path" not in code
+    assert "finds_face=True" in code
+    assert "shelves" not in (tmp_path / "new" / "scene.yaml").read_text(encoding="utf-8")
+
+
+def test_the_template_is_small() -> None:
+    for template in (TEMPLATE, LOCATES_CAMERA):
+        sources = [*(TEMPLATE / "src").rglob("scene.py"), *(template / "src").rglob("plugin.py")]
+        assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in sources) <= 150

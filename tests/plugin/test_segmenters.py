@@ -1,4 +1,4 @@
-"""Rooms' networks: other people's names for classes, and execution providers from the site file to the session."""
+"""Plugins' networks: other people's names for classes, and execution providers from the site file to the session."""
 
 from pathlib import Path
 from typing import Any
@@ -9,15 +9,15 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import ModelError, SiteError
 from savmap.files.validation import ClassNames
-from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import job_for, plugins_for
 from savmap.site.overrides import overrides_of
-from savmap.types import Feature, View, ViewSpec
+from savmap.types import View, ViewSpec
 from savmap.vision.networks import providers
 
 from ..vision.made_up_networks import SIDE, picture, yolo
+from .made_up_plugin import plugin_class
 
 LEFT, RIGHT = (16.0, 32.0, 32.0, 64.0), (48.0, 32.0, 32.0, 64.0)
 SITE = "providers: {}\nplugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: a.mp4}}]}}}}\n"
@@ -29,22 +29,11 @@ class Config(BaseModel):
     class_names: ClassNames = {}
 
 
-def room(
+def plugin_with(
     path: Path, class_names: dict[Any, str], needs: str = "pillar", asked: tuple[str, ...] = ("cpu",)
 ) -> LoadedPlugin:
-    class Pillars:
-        name = needs
-        classes = (needs,)
-        model = path
-        Config = Config
-
-        def __init__(self, config: Config) -> None: ...
-
-        @hookimpl
-        def extract_features(self, view: View) -> list[Feature]:
-            return []
-
-    return loaded_plugin(needs, Pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
+    pillars = plugin_class(classes=(needs,), model=path, Config=Config)
+    return loaded_plugin(needs, pillars, Config.model_validate({"model": path, "class_names": class_names}), asked)
 
 
 @pytest.fixture
@@ -57,8 +46,8 @@ def view() -> View:
 
 
 @pytest.mark.parametrize("key", ["post", "0", 0])
-def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
-    own = room(network, {key: "pillar"})
+def test_a_plugin_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
+    own = plugin_with(network, {key: "pillar"})
     segmenters = SegmenterPool([own])
     found = segmenters.detect(own, view())
     assert [one.label for one in found] == ["pillar", "pillar"]
@@ -67,20 +56,24 @@ def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Pa
 
 def test_a_class_that_is_missing_is_told_with_those_that_there_are(network: Path) -> None:
     with pytest.raises(ModelError, match=r"does not give `pillar`, .* gives post, bar: say with `class_names`"):
-        SegmenterPool([room(network, {})])
+        SegmenterPool([plugin_with(network, {})])
 
 
-def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
+def test_plugins_with_one_file_and_one_naming_share_it(network: Path) -> None:
     names = {"post": "pillar", "bar": "rail"}
-    rooms = [room(network, names), room(network, names, "rail"), room(network, {"post": "column"}, "column")]
-    segmenters = SegmenterPool(rooms)
+    plugins = [
+        plugin_with(network, names),
+        plugin_with(network, names, "rail"),
+        plugin_with(network, {"post": "column"}, "column"),
+    ]
+    segmenters = SegmenterPool(plugins)
     assert segmenters.networks["pillar"] is segmenters.networks["rail"]
     assert segmenters.networks["pillar"].classes == ("pillar", "rail")
     assert segmenters.networks["column"].classes == ("column",)
 
 
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = room(network, {"post": "pillar"})
+    own = plugin_with(network, {"post": "pillar"})
     segmenters, seen = SegmenterPool([own]), view()
     segmenters.prefetch(own, seen)
     segmenter = segmenters.networks["pillar"]
@@ -91,7 +84,7 @@ def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(providers, "_available", lambda: ["CPUExecutionProvider"])
-    (note,) = SegmenterPool([room(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
+    (note,) = SegmenterPool([plugin_with(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
     assert "tensorrt not in this onnxruntime" in note
     assert note.endswith("it runs on cpu")
 
@@ -105,7 +98,7 @@ def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytes
         ("", ()),
     ],
 )
-def test_providers_of_the_site_file_reach_the_rooms(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
+def test_providers_of_the_site_file_reach_the_plugins(tmp_path: Path, given: str, asked: tuple[str, ...]) -> None:
     (tmp_path / "site.yaml").write_text(SITE.format(given), encoding="utf-8")
     job = job_for(tmp_path / "site.yaml", None, tmp_path)
     assert [own.providers for own in plugins_for(job, "A")] == [asked]

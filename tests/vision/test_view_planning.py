@@ -14,7 +14,15 @@ from savmap.pipeline.preview import overview
 from savmap.types import Panorama, View, ViewSpec
 from savmap.vision.field_of_view import LARGEST_HFOV_DEG, fit_count, fit_height
 from savmap.vision.travel import travel_directions
-from savmap.vision.view_planning import Manual, PassPreview, ceiling_view, choose_face, face_candidates
+from savmap.vision.view_planning import (
+    Manual,
+    PassPreview,
+    ceiling_view,
+    choose_face,
+    face_at,
+    face_candidates,
+    floor_view,
+)
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
 
@@ -174,6 +182,17 @@ def test_ceiling_shows_two_lamps_at_the_smallest_field_of_view(turn: tuple[float
     assert all(lamps(view) >= 2 for view in pass_.views(two.spec))
     assert 60 <= two.spec.hfov_deg < three.spec.hfov_deg
     assert "fewer than 99" in (fit_count(pass_, ceiling, lamps, at_least=99).warning or "")
+
+
+@pytest.mark.parametrize("turn", TURNS[:2], ids=str)
+def test_floor_view_looks_straight_down_with_the_face_above(turn: tuple[float, float, float]) -> None:
+    world_from_rig = LEVEL @ turned(*turn).T
+    face = face_at(world_from_rig)
+    assert degrees_between(face.world_from_rig, world_from_rig) < 1e-5
+    down, up = (world_from_rig @ view(face).rig_from_view for view in (floor_view, ceiling_view))
+    np.testing.assert_allclose(down, np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), atol=1e-9)
+    np.testing.assert_allclose(up @ np.diag([1.0, -1.0, -1.0]), down, atol=1e-9)
+    assert (floor_view(face).name, floor_view(face, 90.0, "ground").hfov_deg) == ("floor", 90.0)
 
 
 def test_overview_has_a_tile_a_view_and_frame() -> None:

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, Feature, Floats, Ints, View
+from savmap.plugin import Detection, Feature, Floats, Ints, View, point_feature, touches_border
 
 STRIP_RATIO = 2.5
 SIGMA_CENTRE_PX = 0.7
 SIGMA_END_PX = 1.2
+CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -41,19 +42,7 @@ def _lamp(view: View, detection: Detection, instance: int) -> list[Feature]:
         points += [
             (name, end, SIGMA_END_PX) for name, end in zip(("end a", "end b"), ends, strict=True) if _within(end, size)
         ]
-    return [
-        Feature(
-            view.frame,
-            view.spec.name,
-            detection.label,
-            part,
-            instance,
-            pixel[None],
-            np.eye(2)[None] * sigma**2,
-            score=detection.score,
-        )
-        for part, pixel, sigma in points
-    ]
+    return [point_feature(view, detection, instance, *point) for point in points]
 
 
 def _ends(pixels: Floats, weights: Floats, centre: Floats, axis: Floats) -> tuple[Floats, Floats]:
@@ -81,22 +70,8 @@ def _grown_pixels(mask: NDArray[np.bool_]) -> tuple[Ints, Ints]:
     """Rows and columns (n,), in scan order, of a mask grown by a pixel."""
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     left, top = max(left - 1, 0), max(top - 1, 0)
-    rows, columns = np.nonzero(_grown(mask[top : top + height + 2, left : left + width + 2]))
+    rows, columns = np.nonzero(cv2.dilate(mask[top : top + height + 2, left : left + width + 2].view(np.uint8), CROSS))
     return rows + top, columns + left
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
-
-
-def touches_border(mask: NDArray[np.bool_]) -> bool:
-    """Whether a mask comes within two pixels of the frame's border."""
-    return bool(mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any())
 
 
 def _within(pixel: Floats, size: tuple[int, int], margin: float = 3.0) -> bool:

@@ -7,33 +7,21 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from savmap.errors import SolveError
-from savmap.files.validation import ClassNames
-from savmap.plugin.hookspecs import hookimpl
-from savmap.types import (
-    CrossRowLandmark,
-    Detection,
-    Feature,
-    Floats,
-    RowFacts,
-    Structure,
-    Track,
-    Trajectory,
-    View,
-    ViewPlan,
-)
+import savmap.plugin as door
+from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
+from savmap_lights.features import extract_features
+from savmap_lights.tracking import track_lamps
+
+LOST_M = 1.0  # a lamp whose place is not known better is left out
+GATE_M = 1.0  # a lamp further from the surveyed one is another one
+OFF_M = 0.05  # drawn as wrong beyond this
+Point = tuple[float, float, float]
+AXES: tuple[door.Axis, ...] = ("y", "z")
 
 
-class Settings(BaseModel):
+class Settings(door.PluginSettings):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    model: Path | None = None
-    """Another network's ONNX file."""
-    class_names: ClassNames = {}
-    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
-    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Confidence above which a pixel belongs to a class."""
     every: Annotated[int, Field(gt=0)] | None = None
     """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass of 200
     frames, four from 400 on."""
@@ -41,16 +29,49 @@ class Settings(BaseModel):
     """Whether the lamps are on one line along the aisle, at one height."""
 
 
+class SurveyedLamp(BaseModel):
+    """The two ends of a lamp's long axis; they coincide for a compact lamp."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    ends: tuple[Point, Point]
+
+
+class SurveyedRow(BaseModel):
+    """Lamps, and the uprights' x, of which the outermost are the row's ends. Other plugins' keys are left alone."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    lights: list[SurveyedLamp]
+    uprights: list[tuple[float, float]] = Field(default_factory=list)
+
+    def ends(self) -> Floats:
+        """The lamps' ends (n, 2, 3)."""
+        return np.array([lamp.ends for lamp in self.lights], dtype=np.float64).reshape(-1, 2, 3)
+
+    def ends_x(self) -> tuple[float, float]:
+        """x of the row's ends; without uprights the row has no end."""
+        if not self.uprights:
+            return float("-inf"), float("inf")
+        return min(min(x) for x in self.uprights), max(max(x) for x in self.uprights)
+
+
+def read_row(entry: Mapping[str, Any]) -> SurveyedRow:
+    """The lamps of a row's entry. Raises OutputError."""
+    return door.checked(SurveyedRow, entry, "survey")
+
+
 class Lights:
-    """Strip and compact lamps of the line above the camera's path."""
+    """Strip and compact lamps of the line above the camera's path: two ends, or a centre."""
 
     name = "lights"
+    furnishes = True
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
-    furnishes = True
     scale_settings = ()
     after_pixels = ("line",)
+    needs_path = True
 
     def __init__(self, config: Settings) -> None:
         self.config = config
@@ -58,72 +79,80 @@ class Lights:
     @hookimpl
     def render_views(
         self,
-        pass_preview: Any,
-        see: Callable[[View], list[Detection]],
-        manual: Mapping[str, Any],
+        pass_preview: door.PassPreview,
+        predict: Callable[[View], list[Detection]],
+        manual: Mapping[str, door.Manual],
         attitude: Floats | None,
-    ) -> ViewPlan:
-        from savmap_lights.aim import aim_at_ceiling
-
-        return aim_at_ceiling(pass_preview, see, manual, attitude, self.config.every)
+    ) -> door.ViewPlan:
+        """Straight up, as narrow as shows two lamps. Paper, section III.B."""
+        every = self.config.every or pass_preview.apart()
+        return door.count_view_plan(pass_preview, predict, manual, attitude, "ceiling", door.UPWARDS, every=every)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
-        from savmap_lights.features import extract_features
-
+        """Centres and ends of lamps."""
         return extract_features(view, detections)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
-        from savmap_lights.tracking import track_lamps
-
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: lights alone do not locate the camera: "
-                "add a plugin that maps the face (--plugins shelves,lights), or give an earlier map with --trajectory"
-            )
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
+        """The lamps of the line nearest above the camera's path."""
         return track_lamps(features, facts, start)
 
     @hookimpl
-    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
-        from savmap_lights.constraints import constrain
-
-        return constrain(tracks, facts, start, self.name, self.config.line)
-
-    @hookimpl
-    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
-        from savmap_lights.describe import describe
-
-        return describe(tracks, solution, self.name)
+    def constrain(
+        self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: door.KeySpace
+    ) -> door.Constraints:
+        """Points; with `line`, all share y and z. Paper, last paragraph of section III.E."""
+        points = [key for parts in door.keys_by_object(tracks, keys).values() for key in parts.values()]
+        tied = points[1:] if self.config.line else []
+        relations = [door.equal_coordinate(axis, points[0], other) for other in tied for axis in AXES]
+        return door.point_constraints(tracks, facts, start, keys, relations)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-        from savmap_lights.shared import shared
-
-        return shared(structures)
+    def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
+        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre"."""
+        return door.point_structures(tracks, landmarks, LOST_M)
 
     @hookimpl
-    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
-        from savmap_lights.evaluate import evaluate
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
+        """Every lamp's centre, which the row across the aisle sees too; its vertices' errors are taken for common to all of them."""
+        return [
+            door.CrossRowLandmark(own.id, own.label, centre_of(own)[0], np.asarray(own.covariances.mean(axis=0)))
+            for own in structures
+        ]
 
-        return evaluate(structures, survey)
+    @hookimpl
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
+        """The distances between centres of lamps between the row's ends. Raises OutputError where the survey's are malformed."""
+        if "lights" not in survey:
+            return door.Score()
+        surveyed = read_row(survey)
+        centres = surveyed.ends().mean(axis=1, keepdims=True)
+        return door.score_points(structures, centres, GATE_M, "lights", surveyed.ends_x(), centre_of)
 
     @hookimpl
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-    ) -> Any:
-        from savmap_lights.sketch import draw
-
-        return draw(structures, survey, deviations)
+    ) -> tuple[door.Drawing, ...]:
+        """Strips as lines, compact lamps as points."""
+        ends = read_row(survey).ends() if survey and "lights" in survey else None
+        return door.draw_points(structures, ends, deviations, OFF_M, "lamps")
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
+        """Lines of lamps for the simulator."""
         from savmap_lights.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        """Lamps of one kind for a random place."""
         from savmap_lights.scene import random_section
 
         return random_section(rng, site, drawn)
+
+
+def centre_of(lamp: Structure) -> Floats:
+    """The middle (1, 3) of a lamp."""
+    return np.asarray(lamp.vertices.mean(axis=0, keepdims=True))

@@ -51,7 +51,7 @@ class Shelves:
     def render_views(
         self,
         pass_preview: "PassPreview",
-        see: Callable[[View], list[Detection]],
+        predict: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
         manual: "Mapping[str, Manual]",
     ) -> ViewPlan:
@@ -60,7 +60,7 @@ class Shelves:
         def extract(view: View, detections: Sequence[Detection]) -> list[Feature]:
             return self.extract_features(view, detections, None)
 
-        aim = aim_at_face(pass_preview, see, extract, side, manual)
+        aim = aim_at_face(pass_preview, predict, extract, side, manual)
         interval = self.config.every or frame_interval(pass_preview, aim.views[0])
         return replace(aim, views=tuple(replace(view, every=interval) for view in aim.views))
 
@@ -89,7 +89,7 @@ class Shelves:
         return describe(tracks, solution, room=self.name)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.mapping import cross_row_landmarks
 
         return cross_row_landmarks(structures)

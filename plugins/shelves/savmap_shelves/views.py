@@ -16,7 +16,7 @@ from savmap.vision.field_of_view import Fitted, fit_count, fit_height
 from savmap.vision.travel import parallax_rad
 from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, tilted
 
-See = Callable[[View], list[Detection]]
+Predict = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
 MOST_FRAMES = 0.6
@@ -27,26 +27,26 @@ HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 def aim_at_face(
     pass_preview: PassPreview,
-    see: See,
+    predict: Predict,
     extract: Extract,
     side: Literal["left", "right"] | None,
     manual: Mapping[str, Manual],
 ) -> ViewPlan:
     """The view "face" of a pass, the attitude and the direction of travel that go with it."""
-    see = cached(see)
+    predict = cached(predict)
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
         view = pass_preview.renderer.render(panorama, spec)
-        return face_likeness(extract(view, see(view)), view.spec)
+        return face_likeness(extract(view, predict(view)), view.spec)
 
     face: Face = choose_face(pass_preview, score, side)
     manual_face = manual.get("face", Manual())
-    whole = fit_height(pass_preview, face, lambda view: extent(see(view)), manual=manual_face, name="face")
+    whole = fit_height(pass_preview, face, lambda view: extent(predict(view)), manual=manual_face, name="face")
     if whole.warning and manual_face == Manual():
         return ViewPlan(
             halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",)
         )
-    wide = widened(pass_preview, whole.spec, lambda view: count_uprights(extract(view, see(view))), manual_face)
+    wide = widened(pass_preview, whole.spec, lambda view: count_uprights(extract(view, predict(view))), manual_face)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
     return ViewPlan((wide.spec,), face.world_from_rig, face.travel, notes)
 
@@ -60,14 +60,14 @@ def frame_interval(pass_preview: PassPreview, spec: ViewSpec) -> int:
     return pass_preview.apart(LARGEST_STEP_RAD / step if step else np.inf)
 
 
-def cached(see: See) -> See:
+def cached(predict: Predict) -> Predict:
     """`see` with a cache of the latest views, for the view that is chosen is asked for again."""
     cache: OrderedDict[tuple[ViewSpec, float], list[Detection]] = OrderedDict()
 
     def see_cached(view: View) -> list[Detection]:
         key = view.spec, view.stamp_s
         if key not in cache:
-            cache[key] = see(view)
+            cache[key] = predict(view)
         if len(cache) > CACHED_VIEWS:
             cache.popitem(last=False)
         return cache[key]

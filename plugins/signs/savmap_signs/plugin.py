@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from savmap.errors import SolveError
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
@@ -44,6 +43,7 @@ class Signs:
     """Flat signs: bay signs, aisle signs, rack labels; their four corners, their text and their codes."""
 
     name = "signs"
+    needs_path = True
     classes = ("sign",)
     model = Path(__file__).parent / "model" / "signs.int8.onnx"
     Config = Settings
@@ -83,14 +83,9 @@ class Signs:
         return extract_features(view, detections, panorama, read if reads else None)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
         from savmap_signs.tracking import track_signs
 
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: signs alone do not locate the camera: "
-                "add a plugin that maps the face (--plugins shelves,signs), or give an earlier map with --trajectory"
-            )
         return track_signs(features, facts, start, self.config)
 
     @hookimpl

@@ -19,9 +19,13 @@ def new(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="A new folder (default: savmap-NAME).")
     ] = None,
+    locates_camera: Annotated[
+        bool,
+        typer.Option("--locates-camera", help="A plugin that finds the face by itself and can be mapped alone."),
+    ] = False,
 ) -> None:
     """Write the project of a new plugin: complete, to be installed, with tests that pass."""
     from savmap.plugin.scaffold import new_plugin
 
-    for line in new_plugin(name, output):
+    for line in new_plugin(name, output, locates_camera):
         typer.echo(line)

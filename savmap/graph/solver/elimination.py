@@ -34,8 +34,10 @@ def ordering_of(positions: Sequence[KeyPosition], last: Sequence[int]) -> gtsam.
 
 def aisle_positions(problem: Problem, estimate: Estimate, aisle_from_row: gtsam.Pose3, row: int) -> list[KeyPosition]:
     """Where along the aisle the variables of a row are, with their keys in the graph of several rows."""
-    cameras = aisle_from_row.transformFrom(estimate.poses[:, :3, 3].T)[0].tolist()
-    points = aisle_from_row.transformFrom(estimate.points.T)[0].tolist() if len(estimate.points) else []
+    cameras = np.reshape(aisle_from_row.transformFrom(estimate.poses[:, :3, 3].T), (3, -1))[0].tolist()
+    points = (
+        np.reshape(aisle_from_row.transformFrom(estimate.points.T), (3, -1))[0].tolist() if len(estimate.points) else []
+    )
     frames = list(zip(cameras, problem.used.tolist(), strict=True))
     keys = [
         *((x, key) for x, frame in frames for key in (frame_key(frame), centre_key(frame))),

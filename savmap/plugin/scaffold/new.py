@@ -1,4 +1,4 @@
-"""A project for a new plugin, from the one that lies beside this file: the same, under another name, with a network."""
+"""A project for a new plugin, from those that lie beside this file: the same, under another name, with a network."""
 
 import ast
 import keyword
@@ -18,20 +18,23 @@ from savmap.plugin.manager import installed
 from savmap.plugin.scaffold.stub import stub_network
 
 TEMPLATE = Path(__file__).parent / "project-template"
+LOCATES_CAMERA = Path(__file__).parent / "locates-camera"
 TEMPLATE_NAME = "pillars"
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 LONGEST = 40
 LEFT_OUT = {"__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache"}
 
 
-def new_plugin(name: str, folder: Path | None = None) -> Iterator[str]:
+def new_plugin(name: str, folder: Path | None = None, locates_camera: bool = False) -> Iterator[str]:
     """Write the project of a plugin into a new folder (default: savmap-NAME here), whole or not at all; yields lines for the user.
+
+    locates_camera: one that finds the face and locates the camera by itself, so that it can be mapped alone.
 
     Raises SiteError for a name that will not do, OutputError for a folder that is there already or cannot be written.
     """
     require_name(name)
     folder = folder or Path(f"savmap-{name.replace('_', '-')}")
-    write_folder(project_files(name), folder)
+    write_folder(project_files(name, locates_camera), folder)
     yield f"wrote {folder}: a plugin `{name}` with the class `{thing_of(name)}`"
     yield f"next: cd {folder} && python -m pip install -e '.[test]' && python -m pytest; its README.md says what then"
 
@@ -75,7 +78,7 @@ def title_of(name: str) -> str:
 
 def words_taken() -> tuple[set[str], set[str]]:
     """Names and texts of the template's code that are not replaced: another of the same name would get into their way."""
-    paths = list(TEMPLATE.rglob("*.py"))
+    paths = [*TEMPLATE.rglob("*.py"), *LOCATES_CAMERA.rglob("*.py")]
     nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
     names = {str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")}
     texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
@@ -83,13 +86,15 @@ def words_taken() -> tuple[set[str], set[str]]:
     return names - {TEMPLATE_NAME, title_of(TEMPLATE_NAME)}, texts - {TEMPLATE_NAME, thing_of(TEMPLATE_NAME)}
 
 
-def project_files(name: str) -> dict[str, bytes]:
-    """A new project's files by their paths in it."""
+def project_files(name: str, locates_camera: bool = False) -> dict[str, bytes]:
+    """A new project's files by their paths in it; those of a plugin that locates the camera take the place of others."""
+    folders = (TEMPLATE, LOCATES_CAMERA) if locates_camera else (TEMPLATE,)
     files = {
-        renamed(str(path.relative_to(TEMPLATE).as_posix()), name): renamed(
+        renamed(str(path.relative_to(folder).as_posix()), name): renamed(
             path.read_text(encoding="utf-8"), name
         ).encode()
-        for path in sorted(TEMPLATE.rglob("*"))
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
         if path.is_file() and not LEFT_OUT & set(path.parts)
     }
     return files | {f"src/savmap_{name}/model/{name}.onnx": stub_network(thing_of(name), version("savmap"))}

@@ -1,7 +1,7 @@
 """The network of a new plugin: a tiny ONNX file that keeps to the contract and sees whatever is painted magenta.
 
 One 1x1 convolution gives the logits of background and class. The file is put together byte by byte, so that neither onnx nor torch
-need be there: an ONNX file is a protocol buffer, whose fields are told by number (onnx.proto, opset 13, IR version 8).
+need be there: an ONNX file is a protocol buffer, whose fields are known by number (onnx.proto, opset 13, IR version 8).
 """
 
 import json
@@ -25,7 +25,7 @@ def stub_network(label: str, version: str) -> bytes:
     graph += _message(5, _tensor("biases", (2,), (0.0, MARGIN)))
     graph += _message(11, _value("image", (1, 3, height, width)))
     graph += _message(12, _value("logits", (1, 2, height, width)))
-    told = {
+    metadata = {
         "savmap.format": "semantic",
         "savmap.version": version,
         "savmap.classes": json.dumps([label]),
@@ -33,7 +33,7 @@ def stub_network(label: str, version: str) -> bytes:
         "savmap.recipe": json.dumps({"stub": "sees what is magenta; to be replaced by a trained network"}),
     }
     model = _number(1, IR_VERSION) + _text(2, "savmap") + _message(7, graph) + _message(8, _number(2, OPSET))
-    return model + b"".join(_message(14, _text(1, key) + _text(2, value)) for key, value in told.items())
+    return model + b"".join(_message(14, _text(1, key) + _text(2, value)) for key, value in metadata.items())
 
 
 def _varint(value: int) -> bytes:

@@ -7,7 +7,7 @@ import numpy as np
 from savmap.report.numbers import centimetres, fixed
 from savmap.report.page.summary import Summary
 from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads
-from savmap.types import Floats, Structure
+from savmap.types import Floats, Measured, Structure
 
 _SIGMA, _METRES = "_sigma_m", "_m"
 _FIRST_M, _LAST_M, _BINS = 1e-4, 1.0, 32
@@ -42,8 +42,11 @@ def histogram(values_m: Floats) -> tuple[float, ...]:
 
 
 def _sizes(structure: Structure) -> Iterator[tuple[str, float, float]]:
-    """Sizes among its attributes with their standard deviations: name, m, m ("width_m" goes with "width_sigma_m")."""
+    """Sizes among its attributes with their standard deviations: name, m, m. A size is `Measured`, or "width_m" goes with
+    "width_sigma_m"."""
     for key, sigma in structure.attributes.items():
+        if key.endswith(_METRES) and isinstance(sigma, Measured):
+            yield key.removesuffix(_METRES).replace("_", " "), sigma.value, sigma.sigma
         value = structure.attributes.get(key.removesuffix(_SIGMA) + _METRES)
         if key.endswith(_SIGMA) and isinstance(sigma, float | int) and isinstance(value, float | int):
             yield key.removesuffix(_SIGMA).replace("_", " "), float(value), float(sigma)

@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from savmap.errors import PluginFailedError
 from savmap.plugin.manager import installed, open_plugin
 from savmap.sim.scene.files import Scene, row_frame
 from savmap.sim.scene.goods import fill
@@ -94,18 +93,14 @@ def random_section(
         ask = getattr(_module(name), "random_section", None)
         section: RandomSection | None = ask(rng, site, drawn) if ask else None
         return section
-    answer = open_plugin(name, {}).ask("random_section", object, rng=rng, site=site, drawn=drawn)
-    if answer is not None and not isinstance(answer, RandomSection):
-        given = type(answer).__name__
-        raise PluginFailedError(name, "random_section", f"returned {given} from `random_section`, not RandomSection")
-    return answer
+    return open_plugin(name, {}).random_section(rng, site, drawn)
 
 
 def _maker(name: str) -> SceneMaker:
     """The `scene` hook of an installed plugin, or the function of a module `savmap_NAME.scene` that is not installed."""
     if name in installed():
-        room = open_plugin(name, {})
-        return lambda section, rng, site: room.ask("scene", SceneParts, section=section, rng=rng, site=site)
+        plugin = open_plugin(name, {})
+        return lambda section, rng, site: plugin.scene(section, rng, site)
     make: SceneMaker = _module(name).scene
     return make
 

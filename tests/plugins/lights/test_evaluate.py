@@ -7,10 +7,11 @@ import pytest
 
 from savmap.errors import OutputError
 from savmap.types import Distances, Score, Structure
-from savmap_lights.evaluate import evaluate, match
-from savmap_lights.sketch import draw
+from savmap_lights.plugin import Lights, Settings
 
 Row = dict[str, Any]
+LIGHTS = Lights(Settings())
+evaluate, draw = LIGHTS.evaluate, LIGHTS.draw
 CENTRES = (-2.0, 1.0, 4.0, 7.0, 10.0, 13.0)
 
 
@@ -64,11 +65,14 @@ def test_a_lamp_just_beyond_the_end_is_not_spurious_though_mapped_just_inside(su
     assert (len(own.distances_m), own.missing, own.spurious) == (4, 0, 0)
 
 
-def test_matching_is_one_to_one_within_the_gate() -> None:
-    truth = np.array([[0.0, 0, 0], [0.9, 0, 0]])
-    assert match(truth, np.array([[0.5, 0, 0], [1.4, 0, 0]])) == {0: 0, 1: 1}
-    assert match(truth, np.array([[0.1, 0, 0], [3.0, 0, 0]])) == {0: 0}
-    assert match(truth, np.zeros((0, 3))) == {}
+@pytest.mark.parametrize(
+    ("mapped", "distances"), [((0.5, 1.4), {1: 0.5, 2: 0.5}), ((0.1, 3.0), {1: 0.1, 2: float("inf")}), ((), {})]
+)
+def test_matching_is_one_to_one_within_the_gate(mapped: tuple[float, ...], distances: dict[int, float]) -> None:
+    survey = {"lights": [{"ends": [[x, 0, 0], [x, 0, 0]]} for x in (0.0, 0.9)]}
+    lamps = [lamp(number, [x, 0, 0]) for number, x in enumerate(mapped, start=1)]
+    wanted = {f"light {number}": pytest.approx(value) for number, value in distances.items()}
+    assert evaluate(lamps, survey).deviations == wanted
 
 
 def test_a_survey_without_lamps_is_not_compared(surveyed: Row) -> None:

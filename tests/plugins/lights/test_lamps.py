@@ -9,16 +9,15 @@ import pytest
 
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
-from savmap.graph import camera_priors, merge, solve
-from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Trajectory, View, ViewSpec
+from savmap.graph import KeySpace, Solution, camera_priors, merge, solve
+from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Track, Trajectory, View, ViewSpec
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
-from savmap_lights.aim import aim_at_ceiling
-from savmap_lights.constraints import constrain
-from savmap_lights.describe import describe
 from savmap_lights.features import extract_features
+from savmap_lights.plugin import Lights, Settings
 from savmap_lights.tracking import track_lamps
 
+LINE = Lights(Settings(line=True))
 HEIGHT_M, LINE_Z_M, PITCH_M, LENGTH_M = 7.5, 1.2, 3.0, 1.3
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 CEILING = ViewSpec(
@@ -71,6 +70,13 @@ def features_of(lines: Sequence[Floats]) -> list[Feature]:
     return found
 
 
+def solved() -> tuple[list[Track], Solution]:
+    """One line of lamps, tracked and solved for on a path that is held."""
+    tracks = track_lamps(features_of([ends()]), facts(), path())
+    constraints = LINE.constrain(tracks, facts(), path(), KeySpace("lights"))
+    return tracks, solve(merge(camera_priors(facts(), path(), fixed=path()), constraints))
+
+
 def test_ends_of_a_strip_are_found_to_a_pixel() -> None:
     pose = path().world_from_rig[20]
     strip = ends()[2:3]
@@ -114,11 +120,8 @@ def test_no_lamps_is_said() -> None:
 
 
 def test_lamps_are_mapped_from_a_known_path() -> None:
-    tracks = track_lamps(features_of([ends()]), facts(), path())
-    solution = solve(
-        merge(camera_priors(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True))
-    )
-    structures = describe(tracks, solution, "lights")
+    tracks, solution = solved()
+    structures = LINE.describe(tracks, solution.landmarks_of("lights"))
     assert [s.id for s in structures] == [f"light {k}" for k in range(1, 6)]
     for structure, truth in zip(structures, ends(), strict=True):
         assert structure.vertex_labels == ("end 0", "end 1")
@@ -142,16 +145,14 @@ def test_lamps_seen_in_every_third_frame_are_as_well_supported() -> None:
 def test_a_long_pass_looks_up_less_often(frames: int, given: int | None, every: int) -> None:
     panorama = Panorama(0, 0.0, np.zeros((64, 128, 3), np.uint8))
     pass_preview = PassPreview((panorama,), (), Renderer(), np.eye(3), frames)
-    assert aim_at_ceiling(pass_preview, lambda view: [], {}, None, given).views[0].every == every
+    plan = Lights(Settings(every=given)).render_views(pass_preview, lambda view: [], {}, None)
+    assert plan.views[0].every == every
 
 
 def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
-    tracks = track_lamps(features_of([ends()]), facts(), path())
-    solution = solve(
-        merge(camera_priors(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True))
-    )
+    tracks, solution = solved()
     lost = solution.landmarks_of("lights") | {
         "light 2 / end 1": replace(solution.landmarks_of("lights")["light 2 / end 1"], covariance=np.eye(3) * 100.0**2)
     }
-    found = describe(tracks, replace(solution, landmarks={**solution.landmarks, "lights": lost}), "lights")
+    found = LINE.describe(tracks, lost)
     assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]

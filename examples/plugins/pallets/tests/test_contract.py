@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.plugin.contract import check_plugin
+from savmap.plugin import check_plugin
 from savmap.plugin.manager import load_class
 from savmap.sim.random_scene import random_scene
 from savmap.sim.scene.files import load_scene

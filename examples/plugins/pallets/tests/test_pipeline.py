@@ -4,7 +4,7 @@ import made_up as made
 import numpy as np
 import pytest
 
-from savmap.errors import OutputError, SolveError, StructureError
+from savmap.errors import OutputError, StructureError
 from savmap.graph import (
     CameraPriors,
     Constraints,
@@ -16,7 +16,11 @@ from savmap.graph import (
     merge,
     solve,
 )
+from savmap.pipeline.records import RowRequest
+from savmap.pipeline.row import measure
+from savmap.plugin.manager import loaded_plugin
 from savmap.types import Axis, Feature, Floats, Track, Trajectory
+from savmap.types.progress import SilentMonitor
 from savmap_pallets.constraints import constrain
 from savmap_pallets.describe import describe
 from savmap_pallets.evaluate import evaluate, matches, off_deg
@@ -147,5 +151,6 @@ def test_scores(tracks: list[Track], solution: Solution) -> None:
 
 
 def test_pallets_alone_do_not_locate_the_camera() -> None:
-    with pytest.raises(SolveError, match="shelves,pallets"):
-        Pallets(Settings()).track([], made.facts(), None)
+    pallets = loaded_plugin("pallets", Pallets, Settings())
+    with pytest.raises(StructureError, match="--plugins NAME,pallets"):
+        measure(RowRequest("A", (), [pallets], References()), SilentMonitor())

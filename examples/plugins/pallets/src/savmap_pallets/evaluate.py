@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from savmap.geometry.matching import matched
 from savmap.types import Distances, Score, Structure
 from savmap_pallets.survey import SurveyedPallet, read_row
 
@@ -40,6 +40,7 @@ def matches(pallets: Sequence[Structure], truth: Sequence[SurveyedPallet]) -> li
     mapped = np.array([[one.attributes["x_m"], one.attributes["z_m"]] for one in pallets], float).reshape(-1, 2)
     surveyed = np.array([[one.x, one.z] for one in truth]).reshape(-1, 2)
     away = np.linalg.norm(mapped[:, None] - surveyed[None], axis=-1)
+    rows, columns = linear_sum_assignment(np.where(away < GATE_M, away, GATE_M * (1 + len(truth))))
     return [
         Match(
             pallets[i],
@@ -47,7 +48,8 @@ def matches(pallets: Sequence[Structure], truth: Sequence[SurveyedPallet]) -> li
             float(away[i, j]),
             off_deg(float(pallets[i].attributes["turn_deg"]), truth[j].turn_deg),
         )
-        for i, j in matched(away, GATE_M).items()
+        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
+        if away[i, j] < GATE_M
     ]
 
 

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from savmap.errors import SolveError
 from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import Detection, Feature, Floats, RowFacts, SiteMap, Structure, Track, Trajectory, View, ViewPlan
@@ -45,6 +44,7 @@ class Pallets:
     Config = Settings
     scale_settings = ()
     after_pixels = ("size_m",)
+    needs_path = True
 
     def __init__(self, config: Settings) -> None:
         self.config = config
@@ -68,14 +68,9 @@ class Pallets:
         return extract_features(view, detections)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
         from savmap_pallets.tracking import track_pallets
 
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: pallets alone do not locate the camera: "
-                "add a plugin that maps the face (--plugins shelves,pallets), or give an earlier map with --trajectory"
-            )
         return track_pallets(features, facts, start, self.size)
 
     @hookimpl
@@ -109,12 +104,6 @@ class Pallets:
         from savmap_pallets.scene import scene
 
         return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_pallets.scene import random_section
-
-        return random_section(rng, site, drawn)
 
     @hookimpl
     def exporters(self) -> Mapping[str, Callable[[SiteMap, Path], None]]:

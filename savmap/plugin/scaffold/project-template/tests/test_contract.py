@@ -2,7 +2,7 @@
 
 from importlib.metadata import entry_points
 
-from savmap.plugin.contract import check_plugin
+from savmap.plugin import check_plugin
 from savmap_pillars.plugin import Pillars
 
 

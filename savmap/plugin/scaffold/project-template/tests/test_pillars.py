@@ -5,14 +5,27 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from savmap.errors import SolveError, StructureError
-from savmap.geometry.pinhole import project
 from savmap.graph import CameraHeight, References, camera_priors, merge, solve
-from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
+from savmap.plugin import (
+    LEVEL,
+    Detection,
+    Feature,
+    Floats,
+    FrameTable,
+    KeySpace,
+    KnownSize,
+    Measured,
+    RowFacts,
+    Structure,
+    StructureError,
+    Trajectory,
+    View,
+    ViewSpec,
+    project,
+)
 from savmap.types.scenes import Goods, Hall, Look, RowFrame, Site
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.view_planning import LEVEL
-from savmap_pillars.plugin import Known, Pillars, Settings
+from savmap_pillars.plugin import Pillars, Settings
 from savmap_pillars.scene import random_section
 
 SPEC = ViewSpec("pass 1 / pillars", 0.0, hfov_deg=110.0, width=640, height=480)
@@ -50,9 +63,10 @@ def features() -> list[Feature]:
 
 def mapped(plugin: Pillars) -> list[Structure]:
     tracks = plugin.track(features(), FACTS, path())
-    constraints = plugin.constrain(tracks, FACTS, path())
+    constraints = plugin.constrain(tracks, FACTS, path(), KeySpace(plugin.name))
     frames = camera_priors(FACTS, path(), References(camera_heights=(CameraHeight(1.4, 0.01),)), fixed=path())
-    return plugin.describe(tracks, solve(merge(frames, constraints)))
+    solution = solve(merge(frames, constraints))
+    return plugin.describe(tracks, solution.landmarks_of(plugin.name), solution)
 
 
 def picture(masks: Sequence[tuple[slice, slice]]) -> tuple[View, list[Detection]]:
@@ -86,10 +100,8 @@ def test_sightings_are_sorted_into_pillars(plugin: Pillars) -> None:
     assert all(len(track.frames) == FRAMES for track in tracks)
 
 
-def test_without_a_path_or_a_pillar_it_says_so(plugin: Pillars) -> None:
-    with pytest.raises(SolveError, match="add a plugin that maps the face"):
-        plugin.track(features(), FACTS, None)
-    with pytest.raises(StructureError, match="no pillar was seen"):
+def test_without_a_pillar_it_says_so(plugin: Pillars) -> None:
+    with pytest.raises(StructureError, match="nothing was seen"):
         plugin.track([], FACTS, path())
 
 
@@ -97,10 +109,13 @@ def test_pillars_are_mapped_where_they_stand(plugin: Pillars) -> None:
     structures = mapped(plugin)
     assert [own.id for own in structures] == ["pillar 1", "pillar 2"]
     np.testing.assert_allclose([own.vertices for own in structures], POSTS, atol=0.01)
+    heights = [own.attributes["height_m"] for own in structures]
+    assert all(isinstance(height, Measured) and 0 < height.sigma < 0.1 for height in heights)
+    np.testing.assert_allclose([float(height) for height in heights], 2.5, atol=0.02)
 
 
 def test_a_known_height_is_used() -> None:
-    known = Pillars(Settings(height_m=Known(value=2.6, sigma=0.0001)))
+    known = Pillars(Settings(height_m=KnownSize(value=2.6, sigma=0.0001)))
     heights = [own.vertices[1, 1] - own.vertices[0, 1] for own in mapped(known)]
     np.testing.assert_allclose(heights, 2.6, atol=0.01)
 
@@ -125,8 +140,8 @@ def test_as_many_as_can_have_a_partner(plugin: Pillars) -> None:
 
 def test_rows_share_their_feet(plugin: Pillars) -> None:
     first, second = mapped(plugin)
-    assert [own.id for own in plugin.shared([first, second])] == ["pillar 1", "pillar 2"]
-    np.testing.assert_allclose(plugin.shared([first])[0].place, POSTS[0, 0], atol=0.01)
+    assert [own.id for own in plugin.cross_row_landmarks([first, second])] == ["pillar 1", "pillar 2"]
+    np.testing.assert_allclose(plugin.cross_row_landmarks([first])[0].place, POSTS[0, 0], atol=0.01)
 
 
 def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> None:
@@ -138,6 +153,5 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
 
 def test_a_random_place_has_some(plugin: Pillars) -> None:
     site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.zeros(3), True)})
-    section = random_section(np.random.default_rng(0), site, None)
-    assert section is not None
-    assert 1 <= len(plugin.scene(section.section, np.random.default_rng(0), site).boxes) <= 4
+    section = random_section(np.random.default_rng(0), site)
+    assert 1 <= len(plugin.scene(section, np.random.default_rng(0), site).boxes) <= 4

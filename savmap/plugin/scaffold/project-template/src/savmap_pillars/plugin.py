@@ -1,50 +1,27 @@
-"""Pillars that stand on the floor in front of a face, as a plugin of savmap: every hook in a line."""
+"""Pillars that stand on the floor in front of a face, as a plugin of savmap."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from savmap.errors import SolveError
-from savmap.files.validation import ClassNames
-from savmap.plugin.hookspecs import hookimpl
-from savmap.types import (
-    CrossRowLandmark,
-    Detection,
-    Feature,
-    Floats,
-    RowFacts,
-    Structure,
-    Track,
-    Trajectory,
-    View,
-    ViewPlan,
-)
+import savmap.plugin as door
+from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
+
+SIGMA_PX = 1.0  # how far an end of a mask is off
+SAME_M = 0.3  # feet nearer to one another along the row are of one pillar
+LOST_M = 0.5  # a pillar whose place is not known better is left out
+GATE_M = 0.5  # a pillar further from the surveyed one is another one
+OFF_M = 0.05  # drawn as wrong beyond this
+AXES: tuple[door.Axis, ...] = ("x", "z")
 
 
-class Known(BaseModel):
-    """A length that was measured, with its standard deviation, both in metres."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    value: Annotated[float, Field(gt=0, lt=100)]
-    """Metres."""
-    sigma: Annotated[float, Field(gt=0, le=1)] = 0.005
-    """Its standard deviation."""
-
-
-class Settings(BaseModel):
+class Settings(door.PluginSettings):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    model: Path | None = None
-    """Another network's ONNX file."""
-    class_names: ClassNames = {}
-    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
-    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Confidence above which a pixel belongs to a pillar."""
-    height_m: Known | None = None
+    height_m: door.KnownSize | None = None
     """How tall a pillar is, if all are alike and it is known."""
     plumb_m: Annotated[float, Field(gt=0, le=1)] = 0.02
     """How far a pillar's top may stand off its foot, along x and z: a standard deviation."""
@@ -57,6 +34,7 @@ class Pillars:
     classes = ("pillar",)
     model = Path(__file__).parent / "model" / "pillars.onnx"
     Config = Settings
+    needs_path = True
     after_pixels = ("height_m", "plumb_m")
     scale_settings = ("height_m",)
 
@@ -66,75 +44,79 @@ class Pillars:
     @hookimpl
     def render_views(
         self,
-        pass_preview: Any,
-        see: Callable[[View], list[Detection]],
+        pass_preview: door.PassPreview,
+        predict: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
-        manual: Mapping[str, Any],
+        manual: Mapping[str, door.Manual],
         attitude: Floats | None,
-    ) -> ViewPlan:
-        from savmap_pillars.looking import aim
-
-        return aim(pass_preview, see, side, manual, attitude)
+    ) -> door.ViewPlan:
+        """The view at the face that shows pillars from foot to top, as narrow as may be."""
+        return door.face_view_plan(pass_preview, predict, side, manual, attitude, self.name)
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
-        from savmap_pillars.looking import features_of
-
-        return features_of(view, detections)
-
-    @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
-        from savmap_pillars.tracking import tracks_of
-
-        if start is None:
-            raise SolveError(
-                f"row {facts.name}: pillars alone do not locate the camera: add a plugin that maps the face, "
-                "or give an earlier map with --trajectory"
-            )
-        return tracks_of(features, facts, start)
+        """The foot and the top of each pillar that the view does not cut."""
+        return [
+            door.point_feature(view, detection, instance, part, pixel, SIGMA_PX)
+            for instance, detection in enumerate(detections)
+            if not door.touches_border(detection.mask)
+            for part, pixel in zip(("foot", "top"), door.upright_ends(detection.mask), strict=True)
+        ]
 
     @hookimpl
-    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
-        from savmap_pillars.mapping import constrain
-
-        height = self.config.height_m
-        known = (height.value, height.sigma) if height else None
-        return constrain(tracks, facts, start, self.name, self.config.plumb_m, known)
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
+        """The same pillar has its foot at the same place on the floor, in whatever frame it is seen."""
+        return door.tracks_on_floor(features, facts, start, anchor="foot", same_m=SAME_M)
 
     @hookimpl
-    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
-        from savmap_pillars.mapping import describe
-
-        return describe(tracks, solution, self.name)
+    def constrain(
+        self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: door.KeySpace
+    ) -> door.Constraints:
+        """A top stands over its foot, and as high above it as is known, if it is."""
+        relations: list[door.Relation] = []
+        for pillar, ends in door.keys_by_object(tracks, keys).items():
+            relations += [door.equal_coordinate(axis, ends["foot"], ends["top"], self.config.plumb_m) for axis in AXES]
+            if (height := self.config.height_m) is not None:
+                known = (height.value, height.sigma, f"height of {pillar}")
+                relations.append(door.known_length("y", ends["foot"], ends["top"], *known))
+        return door.point_constraints(tracks, facts, start, keys, relations)
 
     @hookimpl
-    def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-        from savmap_pillars.scoring import shared
-
-        return shared(structures)
+    def describe(
+        self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark], solution: door.Solution
+    ) -> list[Structure]:
+        """Foot, top and height of each pillar."""
+        pillars = door.point_structures(tracks, landmarks, LOST_M)
+        return door.with_sizes(pillars, solution, self.name, {"height_m": ("foot", "top", "y")})
 
     @hookimpl
-    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
-        from savmap_pillars.scoring import evaluate
+    def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
+        """The row across the aisle sees each foot at the same place."""
+        return [door.CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0]) for own in structures]
 
-        return evaluate(structures, survey)
+    @hookimpl
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
+        """How far feet and tops are from the survey's: `pillars: [[foot, top], ...]`, each x, y, z in the row's frame, m."""
+        return door.score_points(structures, door.surveyed_points(survey, self.name, 2), GATE_M, self.name)
 
     @hookimpl
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-    ) -> Any:
-        from savmap_pillars.scoring import draw
-
-        return draw(structures, survey, deviations)
+    ) -> tuple[door.Drawing, ...]:
+        """A line from foot to top, over the survey's."""
+        truth = door.surveyed_points(survey or {}, self.name, 2)
+        return door.draw_points(structures, truth, deviations, OFF_M, self.name)
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
+        """Magenta posts for the simulator."""
         from savmap_pillars.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        """Posts of any size for random places, to train a network on."""
         from savmap_pillars.scene import random_section
 
         return random_section(rng, site, drawn)

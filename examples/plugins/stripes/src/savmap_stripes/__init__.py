@@ -1,0 +1,1 @@
+"""Painted stripes on the floor, as a plugin of savmap."""

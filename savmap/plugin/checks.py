@@ -1,0 +1,183 @@
+"""What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it finds."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Feature,
+    Floats,
+    Measured,
+    RowFacts,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+    ViewPlan,
+)
+
+if TYPE_CHECKING:
+    from savmap.graph import Constraints
+    from savmap.types import Drawing, Score
+
+
+def require(condition: bool, fault: str) -> None:
+    """Raise ValueError with the fault unless the condition holds."""
+    if not condition:
+        raise ValueError(fault)
+
+
+def check_view_plan(plan: ViewPlan) -> None:
+    """Views of different names at finite angles, a rotation, a known direction of travel."""
+    _require_distinct((spec.name for spec in plan.views), "views with the name")
+    for spec in plan.views:
+        angles = (spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg)
+        require(_finite(angles), f"view `{spec.name}`: an angle is not finite")
+    require(plan.travel in (-1, 0, 1), f"travel is {plan.travel}, not -1, 0 or 1")
+    if plan.world_from_rig is not None:
+        turn = np.asarray(plan.world_from_rig)
+        proper = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
+        require(proper, "world_from_rig is not a rotation (3, 3)")
+
+
+def check_detections(detections: Sequence[Detection], view: View) -> None:
+    """Masks of the view's size, finite scores."""
+    size = (view.spec.height, view.spec.width)
+    for number, detection in enumerate(detections):
+        where = f"detection {number} (`{detection.label}`)"
+        require(detection.mask.shape == size, f"{where}: its mask is {detection.mask.shape}, its view {size}")
+        require(_finite(detection.score), f"{where}: its score is not finite")
+
+
+def check_features(features: Sequence[Feature], view: View) -> None:
+    """Features of the view's name and frame. (A Feature itself refuses numbers that are not finite.)"""
+    for number, feature in enumerate(features):
+        where = f"feature {number} (`{feature.label}`, `{feature.part}`)"
+        require(feature.frame == view.frame, f"{where}: it is of frame {feature.frame}, its view of frame {view.frame}")
+        require(feature.view == view.spec.name, f"{where}: it is of view `{feature.view}`, not of `{view.spec.name}`")
+
+
+def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
+    """Tracks of different names, in frames and views of the row, with finite pixels and proper covariances."""
+    _require_distinct((track.name for track in tracks), "tracks with the name")
+    for track in tracks:
+        where = f"track `{track.name}`"
+        frames = np.asarray(track.frames)
+        require(frames.ndim == 1 and frames.dtype.kind in "iu", f"{where}: frames are not whole numbers (n,)")
+        strange = frames[(frames < 0) | (frames >= len(facts.frames))].tolist()
+        require(not strange, f"{where}: no frame {strange[:1]} in the row, which has {len(facts.frames)}")
+        unknown = sorted(set(track.views) - set(facts.views))
+        require(not unknown, f"{where}: no view `{''.join(unknown[:1])}` in the row")
+        require(_finite(track.pixels), f"{where}: a pixel is not finite")
+        _require_covariances(track.covariances, where)
+
+
+def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory) -> None:
+    """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that GTSAM can use.
+    Raises PluginFailedError for a factor or relation that it cannot."""
+    from savmap.graph import require_valid_constraints  # keeps `savmap --help` fast
+
+    require(constraints.plugin == plugin, f"constraints of `{constraints.plugin}`")
+    for name, position in constraints.initial.items():
+        fit = np.shape(position) == (3,) and _finite(position)
+        require(fit, f"initial position of `{name}`: it is not three finite numbers")
+    require(_finite(constraints.measurements.pixels), "a measured pixel is not finite")
+    _require_covariances(constraints.measurements.covariances, "measured pixels")
+    for relation in (*constraints.relations, *(one for some in constraints.alternatives.values() for one in some)):
+        where = f"relation `{relation.name}`" if relation.name else f"a relation along {relation.axis or 'no axis'}"
+        require(_finite((relation.value, relation.sigma)), f"{where}: its value or sigma is not finite")
+        require(relation.sigma > 0, f"{where}: its sigma is {relation.sigma}, not positive")
+    require_valid_constraints(plugin, constraints, start)
+
+
+def check_structures(structures: Sequence[Structure]) -> None:
+    """Structures of different ids whose numbers are finite and whose attributes go into map.json."""
+    _require_distinct((structure.id for structure in structures), "structures with the id")
+    for structure in structures:
+        where = f"structure `{structure.id}`"
+        texts = (structure.id, structure.label, *structure.vertex_labels)
+        require(all(isinstance(text, str) for text in texts), f"{where}: its id and labels are not all texts")
+        require(_finite(structure.vertices), f"{where}: a vertex is not finite")
+        require(_finite(structure.covariances), f"{where}: a covariance is not finite")
+        variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
+        require(bool((variances >= 0).all()), f"{where}: a variance is negative")
+        _require_edges(structure, where)
+        for name, value in structure.attributes.items():
+            _require_attribute(name, value, where)
+
+
+def check_related(structures: Sequence[Structure], given: Sequence[Structure]) -> None:
+    """The structures that were given, in the same order, still fit for map.json."""
+    require(len(structures) == len(given), f"{len(structures)} structures for {len(given)}")
+    for structure, before in zip(structures, given, strict=True):
+        require(structure.id == before.id, f"structure `{structure.id}` in the place of `{before.id}`")
+    check_structures(structures)
+
+
+def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:
+    """Landmarks of structures that were given, with finite positions."""
+    known = {structure.id for structure in structures}
+    _require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
+    for landmark in landmarks:
+        require(landmark.id in known, f"landmark `{landmark.id}`: no structure has that id")
+        require(_finite(landmark.place), f"landmark `{landmark.id}`: its position is not finite")
+        require(_finite(landmark.covariance), f"landmark `{landmark.id}`: its covariance is not finite")
+
+
+def check_score(score: "Score") -> None:
+    """Errors that can be averaged. A deviation may be infinite: the structure is spurious."""
+    named = {**score.errors, **score.coordinates, **{name: own.distances_m for name, own in score.apart.items()}}
+    for name, errors in named.items():
+        require(_finite(errors), f"an error of `{name}` is not finite")
+    for name, deviation in score.deviations.items():
+        require(not np.isnan(deviation), f"the deviation of `{name}` is not a number")
+
+
+def check_drawings(drawings: "Sequence[Drawing]") -> None:
+    """Points that can be drawn."""
+    for drawing in drawings:
+        require(_finite(drawing.points), f"a point of `{drawing.name or drawing.legend}` is not finite")
+
+
+def check_exporters(answers: Sequence[object]) -> None:
+    """Functions by name, from the plugin and from the default."""
+    for formats in answers:
+        fit = isinstance(formats, Mapping) and all(callable(write) for write in formats.values())
+        require(fit, "no functions by name")
+
+
+def _finite(numbers: object) -> bool:
+    return bool(np.isfinite(np.asarray(numbers, dtype=np.float64)).all())
+
+
+def _require_distinct(names: Iterable[str], what: str) -> None:
+    name, times = next(iter(Counter(names).most_common(1)), ("", 0))
+    require(times <= 1, f"{times} {what} `{name}`")
+
+
+def _require_covariances(covariances: Floats, where: str) -> None:
+    """Covariances (n, 2, 2) that are finite and positive definite."""
+    require(_finite(covariances), f"{where}: a covariance is not finite")
+    positive = (covariances[:, 0, 0] > 0) & (np.linalg.det(covariances) > 0)
+    require(bool(positive.all()), f"{where}: a covariance is not positive definite")
+
+
+def _require_edges(structure: Structure, where: str) -> None:
+    edges = np.asarray(structure.edges)
+    require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
+    inside = (edges >= 0) & (edges < len(structure.vertices))
+    require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
+
+
+def _require_attribute(name: object, value: object, where: str) -> None:
+    require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
+    number = isinstance(value, int | float | np.integer | np.floating)
+    require(
+        number or isinstance(value, str | Measured),
+        f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
+    )
+    require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")

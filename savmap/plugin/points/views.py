@@ -1,0 +1,114 @@
+"""Which way a plugin of points looks, and which points of a mask are points of an object."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.errors import StructureError
+from savmap.geometry.pinhole import angles_from_rotation
+from savmap.types import Detection, Feature, Floats, Panorama, View, ViewPlan, ViewSpec
+from savmap.vision.field_of_view import fit_count, fit_height
+from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, face_at
+
+Mask = NDArray[np.bool_]
+BORDER_PX = 2
+COUNT_HFOV_DEG = 110.0
+
+
+def face_view_plan(
+    pass_preview: PassPreview,
+    predict: Callable[[View], list[Detection]],
+    side: Literal["left", "right"] | None,
+    manual: Mapping[str, Manual],
+    attitude: Floats | None,
+    name: str,
+    finds_face: bool = False,
+) -> ViewPlan:
+    """One view at the face that shows all masks from their lowest to their highest row, as narrow as may be.
+
+    attitude: world_from_rig (3, 3) where an earlier plugin or map gives it; else the level direction with the largest masks. Where
+    nothing is detected, the plan has no view, and a note. finds_face: the objects make up the face, and the plugin locates the
+    camera. The plan then has the face's attitude and the direction of travel, and StructureError is raised where nothing is detected.
+    """
+    try:
+        face = face_at(attitude) if attitude is not None else face_with_most(pass_preview, predict, side)
+        fitted = fit_height(pass_preview, face, lambda view: rows_of(predict(view)), manual.get(name, Manual()), name)
+    except StructureError as error:
+        if finds_face:
+            raise
+        return ViewPlan((), notes=(f"{name}: {error}",))
+    notes = (fitted.warning,) if fitted.warning else ()
+    return (
+        ViewPlan((fitted.spec,), face.world_from_rig, face.travel, notes)
+        if finds_face
+        else ViewPlan((fitted.spec,), notes=notes)
+    )
+
+
+def count_view_plan(
+    pass_preview: PassPreview,
+    predict: Callable[[View], list[Detection]],
+    manual: Mapping[str, Manual],
+    attitude: Floats | None,
+    name: str,
+    world_from_view: Floats,
+    at_least: int = 2,
+    every: int = 1,
+) -> ViewPlan:
+    """One view in a fixed direction of the building, as narrow as shows `at_least` masks whole in nearly all key frames.
+
+    world_from_view (3, 3): `UPWARDS` at the ceiling, `DOWNWARDS` at the floor; its x axis is the row's where the attitude is known, else
+    one of the building's. every: it is cut from each so many of the frames.
+    """
+    rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
+    yaw, pitch, roll = angles_from_rotation(rig_from_world @ world_from_view)
+    spec = ViewSpec(name, yaw, pitch, roll, COUNT_HFOV_DEG, every=every)
+
+    def whole(view: View) -> int:
+        return sum(not touches_border(detection.mask) for detection in predict(view))
+
+    fitted = fit_count(pass_preview, spec, whole, at_least, manual=manual.get(name, Manual()))
+    return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
+
+
+def face_with_most(
+    pass_preview: PassPreview, predict: Callable[[View], list[Detection]], side: Literal["left", "right"] | None
+) -> Face:
+    """The level direction whose views are covered most by masks. Raises StructureError where there are none."""
+
+    def share(spec: ViewSpec, panorama: Panorama) -> float:
+        return float(sum(detection.mask.mean() for detection in predict(pass_preview.renderer.render(panorama, spec))))
+
+    return choose_face(pass_preview, share, side)
+
+
+def rows_of(detections: Sequence[Detection]) -> tuple[float, float] | None:
+    """The top and the bottom row of all masks in a view, px; None without any."""
+    spans = [np.flatnonzero(detection.mask.any(axis=1))[[0, -1]] for detection in detections if detection.mask.any()]
+    return (float(min(top for top, _ in spans)), float(max(low for _, low in spans))) if spans else None
+
+
+def touches_border(mask: Mask) -> bool:
+    """Whether a mask (h, w) comes within two pixels of the view's border, so that an end may be missing."""
+    inner = mask[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
+    return bool(mask.sum() > inner.sum())
+
+
+def upright_ends(mask: Mask) -> tuple[Floats, Floats]:
+    """Where the lower and the upper border of a mask (h, w) are in the middle of its width there: pixels (2,) each, x then y."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    low, high = int(rows[-1]), int(rows[0])
+    foot, top = (float(np.flatnonzero(mask[row]).mean()) for row in (low, high))
+    return np.array([foot, low + 0.5]), np.array([top, high - 0.5])
+
+
+def point_feature(
+    view: View, detection: Detection, instance: int, part: str, pixel: Floats, sigma_px: float
+) -> Feature:
+    """A point of the object that a detection shows: pixel (2,), x then y, with a round covariance."""
+    covariance = np.eye(2)[None] * sigma_px**2
+    return Feature(
+        view.frame, view.spec.name, detection.label, part, instance, pixel[None], covariance, score=detection.score
+    )

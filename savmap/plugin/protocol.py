@@ -1,0 +1,125 @@
+"""What a plugin's class must have, as a type and as a check, and the settings that every plugin takes."""
+
+import difflib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from savmap.files.validation import ClassNames
+from savmap.plugin import hookspecs
+from savmap.types import Feature, Structure, Track, ViewPlan
+
+if TYPE_CHECKING:
+    from savmap.graph import Constraints
+
+
+class PluginSettings(BaseModel):
+    """Settings that every plugin's `Config` should have; inherit it and add your own, each with a default and a docstring."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model: Path | None = None
+    """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
+    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Confidence above which a pixel belongs to a class."""
+
+
+class KnownSize(BaseModel):
+    """A size that was measured, with its standard deviation, both in metres."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    value: Annotated[float, Field(gt=0, lt=100)]
+    """Metres."""
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.005
+    """Its standard deviation."""
+
+
+class Plugin(Protocol):
+    """A plugin: one structure type, from views to structures in the map.
+
+    The engine makes it with its validated settings, an instance of `Config`. These members are required; so a type checker
+    accepts `plugin: type[Plugin] = Pillars` for any class that has them, whether or not it inherits from this one. Hooks take
+    any of the arguments that `savmap.plugin.hookspecs` names, by name, which is why they are not typed here; what they return is.
+    Hooks with a default (`detect`, `relate`, `cross_row_landmarks`, `evaluate`, `draw`, `scene`, ...) may be left out.
+
+    A class may also declare, each optional:
+
+    - `needs_path: bool`: whether the plugin cannot locate the camera. It is then asked to track only where the path is known
+      (`start` is never None), and a row that has no other plugin for that ends with an error that says so.
+    - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one changes, the
+      row is only solved again.
+    - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
+    - `libraries: tuple[str, ...]`: packages without which the plugin does less.
+    """
+
+    @property
+    def name(self) -> str:
+        """The entry point's name, which site files use."""
+        ...
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Classes that the network must give; a feature's label is one of them."""
+        ...
+
+    @property
+    def model(self) -> Path:
+        """The network's ONNX file that comes with the plugin."""
+        ...
+
+    @property
+    def Config(self) -> type[BaseModel]:  # noqa: N802
+        """The settings: a pydantic model with a default for each that refuses unknown keys."""
+        ...
+
+    def __init__(self, config: Any) -> None: ...
+
+    def render_views(self, *args: Any, **kwargs: Any) -> ViewPlan: ...
+
+    def extract_features(self, *args: Any, **kwargs: Any) -> list[Feature]: ...
+
+    def track(self, *args: Any, **kwargs: Any) -> list[Track]: ...
+
+    def constrain(self, *args: Any, **kwargs: Any) -> "Constraints": ...
+
+    def describe(self, *args: Any, **kwargs: Any) -> list[Structure]: ...
+
+
+def class_faults(plugin_class: Any) -> Iterator[str]:
+    """What a plugin's class lacks or declares wrongly: attributes first, then hooks."""
+    yield from _attribute_faults(plugin_class)
+    hooks = {name for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
+    for hook in hookspecs.REQUIRED:
+        if not implements(plugin_class, hook):
+            yield f"it lacks the hook `{hook}`, which every plugin must have (with @hookimpl)"
+    for name in sorted(set(dir(plugin_class)) - hooks):
+        if implements(plugin_class, name):
+            near = difflib.get_close_matches(name, hooks, 1)
+            yield f"`{name}` is no hook" + (f": did you mean `{near[0]}`?" if near else "")
+
+
+def implements(plugin: Any, hook: str) -> bool:
+    """Whether a plugin's class, or an object of it, has a hook of its own."""
+    return hasattr(getattr(plugin, hook, None), "savmap_impl")
+
+
+def _attribute_faults(plugin_class: Any) -> Iterator[str]:
+    if not isinstance(getattr(plugin_class, "name", None), str):
+        yield "`name` must be a string"
+    classes = getattr(plugin_class, "classes", None)
+    if not (isinstance(classes, tuple) and classes and all(isinstance(label, str) for label in classes)):
+        yield "`classes` must be a tuple of names"
+    if not isinstance(getattr(plugin_class, "model", None), Path):
+        yield "`model` must be a Path"
+    config = getattr(plugin_class, "Config", None)
+    if not (isinstance(config, type) and issubclass(config, BaseModel)):
+        yield "`Config` must be a pydantic model"
+    elif config.model_config.get("extra") != "forbid":
+        yield '`Config` must refuse unknown keys (extra="forbid")'
+    elif any(field.is_required() for field in config.model_fields.values()):
+        yield "every setting of `Config` needs a default"
+    elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
+        yield "`scale_settings` must name settings of `Config`"

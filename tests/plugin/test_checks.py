@@ -1,0 +1,185 @@
+"""What a hook returns is checked: the plugin and the hook are named, and `on_plugin_error: skip` covers it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap.errors import PluginError, PluginFailedError
+from savmap.graph import Constraints, KeySpace, fixed_coordinate, image_measurements
+from savmap.plugin.hookspecs import REQUIRED
+from savmap.plugin.isolation import isolated
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Distances,
+    Drawing,
+    Feature,
+    Score,
+    Structure,
+    Track,
+    ViewPlan,
+    ViewSpec,
+)
+
+from .made_up_plugin import FACTS, PATH, SPEC, VIEW, Config, loaded, plugin_class
+
+NAN = float("nan")
+MASK = np.ones((12, 16), np.bool_)
+DETECTION = Detection("thing", 0.9, MASK, MASK.astype(np.float32))
+FEATURE = Feature(3, "view", "thing", "foot", 0, np.ones((1, 2)), np.eye(2)[None])
+TRACK = Track("thing 1", "thing", {}, np.zeros(1, np.int64), ("view",), np.ones((1, 2)), np.eye(2)[None])
+NO_EDGES = np.empty((0, 2), np.int64)
+THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), NO_EDGES)
+LANDMARK = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
+KEYS = KeySpace("made-up").keys(["thing 1"])
+
+
+class _Solution:
+    def landmarks_of(self, plugin: str) -> dict[str, Any]:
+        return {}
+
+
+def constraints(**changes: Any) -> Constraints:
+    whole = Constraints("made-up", KEYS, image_measurements([TRACK], KEYS, FACTS.views), (), {"thing 1": np.zeros(3)})
+    return replace(whole, **changes)
+
+
+def with_attribute(value: Any) -> list[Structure]:
+    return [replace(THING, attributes={"size": value})]
+
+
+ASK: dict[str, Callable[[LoadedPlugin], Any]] = {
+    "render_views": lambda plugin: plugin.render_views(None, list, None, {}, None),
+    "detect": lambda plugin: plugin.detect(VIEW, None),
+    "extract_features": lambda plugin: plugin.extract_features(VIEW, []),
+    "track": lambda plugin: plugin.track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH),
+    "constrain": lambda plugin: plugin.constrain([TRACK], FACTS, PATH),
+    "describe": lambda plugin: plugin.describe([TRACK], FACTS, _Solution()),
+    "relate": lambda plugin: plugin.relate([THING], {}),
+    "cross_row_landmarks": lambda plugin: plugin.cross_row_landmarks([THING]),
+    "evaluate": lambda plugin: plugin.evaluate([THING], {}),
+    "draw": lambda plugin: plugin.draw([THING], None, {}),
+}
+SOUND: dict[str, Any] = {
+    "render_views": ViewPlan((SPEC,), np.eye(3), -1),
+    "detect": [DETECTION],
+    "extract_features": [FEATURE],
+    "track": [TRACK],
+    "constrain": constraints(),
+    "describe": with_attribute(np.float64(0.5)),
+    "relate": with_attribute("red"),
+    "cross_row_landmarks": [LANDMARK],
+    "evaluate": Score(deviations={"thing 1": float("inf")}),
+    "draw": (Drawing("point", np.zeros((1, 3)), "mapped", "fixture", "things"),),
+}
+FAULTS: list[tuple[str, Any, str]] = [
+    ("render_views", ViewPlan((SPEC, SPEC)), "2 views with the name `view`"),
+    ("render_views", ViewPlan((ViewSpec("up", NAN),)), "view `up`: an angle is not finite"),
+    ("render_views", ViewPlan((SPEC,), 2 * np.eye(3)), "world_from_rig is not a rotation"),
+    ("render_views", ViewPlan((SPEC,), travel=2), "travel is 2"),
+    (
+        "detect",
+        [replace(DETECTION, mask=MASK[1:], probability=MASK[1:])],
+        r"its mask is \(11, 16\), its view \(12, 16\)",
+    ),
+    ("detect", [replace(DETECTION, score=NAN)], "its score is not finite"),
+    ("extract_features", [replace(FEATURE, frame=4)], "it is of frame 4, its view of frame 3"),
+    ("extract_features", [replace(FEATURE, view="side")], "it is of view `side`, not of `view`"),
+    ("track", [replace(TRACK, pixels=np.full((1, 2), NAN))], "track `thing 1`: a pixel is not finite"),
+    ("track", [replace(TRACK, covariances=np.full((1, 2, 2), np.inf))], "a covariance is not finite"),
+    ("track", [replace(TRACK, covariances=np.zeros((1, 2, 2)))], "a covariance is not positive definite"),
+    ("track", [replace(TRACK, frames=np.array([5]))], r"no frame \[5\] in the row, which has 5"),
+    ("track", [replace(TRACK, frames=np.array([0.5]))], "frames are not whole numbers"),
+    ("track", [replace(TRACK, views=("side",))], "no view `side` in the row"),
+    ("track", [TRACK, TRACK], "2 tracks with the name `thing 1`"),
+    ("constrain", constraints(initial={"thing 1": np.full(3, NAN)}), "initial position of `thing 1`"),
+    ("constrain", constraints(initial={"thing 1": np.zeros(2)}), "initial position of `thing 1`"),
+    ("constrain", constraints(plugin="other"), "constraints of `other`"),
+    (
+        "constrain",
+        constraints(relations=(fixed_coordinate("y", KEYS["thing 1"], NAN),)),
+        "its value or sigma is not finite",
+    ),
+    (
+        "constrain",
+        constraints(relations=(fixed_coordinate("y", KEYS["thing 1"], 0.0, 0.0),)),
+        "its sigma is 0.0, not positive",
+    ),
+    ("describe", [replace(THING, vertices=np.full((1, 3), NAN))], "structure `thing 1`: a vertex is not finite"),
+    ("describe", [replace(THING, covariances=np.full((1, 3, 3), NAN))], "a covariance is not finite"),
+    ("describe", [replace(THING, covariances=-np.eye(3)[None])], "a variance is negative"),
+    ("describe", [replace(THING, edges=np.array([[0, 1]]))], "an edge joins a vertex that is not there"),
+    ("describe", [THING, THING], "2 structures with the id `thing 1`"),
+    ("describe", with_attribute(NAN), "attribute `size` is not finite"),
+    ("describe", with_attribute(np.inf), "attribute `size` is not finite"),
+    ("describe", with_attribute([1, 2]), "attribute `size` is a list, no number or text"),
+    ("describe", with_attribute(None), "attribute `size` is a NoneType, no number or text"),
+    ("relate", [], "0 structures for 1"),
+    ("relate", [replace(THING, id="other")], "structure `other` in the place of `thing 1`"),
+    ("relate", with_attribute({}), "attribute `size` is a dict"),
+    ("cross_row_landmarks", [replace(LANDMARK, id="other")], "landmark `other`: no structure has that id"),
+    ("cross_row_landmarks", [replace(LANDMARK, place=np.full(3, NAN))], "its position is not finite"),
+    ("evaluate", Score(apart={"things": Distances(np.array([NAN]))}), "an error of `things` is not finite"),
+    ("evaluate", Score(deviations={"thing 1": NAN}), "the deviation of `thing 1` is not a number"),
+    ("draw", (Drawing("point", np.full((1, 3), NAN), "mapped", "fixture", "things"),), "a point of `things`"),
+]
+
+
+def answering(hook: str, answer: Any) -> LoadedPlugin:
+    return loaded(**{hook: lambda self=None: answer})
+
+
+@pytest.mark.parametrize("hook", SOUND)
+def test_a_sound_answer_passes(hook: str) -> None:
+    assert ASK[hook](answering(hook, SOUND[hook])) is not None
+
+
+@pytest.mark.parametrize(("hook", "answer", "fault"), FAULTS)
+def test_a_faulty_answer_names_plugin_and_hook(hook: str, answer: Any, fault: str) -> None:
+    with pytest.raises(
+        PluginFailedError, match=f"plugin `made-up` returned what cannot be used from `{hook}`.*{fault}"
+    ):
+        ASK[hook](answering(hook, answer))
+
+
+@pytest.mark.parametrize(("hook", "answer", "fault"), FAULTS)
+def test_a_faulty_answer_is_contained_where_failures_are(hook: str, answer: Any, fault: str) -> None:
+    (plugin,) = isolated([answering(hook, answer)])
+    ASK[hook](plugin)
+    assert plugin.failure is not None
+    assert plugin.failure.hook == hook
+
+
+@pytest.mark.parametrize("hook", ASK)
+def test_a_hook_that_ends_the_program_has_failed(hook: str) -> None:
+    def leave(self: Any) -> None:
+        raise SystemExit(0)
+
+    with pytest.raises(PluginFailedError, match=f"plugin `made-up` failed in `{hook}`.*: SystemExit: 0"):
+        ASK[hook](loaded(**{hook: leave}))
+
+
+def test_an_interrupt_by_the_user_is_no_failure_of_the_plugin() -> None:
+    def interrupted(self: Any) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ASK["extract_features"](loaded(extract_features=interrupted))
+
+
+@pytest.mark.parametrize("hook", REQUIRED)
+def test_a_plugin_without_a_required_hook_is_refused(hook: str) -> None:
+    with pytest.raises(PluginError, match=f"plugin `made-up` cannot be used: it lacks the hook `{hook}`"):
+        loaded_plugin("made-up", plugin_class(leave_out=(hook,)), Config())
+
+
+def test_a_plugin_that_ends_the_program_as_it_is_made_is_refused() -> None:
+    def leave(self: Any, config: Config) -> None:
+        raise SystemExit(0)
+
+    with pytest.raises(PluginError, match="plugin `made-up` cannot be set up: SystemExit: 0"):
+        loaded_plugin("made-up", type("Leaving", (plugin_class(),), {"__init__": leave}), Config())
