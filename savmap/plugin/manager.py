@@ -312,7 +312,11 @@ class LoadedPlugin:
             return None
         from savmap.types.scenes import RandomSection  # only the simulator needs it
 
-        return self._ask("random_section", RandomSection, lambda section: None, rng=rng, site=site, drawn=drawn)
+        answer = self._ask("random_section", object, lambda section: None, rng=rng, site=site, drawn=drawn)
+        if answer is None or isinstance(answer, RandomSection):
+            return answer
+        what = f"returned {type(answer).__name__} from `random_section`, not RandomSection"
+        raise PluginFailedError(self.name, "random_section", what)
 
     def exporters(self) -> dict[str, hookspecs.Exporter]:
         """The plugin's map formats by name; none where it has no hook for that."""
