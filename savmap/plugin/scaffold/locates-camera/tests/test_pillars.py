@@ -134,4 +134,4 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
     parts = plugin.scene({"stands": [{"x": 1.0, "z": 0.0, "height": 2.6}]}, np.random.default_rng(0), site)
     assert len(parts.boxes) == 1
     np.testing.assert_allclose(parts.survey["A"]["pillars"], POSTS[:1])
-    assert random_section(np.random.default_rng(0), site)["stands"]
+    assert random_section(np.random.default_rng(0), site, None).section["stands"]

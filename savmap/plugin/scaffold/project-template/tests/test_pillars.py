@@ -153,5 +153,5 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
 
 def test_a_random_place_has_some(plugin: Pillars) -> None:
     site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.zeros(3), True)})
-    section = random_section(np.random.default_rng(0), site)
+    section = random_section(np.random.default_rng(0), site, None).section
     assert 1 <= len(plugin.scene(section, np.random.default_rng(0), site).boxes) <= 4
