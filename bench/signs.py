@@ -16,22 +16,18 @@ from typing import Any
 
 import numpy as np
 import yaml
-from savmap_signs.survey import SurveyedSign, read_row
 
+import savmap
 from savmap.files.atomic import write_text
-from savmap.jobs import run
-from savmap.jobs.scheduler import RunOptions
-from savmap.maps.map_file import read_map
 from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.random_row import random_row
 from savmap.sim.render.raycast import Caster
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.site.job import job_for
 from savmap.types import Floats, Structure
 from savmap_shelves.simulation.random_racks import starts
-from savmap_signs.evaluation import match_signs, same_text
+from savmap_signs.evaluation import SurveyedSign, match_signs, read_row, same_text
 
 LETTER_PX, FRAMES = 8.0, 3
 LETTER_SHARE = 0.33
@@ -143,8 +139,8 @@ def figures_of(seed: int, frames: int, width: int, folder: Path) -> dict[str, An
     site["plugins"] = {"shelves": site["plugins"]["shelves"], "signs": {"pattern": PATTERN}}
     site["rows"] = {"A": site["rows"]["A"]}
     (folder / "signs.yaml").write_text(yaml.safe_dump(site, sort_keys=False))
-    list(run.run(job_for(folder / "signs.yaml", None, folder / "out"), RunOptions(fresh=True)))
-    return judged(scene, read_map(folder / "out" / "map.json").rows["A"].structures["signs"])
+    site_map = savmap.map_site(folder / "signs.yaml", output=folder / "out")
+    return judged(scene, site_map.rows["A"].structures["signs"])
 
 
 def line(seed: int, own: Mapping[str, Any]) -> str:
