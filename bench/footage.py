@@ -152,9 +152,9 @@ def main() -> None:
         made = (footage(int(size), folder, console) for size in arguments.sizes.split(","))
         for site in arguments.sites or made:
             print(site.resolve().parent.name, flush=True)
-            results[site.resolve().parent.name] = own = {}
+            results[site.resolve().parent.name] = by_way = {}
             for name, result in ways(site, console):
-                own[name] = result
+                by_way[name] = result
                 print(line(name, result), flush=True)
     write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 

@@ -45,9 +45,9 @@ def ffmpeg(*arguments: object) -> None:
 
 def first_row(site: Path) -> Run:
     """The first row of a site file, its reference and plugin sections beside it."""
-    told = yaml.safe_load(site.read_text(encoding="utf-8"))
-    name = next(iter(told["rows"]))
-    return {**told, "rows": {name: told["rows"][name]}}
+    content = yaml.safe_load(site.read_text(encoding="utf-8"))
+    name = next(iter(content["rows"]))
+    return {**content, "rows": {name: content["rows"][name]}}
 
 
 def footage(folder: Path, site: Path) -> Path:
@@ -169,15 +169,15 @@ def compared(source: Path, video: Path, times: int, length_s: float, rounds: int
             add(bound, measured(["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]))
             here = [sys.executable, __file__, "--map", site, "-o", target]
             add(ours, map_beside(site, target, jobs) if jobs else measured(here))
-            told = json.loads(target.read_text())
-            add(stages, told["stages"])
-            ours["peak_mb"] = max(ours["peak_mb"], told["peak_mb"])
+            run = json.loads(target.read_text())
+            add(stages, run["stages"])
+            ours["peak_mb"] = max(ours["peak_mb"], run["peak_mb"])
     ratios = {key: ours[key] / bound[key] for key in ("clock_s", "processor_s")}
     return {
         "length": times,
         "jobs": jobs,
         "rounds": rounds,
-        "frames": told["frames"],
+        "frames": run["frames"],
         "bound": dict(bound),
         "ours": dict(ours),
         "stages": dict(stages),
