@@ -2,8 +2,8 @@
 
     python bench/footage.py [SITE ...] [--sizes 2048,4096,7680] [--keep DIR] [-o bench/results/footage.json]
 
-Without a site the scene examples/scenes/precise-row.yaml is simulated at each width and its row mapped. The networks look twice
-at every frame, once for each kind of edge. Beside the last way stand Cramer-Rao bounds: the mean absolute error of widths and
+Without a site the scene examples/scenes/precise-row.yaml is simulated at each width and its row mapped. The networks see
+each frame twice, once for each kind of edge. Beside the last way stand Cramer-Rao bounds: the mean absolute error of widths and
 gaps, 0.8 of their standard deviation, if only noise of the size that the residuals show were to blame: independent from frame to
 frame, and persisting from frame to frame as the residuals do.
 """
@@ -151,8 +151,8 @@ def main() -> None:
         folder = arguments.keep or Path(scratch)
         made = (footage(int(size), folder, console) for size in arguments.sizes.split(","))
         for site in arguments.sites or made:
-            print(site.resolve().parent.name, flush=True)
-            results[site.resolve().parent.name] = by_way = {}
+            print(site.absolute().parent.name, flush=True)
+            results[site.absolute().parent.name] = by_way = {}
             for name, result in ways(site, console):
                 by_way[name] = result
                 print(line(name, result), flush=True)

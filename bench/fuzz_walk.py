@@ -51,15 +51,15 @@ def require(holds: bool, what: str) -> None:
 
 
 def walk(path: Path) -> Reading:
-    """Probe, scout, all frames to the end, and a part of the clip. Raises WrongError, and whatever savmap lets through."""
+    """Probe, previews, all frames to the end, and a part of the clip. Raises WrongError, and whatever savmap lets through."""
     try:
         info = probe(path)
         report = DecodeReport()
         whole = Clip(path, fps=60.0)
         require(expected_frames(whole, info) >= 1, "no frames are expected")
         keys, pairs = preview_frames(Clip(path))
-        scouted([*keys, *chain.from_iterable(pairs)], info)
-        count, smeared = gone_through(panoramas(whole, 7, report), info, 7, 0.0, math.inf)
+        check_previews([*keys, *chain.from_iterable(pairs)], info)
+        count, smeared = count_frames(panoramas(whole, 7, report), info, 7, 0.0, math.inf)
         part(path, info)
     except VideoError as error:
         require("\n" not in str(error) and str(path) in str(error), f"unclear: {error}")
@@ -72,21 +72,21 @@ def part(path: Path, info: VideoInfo) -> None:
     """A time range in the middle; an error there is as good as an error for the whole."""
     start, end = 0.3 * info.duration_s, 0.8 * info.duration_s
     try:
-        gone_through(panoramas(Clip(path, start, end, 60.0)), info, 0, start, end)
+        count_frames(panoramas(Clip(path, start, end, 60.0)), info, 0, start, end)
     except VideoError as error:
         require("\n" not in str(error), f"unclear: {error}")
 
 
-def scouted(previews: Iterable[Panorama], info: VideoInfo) -> None:
+def check_previews(previews: Iterable[Panorama], info: VideoInfo) -> None:
     for panorama in previews:
         require(
             panorama.image.ndim == 3 and panorama.image.shape[1] == 2 * panorama.image.shape[0],
-            f"scouted {panorama.image.shape}",
+            f"preview {panorama.image.shape}",
         )
-        require(math.isfinite(panorama.stamp_s) and panorama.stamp_s >= 0, f"scouted at {panorama.stamp_s} s")
+        require(math.isfinite(panorama.stamp_s) and panorama.stamp_s >= 0, f"preview at {panorama.stamp_s} s")
 
 
-def gone_through(frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float) -> tuple[int, int]:
+def count_frames(frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float) -> tuple[int, int]:
     """How many panoramas there are, and how many of them are smeared. WrongError: numbers, order, times or shapes."""
     last, count, smeared = -math.inf, 0, 0
     for count, panorama in enumerate(frames, start=1):
