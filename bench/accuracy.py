@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from observed_rows import ESTIMATED, LOWEST_SIGMA_M, Given, Made, Mapped, given, made, mapped, tracked
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, DrivenRow, Given, Mapped, driven_row, given, mapped, tracked
 from uncertainty import figures
 
 from savmap.errors import SavmapError
@@ -26,7 +26,7 @@ from savmap_shelves.constraints import GridSettings, published
 
 ROOT = Path(__file__).parent.parent
 PARTS = ("edges as lines", "robust loss and rejection", "linear start", "setback", "mask bias")
-Case = tuple[Made, Given, list[Track]]
+Case = tuple[DrivenRow, Given, list[Track]]
 
 
 def way(parts: tuple[str, ...], known: Given) -> tuple[GridSettings, SolveOptions]:
@@ -48,28 +48,28 @@ def way(parts: tuple[str, ...], known: Given) -> tuple[GridSettings, SolveOption
 
 def cases(errors: MaskErrors, rows: int, sections: int) -> list[Case]:
     """Rows, references off by their sigmas, and tracks."""
-    ones = [made(3000 + seed, errors, sections=sections) for seed in range(rows)]
-    return [(one, given(one, np.random.default_rng([seed, 9])), tracked(one)) for seed, one in enumerate(ones)]
+    driven = [driven_row(3000 + seed, errors, sections=sections) for seed in range(rows)]
+    return [(row, given(row, np.random.default_rng([seed, 9])), tracked(row)) for seed, row in enumerate(driven)]
 
 
-def error_cm(every: list[Case], parts: tuple[str, ...]) -> tuple[float, list[tuple[Made, Mapped]]]:
+def error_cm(prepared: list[Case], parts: tuple[str, ...]) -> tuple[float, list[tuple[DrivenRow, Mapped]]]:
     """Mean absolute error over all rows, cm, and the maps; rows that cannot be mapped are left out with a line."""
-    found = []
-    for number, (one, known, tracks) in enumerate(every):
+    maps = []
+    for number, (driven, known, tracks) in enumerate(prepared):
         try:
-            found.append((one, mapped(one, known, *way(parts, known), tracks=tracks)))
+            maps.append((driven, mapped(driven, known, *way(parts, known), tracks=tracks)))
         except SavmapError as error:
             print(f"  row {number} cannot be mapped: {error}", flush=True)
-    mean = mean_absolute_error(pool(own.score for _, own in found))
-    return 100 * mean if mean is not None else float("nan"), found
+    mean = mean_absolute_error(pool(mapped_row.score for _, mapped_row in maps))
+    return 100 * mean if mean is not None else float("nan"), maps
 
 
-def bound_cm(maps: list[tuple[Made, Mapped]]) -> float:
+def bound_cm(maps: list[tuple[DrivenRow, Mapped]]) -> float:
     """The mean absolute error of widths and gaps that the graphs' sigmas allow for."""
     sigmas = [
-        sigma / np.sqrt(max(float(own.solution.report["variance_inflation"]), 1.0))
-        for one, own in maps
-        for kind, _, sigma in figures(one.survey, own.tracks, own.solution)
+        sigma / np.sqrt(max(float(mapped_row.solution.report["variance_inflation"]), 1.0))
+        for driven, mapped_row in maps
+        for kind, _, sigma in figures(driven.survey, mapped_row.tracks, mapped_row.solution)
         if "edge" not in kind
     ]
     return 100 * float(np.sqrt(2 / np.pi) * np.mean(sigmas)) if sigmas else float("nan")
@@ -82,17 +82,17 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "accuracy.json")
     arguments = parser.parse_args()
     results: dict[str, float] = {}
-    every = cases(PAPER, arguments.rows, arguments.sections)
+    prepared = cases(PAPER, arguments.rows, arguments.sections)
 
     def tell(name: str, value: float) -> None:
         results[name] = value
         print(f"{name:46}{value:8.2f} cm", flush=True)
 
-    tell("published", error_cm(every, ())[0])
+    tell("published", error_cm(prepared, ())[0])
     for part in PARTS:
-        tell(f"published + {part}", error_cm(every, (part,))[0])
+        tell(f"published + {part}", error_cm(prepared, (part,))[0])
     for count in range(2, len(PARTS) + 1):
-        error, maps = error_cm(every, PARTS[:count])
+        error, maps = error_cm(prepared, PARTS[:count])
         tell(f"  + ... + {PARTS[count - 1]}", error)
     tell("bound of the last", bound_cm(maps))
     clean = cases(MaskErrors(PAPER.sigma_px), arguments.rows, arguments.sections)

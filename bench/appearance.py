@@ -3,7 +3,7 @@
     python bench/appearance.py SITE.yaml ... [--sigmas 1] [--keep DIR] [-o bench/results/appearance.json]
 
 The first row of each site of simulated footage is seen once and solved without such points, then with them, as `appearance`
-of the site file has it (`savmap.vision.flow`, `savmap.graph.appearance`), for each standard deviation that they are believed to,
+of the site file has it (`savmap.vision.flow`, `savmap.graph.factors.appearance`), for each standard deviation that they are believed to,
 px. Printed: mean absolute errors, cm: of all measures, of the uprights' widths, of the gaps between them, of their edges along x;
 root mean square errors, mm: of the camera's places after rotation and translation, of its steps along x from frame to
 frame. Besides: how many elements are missing or spurious, and the share of points that are left out.
@@ -22,14 +22,13 @@ import numpy as np
 from peers import misplaced
 
 from savmap.files.atomic import write_text
-from savmap.graph import CameraPriors, Problem, Solution, camera_priors, locate_camera, merge, motion_constraints, solve
+from savmap.graph import Solution, locate_camera, merge, motion_constraints, solve
+from savmap.jobs.tasks import request_for
 from savmap.maps.survey import read_survey
-from savmap.pipeline.initial_poses import initial_path
-from savmap.pipeline.measure import RowMeasurements, clip_of, observe
-from savmap.pipeline.row import Followed, Row, follow
-from savmap.plugin.manager import LoadedPlugin
+from savmap.pipeline.records import PosedRow, RowRequest, SolvedRow
+from savmap.pipeline.row import constrain, describe, locate, measure, track
 from savmap.report.evaluation import score_json
-from savmap.site.job import job_for, plugins_for
+from savmap.site.job import job_for
 from savmap.types import Flow, Trajectory
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import panoramas
@@ -43,26 +42,17 @@ Figures = dict[str, float]
 
 @dataclass(frozen=True)
 class Case:
-    """One row: what is asked, what was seen and followed of it, its frames' part of the problem, and the truth."""
+    """One row: its problem without points of no structure, and the truth."""
 
-    row: Row
-    room: LoadedPlugin
-    seen: RowMeasurements
-    frames: CameraPriors
-    followed: Followed
+    row: PosedRow
     truth: Trajectory
     survey: Mapping[str, Any]
 
-    @property
-    def problem(self) -> Problem:
-        """The problem without points of no structure."""
-        return merge(self.frames, *self.followed.every)
-
     def figures(self, solution: Solution, left_out: float = 0.0) -> Figures:
         """What a solution is worth."""
-        tracks = self.followed.tracks[self.room.name]
-        own = self.room.describe(tracks=tracks, facts=self.seen.facts, solution=solution)
-        scores = score_json(self.room.evaluate(structures=own, survey=self.survey))
+        plugin = self.row.request.plugins[0]
+        structures = describe(SolvedRow(**vars(self.row), solution=solution)).structures[plugin.name]
+        scores = score_json(plugin.evaluate(structures=structures, survey=self.survey))
         measures = {**scores["classes"], **scores["edges"]}
         return {
             "mae_cm": 100 * scores["mae_m"],
@@ -75,34 +65,31 @@ class Case:
 
 def path_figures(path: Trajectory, truth: Trajectory) -> Figures:
     """Root mean square errors, mm: of places after rotation and translation, of steps along x between neighbours."""
-    own, true = (dict(zip(one.frames.tolist(), one.world_from_rig[:, :3, 3], strict=True)) for one in (path, truth))
-    steps = np.array([own[f + 1] - own[f] - true[f + 1] + true[f] for f in own if f + 1 in own])
+    places, true = (dict(zip(p.frames.tolist(), p.world_from_rig[:, :3, 3], strict=True)) for p in (path, truth))
+    steps = np.array([places[f + 1] - places[f] - true[f + 1] + true[f] for f in places if f + 1 in places])
     return {
-        "camera_mm": 1000 * misplaced(own, true, scaled=False),
+        "camera_mm": 1000 * misplaced(places, true, scaled=False),
         "step_x_mm": 1000 * float(np.sqrt(np.mean(steps[:, 0] ** 2))),
     }
 
 
 def case_of(site: Path, keep: Path) -> Case:
-    """See and follow the first pass of a site's first row; what is seen is kept in a folder and used again."""
+    """Measure and track the first pass of a site's first row; what is measured is kept in a folder and used again."""
     job = job_for(site, ["shelves"], keep)
     name = next(iter(job.site.rows))
-    row = row_of(job, name)
-    row = replace(row, passes=row.passes[:1])
-    rooms = plugins_for(job, name)
-    seen = looked(row, rooms, keep / f"{site.parent.name}.pickle")
-    start = initial_path(row, seen)
-    frames = camera_priors(seen.facts, start, row.references)
-    survey = read_survey(site.with_name("survey.json")).rows[name]
-    return Case(row, rooms[0], seen, frames, follow(row, rooms, seen, start, frames), true_path(site, name), survey)
+    request = request_for(job, name)
+    request = replace(request, passes=request.passes[:1], appearance=False)
+    row = posed(request, keep / f"{site.parent.name}.pickle")
+    return Case(row, true_path(site, name), read_survey(site.with_name("survey.json")).rows[name])
 
 
-def looked(row: Row, rooms: Sequence[LoadedPlugin], file: Path) -> RowMeasurements:
-    """What is seen of a row, from a file if it is there."""
-    if not file.is_file():
-        file.write_bytes(pickle.dumps(observe(row.name, row.passes, rooms, SilentMonitor())))
-    seen: RowMeasurements = pickle.loads(file.read_bytes())
-    return seen
+def posed(request: RowRequest, file: Path) -> PosedRow:
+    """The row's problem from what was measured of it, which is in a file or is written there."""
+    monitor = SilentMonitor()
+    known = pickle.loads(file.read_bytes()) if file.is_file() else None
+    measured = measure(replace(request, measurements=known), monitor)
+    file.write_bytes(pickle.dumps(measured.measurements))
+    return constrain(track(locate(measured), monitor), monitor)
 
 
 def true_path(site: Path, row: str) -> Trajectory:
@@ -115,21 +102,21 @@ def true_path(site: Path, row: str) -> Trajectory:
     return Trajectory(np.array([entry["frame"] for entry in content["frames"]]), np.linalg.inv(world_from_row) @ poses)
 
 
-def flows(case: Case) -> tuple[Flow, ...]:
-    """Points followed in each view that the room looked at."""
-    wanted = sorted({feature.view for feature in case.seen.features[case.room.name]})
+def flows(row: PosedRow) -> tuple[Flow, ...]:
+    """Points followed in each view that the plugin looked at."""
+    wanted = sorted({feature.view for features in row.measurements.features.values() for feature in features})
     renderer, tracker = Renderer(), FlowTracker()
-    for panorama in panoramas(clip_of(case.row.passes[0])):
+    for panorama in panoramas(row.request.passes[0].clip):
         for name in wanted:
-            tracker.update(renderer.render(panorama, case.seen.facts.views[name]))
+            tracker.update(renderer.render(panorama, row.measurements.facts.views[name]))
     return tracker.flows
 
 
 def ways(case: Case, sigmas: Sequence[float]) -> Iterator[tuple[str, Figures]]:
     """Figures without points, then with them."""
-    problem = case.problem
+    problem = case.row.problem
     yield "without", case.figures(solve(problem))
-    points, path = flows(case), locate_camera(problem).path
+    points, path = flows(case.row), locate_camera(problem).path
     for sigma in sigmas:
         motion, counts = motion_constraints(points, path, problem.used, sigma)
         solution = solve(merge(problem.camera, *problem.parts, motion))

@@ -104,7 +104,7 @@ def base(codec: str, container: str) -> bytes:
 
 def any_base(rng: np.random.Generator, containers: tuple[str, ...] = ()) -> tuple[bytearray, str, str]:
     """One of the bases: bytes, codec, container."""
-    choice = [one for one in BASES if not containers or one[1] in containers]
+    choice = [pair for pair in BASES if not containers or pair[1] in containers]
     codec, container = choice[int(rng.integers(len(choice)))]
     return bytearray(base(codec, container)), codec, container
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from observed_rows import Mapped, given, made, mapped, tracked
+from observed_rows import Mapped, driven_row, given, mapped, tracked
 
 from savmap.files.atomic import write_text
 from savmap.graph import Calibration, Shutter, Stitching
@@ -77,10 +77,10 @@ def run_case(case: Case, rows: int, sections: int, frames: int = 20) -> dict[str
     off: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in TERMS}
     for seed in range(rows):
         optics = case.optics(seed)
-        one = made(3000 + seed, ERRORS, sections=sections, frames_a_section=frames, optics=optics)
-        known, tracks = given(one, np.random.default_rng([seed, 9]), profiles=False), tracked(one)
+        driven = driven_row(3000 + seed, ERRORS, sections=sections, frames_a_section=frames, optics=optics)
+        known, tracks = given(driven, np.random.default_rng([seed, 9]), profiles=False), tracked(driven)
         for name, term in TERMS.items():
-            row = mapped(one, known, tracks=tracks, calibration=term)
+            row = mapped(driven, known, tracks=tracks, calibration=term)
             scores[name].append(row)
             if term is not None:
                 off[name].append(parameters(row, optics or Optics(), term))
@@ -90,24 +90,24 @@ def run_case(case: Case, rows: int, sections: int, frames: int = 20) -> dict[str
 def figures(rows: list[Mapped], off: list[tuple[Floats, Floats]]) -> dict[str, float]:
     """Mean absolute error, residuals' scale, and how far off the parameters are."""
     mean = mean_absolute_error(pool(row.score for row in rows))
-    found = {
+    result = {
         "mae_m": float("nan") if mean is None else mean,
         "residual_scale": float(np.mean([float(row.solution.report["residual_scale"]) for row in rows])),
     }
     if off:
         errors, normalised = (np.array(part) for part in zip(*off, strict=True))
         if errors.shape[1] > 1:
-            found["turn_rms_deg"] = float(np.sqrt(np.mean(errors[:, :3] ** 2)))
-            found["scale_rms_percent"] = float(np.sqrt(np.mean(errors[:, 3:5] ** 2)))
+            result["turn_rms_deg"] = float(np.sqrt(np.mean(errors[:, :3] ** 2)))
+            result["scale_rms_percent"] = float(np.sqrt(np.mean(errors[:, 3:5] ** 2)))
         if errors.shape[1] != 5:
-            found["read_out_rms_ms"] = float(np.sqrt(np.mean(errors[:, -1] ** 2)))
-        found["spread"] = float(np.sqrt(np.mean(normalised**2)))
-    return found
+            result["read_out_rms_ms"] = float(np.sqrt(np.mean(errors[:, -1] ** 2)))
+        result["spread"] = float(np.sqrt(np.mean(normalised**2)))
+    return result
 
 
 def line(name: str, case: Mapping[str, Mapping[str, float]]) -> str:
     """One row of the table."""
-    errors = "".join(f"{100 * own['mae_m']:10.3f}" for own in case.values())
+    errors = "".join(f"{100 * term['mae_m']:10.3f}" for term in case.values())
     both = case["both"]
     keys = ("turn_rms_deg", "scale_rms_percent", "read_out_rms_ms", "spread")
     return f"{name:22}{errors}" + "".join(f"{both[key]:11.3f}" for key in keys)

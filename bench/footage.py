@@ -2,8 +2,8 @@
 
     python bench/footage.py [SITE ...] [--sizes 2048,4096,7680] [--keep DIR] [-o bench/results/footage.json]
 
-Without a site the scene examples/scenes/precise-row.yaml is simulated at each width and its row mapped. The networks look twice
-at every frame, once for each kind of edge. Beside the last way stand Cramer-Rao bounds: the mean absolute error of widths and
+Without a site the scene examples/scenes/precise-row.yaml is simulated at each width and its row mapped. The networks see
+each frame twice, once for each kind of edge. Beside the last way stand Cramer-Rao bounds: the mean absolute error of widths and
 gaps, 0.8 of their standard deviation, if only noise of the size that the residuals show were to blame: independent from frame to
 frame, and persisting from frame to frame as the residuals do.
 """
@@ -22,11 +22,11 @@ from uncertainty import figures
 from savmap.cli.console import Console
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
-from savmap.graph import PUBLISHED, Solution, SolveOptions, camera_priors, merge, solve
-from savmap.jobs.tasks import row_of
+from savmap.graph import PUBLISHED, Problem, merge, solve
+from savmap.jobs.tasks import request_for
 from savmap.maps.survey import read_survey
-from savmap.pipeline.initial_poses import initial_path
-from savmap.pipeline.measure import RowMeasurements, observe
+from savmap.pipeline.records import LocatedRow
+from savmap.pipeline.row import locate, measure, track_plugin
 from savmap.plugin.manager import open_plugin
 from savmap.report.evaluation import mean_absolute_error
 from savmap.sim.scene.files import load_scene
@@ -43,49 +43,44 @@ SCENE = ROOT / "examples" / "scenes" / "precise-row.yaml"
 WAYS = ("published", "masks' edges", "measured edges")
 
 
-@dataclass(frozen=True)
-class Looked:
-    """One row of a site as seen with one kind of edges: what is known, what was seen, its tracks, its truth."""
+@dataclass(frozen=True, eq=False)
+class TrackedShelves:
+    """One row of a site measured with one kind of edges: the row, the lowest beams' heights, its tracks, its truth."""
 
-    row: Row
+    row: LocatedRow
     lowest: Any
-    seen: RowMeasurements
     tracks: list[Track]
     survey: Mapping[str, Any]
 
 
-def look(site_file: Path, subpixel: bool, console: Console) -> Looked:
-    """Watch a site's first row through the shelves plugin."""
+def track_shelves(site_file: Path, subpixel: bool, console: Console) -> TrackedShelves:
+    """Measure and track a site's first row with the shelves plugin."""
     job = job_for(site_file, ["shelves"], site_file.parent)
-    site = job.site
-    name = next(iter(site.rows))
-    row = row_of(job, name)
-    settings = site.row_config(name, "shelves")
-    room = open_plugin("shelves", {**settings, "subpixel": subpixel})
-    seen = observe(name, row.passes, [room], console)
-    attitudes = initial_path(row, seen).world_from_rig[:, :3, :3]
-    tracks = room.track(features=seen.features["shelves"], facts=seen.facts, attitudes=attitudes, start=None)
-    assert site.survey is not None
-    return Looked(row, settings["lowest_beam_bottom_height_m"], seen, tracks, read_survey(site.survey).rows[name])
+    name = next(iter(job.site.rows))
+    settings = job.site.plugin_config(name, "shelves")
+    plugin = open_plugin("shelves", {**settings, "subpixel": subpixel})
+    row = locate(measure(replace(request_for(job, name), plugins=[plugin]), console))
+    assert job.site.survey is not None
+    survey = read_survey(job.site.survey).rows[name]
+    return TrackedShelves(row, settings["lowest_beam_bottom_height_m"], track_plugin(plugin, row, None), survey)
 
 
-def solved(looked: Looked, settings: GridSettings, options: SolveOptions | None = None) -> Solution:
-    """The row's solve with given settings."""
-    start = initial_path(looked.row, looked.seen)
-    grid = constrain(looked.tracks, looked.seen.facts, start, settings=settings)
-    return solve(merge(camera_priors(looked.seen.facts, start, looked.row.references), grid), options)
+def problem_of(shelves: TrackedShelves, settings: GridSettings) -> Problem:
+    """The row's problem for the graph with given settings."""
+    row = shelves.row
+    return merge(row.frames, constrain(shelves.tracks, row.measurements.facts, row.start, settings=settings))
 
 
-def ours(looked: Looked) -> GridSettings:
+def ours(shelves: TrackedShelves) -> GridSettings:
     """The settings of the main job."""
-    return GridSettings(looked.lowest["values"], looked.lowest["sigma"])
+    return GridSettings(shelves.lowest["values"], shelves.lowest["sigma"])
 
 
-def bounds_cm(looked: Looked) -> tuple[float, float]:
+def bounds_cm(shelves: TrackedShelves) -> tuple[float, float]:
     """The mean absolute error of widths and gaps that noise of the residuals' size leaves: independent from frame to
     frame; persisting as long as the residuals do."""
-    solution = solved(looked, replace(ours(looked), bias=NO_BIAS))
-    sigmas = [s for kind, _, s in figures(looked.survey, looked.tracks, solution) if "edge" not in kind]
+    solution = solve(problem_of(shelves, replace(ours(shelves), bias=NO_BIAS)))
+    sigmas = [s for kind, _, s in figures(shelves.survey, shelves.tracks, solution) if "edge" not in kind]
     persisting = 100 * float(np.sqrt(2 / np.pi) * np.mean(sigmas))
     scale, inflation = (float(solution.report[key]) for key in ("residual_scale", "variance_inflation"))
     return persisting * scale / float(np.sqrt(inflation)), persisting
@@ -104,21 +99,22 @@ def figures_of(score: Score) -> dict[str, Any]:
 
 def ways(site_file: Path, console: Console) -> Iterator[tuple[str, dict[str, Any]]]:
     """Each way's figures on one footage."""
-    masks, measured = (look(site_file, subpixel, console) for subpixel in (False, True))
+    masks, measured = (track_shelves(site_file, subpixel, console) for subpixel in (False, True))
     plans = (
         (masks, published(masks.lowest["values"], masks.lowest["sigma"]), PUBLISHED),
         (masks, ours(masks), None),
         (measured, ours(measured), None),
     )
-    for name, (looked, settings, options) in zip(WAYS, plans, strict=True):
+    for name, (shelves, settings, options) in zip(WAYS, plans, strict=True):
         try:
-            found = figures_of(evaluate(describe(looked.tracks, solved(looked, settings, options)), looked.survey))
+            solution = solve(problem_of(shelves, settings), options)
+            result = figures_of(evaluate(describe(shelves.tracks, solution), shelves.survey))
         except SavmapError as error:
             yield name, {"error": str(error)}
             continue
-        if name == WAYS[-1] and not found["missing"] + found["spurious"]:
-            found["bounds_cm"] = bounds_cm(looked)
-        yield name, found
+        if name == WAYS[-1] and not result["missing"] + result["spurious"]:
+            result["bounds_cm"] = bounds_cm(shelves)
+        yield name, result
 
 
 def footage(size: int, folder: Path, console: Console) -> Path:
@@ -131,13 +127,13 @@ def footage(size: int, folder: Path, console: Console) -> Path:
     return site
 
 
-def line(name: str, found: Mapping[str, Any]) -> str:
+def line(name: str, result: Mapping[str, Any]) -> str:
     """One line of the table."""
-    if "error" in found:
-        return f"  {name:16}{found['error'][:100]}"
-    bounds = "".join(f"{bound:9.3f}{found['mae_cm'] / bound:7.1f}" for bound in found.get("bounds_cm", ()))
-    means = "".join(f"{found[f'{kind} element mean_cm']:10.2f}" for kind in "VH")
-    return f"  {name:16}{found['missing']:8d}{found['spurious']:9d}{found['mae_cm']:9.2f}{means}{bounds}"
+    if "error" in result:
+        return f"  {name:16}{result['error'][:100]}"
+    bounds = "".join(f"{bound:9.3f}{result['mae_cm'] / bound:7.1f}" for bound in result.get("bounds_cm", ()))
+    means = "".join(f"{result[f'{kind} element mean_cm']:10.2f}" for kind in "VH")
+    return f"  {name:16}{result['missing']:8d}{result['spurious']:9d}{result['mae_cm']:9.2f}{means}{bounds}"
 
 
 def main() -> None:
@@ -155,11 +151,11 @@ def main() -> None:
         folder = arguments.keep or Path(scratch)
         made = (footage(int(size), folder, console) for size in arguments.sizes.split(","))
         for site in arguments.sites or made:
-            print(site.resolve().parent.name, flush=True)
-            results[site.resolve().parent.name] = own = {}
-            for name, found in ways(site, console):
-                own[name] = found
-                print(line(name, found), flush=True)
+            print(site.absolute().parent.name, flush=True)
+            results[site.absolute().parent.name] = by_way = {}
+            for name, result in ways(site, console):
+                by_way[name] = result
+                print(line(name, result), flush=True)
     write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 

@@ -25,7 +25,7 @@ from broken import BYTEWISE, Maker, intact
 from broken_headers import HEADERS
 from broken_streams import STREAMS
 from broken_things import THINGS
-from fuzz_walk import Found, child
+from fuzz_walk import Reading, child
 
 from savmap.files.atomic import write_text
 
@@ -44,7 +44,7 @@ class Case:
 
     kind: str
     number: int
-    found: Found
+    reading: Reading
 
 
 def made(kind: str, number: int, seed: int, folder: Path) -> Path:
@@ -53,8 +53,8 @@ def made(kind: str, number: int, seed: int, folder: Path) -> Path:
     return KINDS[kind](folder, np.random.default_rng([seed, number, *kind.encode()]))
 
 
-def read(path: Path, results: Path) -> Found:
-    """What becomes of a file in a process of its own; a process that hangs, dies or grows too large has failed."""
+def read(path: Path, results: Path) -> Reading:
+    """What becomes of a file in a separate process; a process that hangs, dies or grows too large has failed."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["fuzz_walk", "broken_headers", "broken_streams", "broken_things"])
     process = context.Process(target=child, args=(path, results))
@@ -64,15 +64,17 @@ def read(path: Path, results: Path) -> Found:
     if process.is_alive():
         process.kill()
         process.join()
-        return Found("failed", f"hangs: not done after {LIMIT_S:g} s", seconds=time.monotonic() - began)
+        return Reading("failed", f"hangs: not done after {LIMIT_S:g} s", seconds=time.monotonic() - began)
     if process.exitcode or not results.exists():
-        return Found("failed", f"crash: the process ended with {process.exitcode}", seconds=time.monotonic() - began)
-    found = Found(**json.loads(results.read_text()))
-    if found.peak_mb > LIMIT_MB:
-        return replace(found, outcome="failed", line=f"memory: {found.peak_mb:.0f} MB; {found.line}")
-    if any(not line.startswith(REPAIRED) for line in found.noise.splitlines()):
-        return replace(found, outcome="failed", line=f"prints `{found.noise.splitlines()[0][:200]}`; {found.line}")
-    return found
+        return Reading("failed", f"crash: the process ended with {process.exitcode}", seconds=time.monotonic() - began)
+    reading = Reading(**json.loads(results.read_text()))
+    if reading.peak_mb > LIMIT_MB:
+        return replace(reading, outcome="failed", line=f"memory: {reading.peak_mb:.0f} MB; {reading.line}")
+    if any(not line.startswith(REPAIRED) for line in reading.noise.splitlines()):
+        return replace(
+            reading, outcome="failed", line=f"prints `{reading.noise.splitlines()[0][:200]}`; {reading.line}"
+        )
+    return reading
 
 
 def cases(kinds: Sequence[str], count: int, seed: int) -> Iterator[Case]:
@@ -110,12 +112,16 @@ def table(done: Sequence[Case]) -> Iterator[str]:
     """A line for each kind and one for all."""
     yield f"{'kind':28s} {'files':>5s} {'refused':>8s} {'reported':>8s} {'whole':>6s} {'failed':>6s} {'frames':>7s} {'skipped':>7s} {'smeared':>7s} {'s':>5s} {'MB':>5s}"
     for kind in [*dict.fromkeys(case.kind for case in done), "all"]:
-        own = [case.found for case in done if kind in (case.kind, "all")]
-        ends = Counter(found.outcome for found in own)
+        readings = [case.reading for case in done if kind in (case.kind, "all")]
+        ends = Counter(reading.outcome for reading in readings)
         counts = " ".join(f"{ends[outcome]:{width}d}" for outcome, width in zip(OUTCOMES, (8, 8, 6, 6), strict=True))
-        sums = " ".join(f"{sum(getattr(f, name) for f in own):7d}" for name in ("frames", "skipped", "smeared"))
-        most = f"{max(f.seconds for f in own):5.1f} {max(f.peak_mb for f in own):5.0f}"
-        yield f"{kind:28s} {len(own):5d} {counts} {sums} {most}"
+        sums = " ".join(
+            f"{sum(getattr(reading, name) for reading in readings):7d}" for name in ("frames", "skipped", "smeared")
+        )
+        most = (
+            f"{max(reading.seconds for reading in readings):5.1f} {max(reading.peak_mb for reading in readings):5.0f}"
+        )
+        yield f"{kind:28s} {len(readings):5d} {counts} {sums} {most}"
 
 
 def main() -> None:
@@ -130,8 +136,8 @@ def main() -> None:
     done = []
     for case in cases(kinds, arguments.count, arguments.seed):
         done.append(case)
-        if case.found.outcome == "failed" or (case.kind == "intact" and case.found.outcome != "whole"):
-            print(f"{case.kind} {case.number}: {case.found.line}", flush=True)
+        if case.reading.outcome == "failed" or (case.kind == "intact" and case.reading.outcome != "whole"):
+            print(f"{case.kind} {case.number}: {case.reading.line}", flush=True)
     print(*table(done), sep="\n")
     rng = np.random.default_rng(arguments.seed)
     chosen = rng.permutation(len(done))[: arguments.commands]
@@ -146,7 +152,7 @@ def main() -> None:
     )
     content = {"cases": [asdict(case) for case in done], "commands": wrong}
     write_text(arguments.output, json.dumps(content, indent=1) + "\n")
-    sys.exit(1 if bad or any(case.found.outcome == "failed" for case in done) else 0)
+    sys.exit(1 if bad or any(case.reading.outcome == "failed" for case in done) else 0)
 
 
 if __name__ == "__main__":

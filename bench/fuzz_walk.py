@@ -10,6 +10,7 @@ import traceback
 import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ GREY = (0.299, 0.587, 0.114)
 
 
 @dataclass(frozen=True)
-class Found:
+class Reading:
     """How a file ended: `refused` (a clear error), `reported` (frames, and a report of those skipped or missing), `whole`, or
     `failed`. `smeared`: frames used that differ from the picture that was encoded. Times in s, memory in MB."""
 
@@ -49,60 +50,65 @@ def require(holds: bool, what: str) -> None:
         raise WrongError(what)
 
 
-def walk(path: Path) -> Found:
-    """Probe, scout, all frames to the end, and a part of the clip. Raises WrongError, and whatever savmap lets through."""
+def walk(path: Path) -> Reading:
+    """Probe, previews, all frames to the end, and a part of the clip. Raises WrongError, and whatever savmap lets through."""
     try:
         info = probe(path)
         report = DecodeReport()
         whole = Clip(path, fps=60.0)
         require(expected_frames(whole, info) >= 1, "no frames are expected")
         keys, pairs = preview_frames(Clip(path))
-        scouted([*keys, *(one for pair in pairs for one in pair)], info)
-        count, smeared = gone_through(panoramas(whole, 7, report), info, 7, 0.0, math.inf)
+        check_previews([*keys, *chain.from_iterable(pairs)], info)
+        count, smeared = count_frames(panoramas(whole, 7, report), info, 7, 0.0, math.inf)
         part(path, info)
     except VideoError as error:
         require("\n" not in str(error) and str(path) in str(error), f"unclear: {error}")
-        return Found("refused", str(error))
+        return Reading("refused", str(error))
     require(report.used == count, f"{count} frames came, {report.used} are reported")
-    return Found("whole" if report.complete else "reported", report.text(), count, report.skipped, smeared)
+    return Reading("whole" if report.complete else "reported", report.text(), count, report.skipped, smeared)
 
 
 def part(path: Path, info: VideoInfo) -> None:
-    """A time range in the middle; an error there is as good as one for the whole."""
+    """A time range in the middle; an error there is as good as an error for the whole."""
     start, end = 0.3 * info.duration_s, 0.8 * info.duration_s
     try:
-        gone_through(panoramas(Clip(path, start, end, 60.0)), info, 0, start, end)
+        count_frames(panoramas(Clip(path, start, end, 60.0)), info, 0, start, end)
     except VideoError as error:
         require("\n" not in str(error), f"unclear: {error}")
 
 
-def scouted(found: Iterable[Panorama], info: VideoInfo) -> None:
-    for one in found:
-        require(one.image.ndim == 3 and one.image.shape[1] == 2 * one.image.shape[0], f"scouted {one.image.shape}")
-        require(math.isfinite(one.stamp_s) and one.stamp_s >= 0, f"scouted at {one.stamp_s} s")
+def check_previews(previews: Iterable[Panorama], info: VideoInfo) -> None:
+    for panorama in previews:
+        require(
+            panorama.image.ndim == 3 and panorama.image.shape[1] == 2 * panorama.image.shape[0],
+            f"preview {panorama.image.shape}",
+        )
+        require(math.isfinite(panorama.stamp_s) and panorama.stamp_s >= 0, f"preview at {panorama.stamp_s} s")
 
 
-def gone_through(frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float) -> tuple[int, int]:
+def count_frames(frames: Iterable[Panorama], info: VideoInfo, first: int, start: float, end: float) -> tuple[int, int]:
     """How many panoramas there are, and how many of them are smeared. WrongError: numbers, order, times or shapes."""
     last, count, smeared = -math.inf, 0, 0
-    for count, one in enumerate(frames, start=1):
-        require(one.frame == first + count - 1, f"frame {one.frame} is number {first + count - 1}")
-        require(math.isfinite(one.stamp_s) and one.stamp_s > last, f"{one.stamp_s} s comes after {last} s")
-        require(start - 1e-5 <= one.stamp_s < end, f"{one.stamp_s} s is not in {start} to {end} s")
-        require(one.image.shape == (info.height, info.width, 3), f"{one.image.shape} of {info}")
-        require(one.image.dtype == np.uint8, str(one.image.dtype))
-        last = one.stamp_s
-        smeared += is_smeared(one)
+    for count, panorama in enumerate(frames, start=1):
+        require(panorama.frame == first + count - 1, f"frame {panorama.frame} is number {first + count - 1}")
+        require(
+            math.isfinite(panorama.stamp_s) and panorama.stamp_s > last, f"{panorama.stamp_s} s comes after {last} s"
+        )
+        require(start - 1e-5 <= panorama.stamp_s < end, f"{panorama.stamp_s} s is not in {start} to {end} s")
+        require(panorama.image.shape == (info.height, info.width, 3), f"{panorama.image.shape} of {info}")
+        require(panorama.image.dtype == np.uint8, str(panorama.image.dtype))
+        last = panorama.stamp_s
+        smeared += is_smeared(panorama)
     return count, smeared
 
 
-def is_smeared(one: Panorama) -> bool:
+def is_smeared(panorama: Panorama) -> bool:
     """Whether an image is none of those that `picture` gives (mean difference above MUCH grey levels)."""
-    height, width = one.image.shape[:2]
+    height, width = panorama.image.shape[:2]
     if width > 512:
         return False
-    wanted = picture(index_in(one.image), width, height).astype(int)
-    given = one.image.astype(int)
+    wanted = picture(index_in(panorama.image), width, height).astype(int)
+    given = panorama.image.astype(int)
     if np.ptp(given, axis=-1).max() < 3:
         given, wanted = given.mean(axis=-1), wanted @ GREY
     return bool(np.abs(given - wanted).mean() > MUCH)
@@ -113,7 +119,7 @@ def peak_mb() -> float:
 
 
 def child(path: Path, results: Path) -> None:
-    """Walk through a file and write `Found` to `results` as JSON; what is printed meanwhile is kept as `noise`."""
+    """Walk through a file and write `Reading` to `results` as JSON; what is printed meanwhile is kept as `noise`."""
     warnings.simplefilter("error")
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
     noise = results.with_suffix(".noise")
@@ -122,13 +128,13 @@ def child(path: Path, results: Path) -> None:
     os.dup2(spoken, 2)
     began = time.monotonic()
     try:
-        found = walk(path)
+        reading = walk(path)
     except WrongError as error:
-        found = Found("failed", f"wrong: {error}")
+        reading = Reading("failed", f"wrong: {error}")
     except BaseException as error:
-        found = Found("failed", f"{type(error).__name__}: {error} {traceback.format_exc()}")
+        reading = Reading("failed", f"{type(error).__name__}: {error} {traceback.format_exc()}")
     sys.stdout.flush()
     sys.stderr.flush()
     said = noise.read_text(errors="replace")[:500]
-    content = asdict(found) | {"noise": said, "seconds": time.monotonic() - began, "peak_mb": peak_mb()}
+    content = asdict(reading) | {"noise": said, "seconds": time.monotonic() - began, "peak_mb": peak_mb()}
     results.write_text(json.dumps(content))

@@ -10,7 +10,6 @@ your own (bench/yolo_export.py makes one). IoU is over all pictures of a labelle
 import argparse
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,17 +17,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
-from savmap.jobs.run import run
 
-from savmap.errors import RowsFailedError, SavmapError
-from savmap.jobs.scheduler import RunOptions
-from savmap.maps.map_file import read_map
-from savmap.maps.survey import read_survey
+import savmap
+from savmap.errors import SavmapError
 from savmap.plugin.manager import load_class
 from savmap.report.evaluation import mean_absolute_error
-from savmap.report.site_report import evaluation_of, plugins_of_map
-from savmap.site.job import job_for
-from savmap.site.overrides import overrides_of
+from savmap.site.load import load_site
 from savmap.train.data.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure, pool
 from savmap.vision.networks.segmenter import Segmenter
@@ -47,7 +41,7 @@ def as_yolo(model: Path, output: Path, cell: int = 4) -> Path:
     graph = onnx.load(model)
     source, maps = graph.graph.input[0].name, graph.graph.output[0].name
     box = [width / 2, height / 2, width, height]
-    rows = np.array([[*box, *(SURE * own), *own] for own in np.eye(count)], np.float32)
+    rows = np.array([[*box, *(SURE * unit), *unit] for unit in np.eye(count)], np.float32)
     constants = {"n.full": 255.0, "n.least": LEAST, "n.most": 1 - LEAST, "n.one": 1.0, "output0": rows.T[None]}
     first = [
         *(_constant(name, np.array(value, np.float32)) for name, value in constants.items()),
@@ -55,8 +49,8 @@ def as_yolo(model: Path, output: Path, cell: int = 4) -> Path:
         helper.make_node("Mul", ["images", "n.full"], [source]),
     ]
     last = [
-        helper.make_node("Slice", [maps, "n.from", "n.to", "n.axis"], ["n.own"]),
-        helper.make_node("Clip", ["n.own", "n.least", "n.most"], ["n.inside"]),
+        helper.make_node("Slice", [maps, "n.from", "n.to", "n.axis"], ["n.maps"]),
+        helper.make_node("Clip", ["n.maps", "n.least", "n.most"], ["n.inside"]),
         helper.make_node("Sub", ["n.one", "n.inside"], ["n.rest"]),
         helper.make_node("Div", ["n.inside", "n.rest"], ["n.odds"]),
         helper.make_node("Log", ["n.odds"], ["n.logits"]),
@@ -90,34 +84,31 @@ class Candidate:
     model: Path
 
 
-def mapped(site: Path, model: Path, folder: Path) -> SiteMap:
+def mapped(site: Path, model: Path) -> SiteMap:
     """The map of a site with another network, without rows that could not be mapped."""
-    overrides = overrides_of([f"plugins.{PLUGIN}.model={model.absolute()}"], {})
-    with suppress(RowsFailedError):
-        list(run(job_for(site, [PLUGIN], folder, overrides=overrides), RunOptions(jobs=0)))
-    return read_map(folder / "map.json")
+    return savmap.map_site(site, [PLUGIN], overrides=[f"plugins.{PLUGIN}.model={model.absolute()}"])
 
 
-def structures(found: SiteMap) -> dict[tuple[str, str], Structure]:
+def structures(site_map: SiteMap) -> dict[tuple[str, str], Structure]:
     """A map's elements by row and id."""
-    return {(name, one.id): one for name, row in found.rows.items() for one in row.structures[PLUGIN]}
+    return {(name, element.id): element for name, row in site_map.rows.items() for element in row.structures[PLUGIN]}
 
 
-def line(site: Path, candidate: Candidate, found: SiteMap, shipped: SiteMap) -> str:
+def line(site: Path, candidate: Candidate, site_map: SiteMap, shipped: SiteMap) -> str:
     """How a map's elements compare with those of the shipped network's map, and with the survey."""
-    own, theirs = structures(found), structures(shipped)
-    common = own.keys() & theirs.keys()
-    apart = [np.linalg.norm(own[key].vertices - theirs[key].vertices, axis=1).max() for key in common]
+    ours, theirs = structures(site_map), structures(shipped)
+    common = ours.keys() & theirs.keys()
+    apart = [np.linalg.norm(ours[key].vertices - theirs[key].vertices, axis=1).max() for key in common]
     away = f"{100 * np.median(apart):6.2f} {100 * max(apart):6.2f}" if apart else "     -      -"
-    return f"{site.parent.name:10} {candidate.name:28} {len(own):4} {len(common):5} {away} {score(site, found)}"
+    return f"{site.parent.name:10} {candidate.name:28} {len(ours):4} {len(common):5} {away} {score(site, site_map)}"
 
 
-def score(site: Path, found: SiteMap) -> str:
+def score(site: Path, site_map: SiteMap) -> str:
     """Mean absolute error, cm, missing and spurious elements, where the site has a survey."""
-    survey = job_for(site, [PLUGIN], Path()).site.survey
+    survey = load_site(site).survey
     if survey is None:
         return ""
-    whole = pool(evaluation_of(found, read_survey(survey), plugins_of_map(found)).rows.values())
+    whole = pool(savmap.evaluate(site_map, survey).rows.values())
     error = mean_absolute_error(whole)
     missing, spurious = sum(whole.missing.values()), sum(whole.spurious.values())
     return f"{'     -' if error is None else f'{100 * error:6.2f}'} {missing:4} {spurious:4}"
@@ -127,7 +118,9 @@ def overlap(model: Path, data: Path, most: int) -> Iterator[str]:
     """IoU by class over labelled pictures, and milliseconds a picture."""
     network = Segmenter(model, 1, wanted=load_class(PLUGIN).classes, providers=("cpu",))
     both, either = np.zeros(len(network.classes)), np.zeros(len(network.classes))
-    samples = [one for one in read_dataset(data, network.classes).samples if "ceiling" not in one.image.name][:most]
+    samples = [sample for sample in read_dataset(data, network.classes).samples if "ceiling" not in sample.image.name][
+        :most
+    ]
     seconds = []
     for sample in samples:
         picture, mask = sample.load()
@@ -159,21 +152,21 @@ def main() -> None:
             *(Candidate(f"YOLO-seg, {path.name}", path) for path in given.yolo),
         ]
         if given.data is not None:
-            for one in candidates:
-                print(f"IoU  {one.name:28} {', '.join(overlap(one.model, given.data, given.pictures))}")
+            for candidate in candidates:
+                print(f"IoU  {candidate.name:28} {', '.join(overlap(candidate.model, given.data, given.pictures))}")
         print(
             "site       network                    elements  same  apart cm: median, most   MAE cm, missing, spurious"
         )
         for site in given.sites:
             reference: SiteMap | None = None
-            for number, one in enumerate(candidates):
+            for candidate in candidates:
                 try:
-                    found = mapped(site, one.model, Path(folder) / f"{site.parent.name}-{number}")
+                    site_map = mapped(site, candidate.model)
                 except SavmapError as error:
-                    print(f"{site.parent.name:10} {one.name:28} not mapped: {error}")
+                    print(f"{site.parent.name:10} {candidate.name:28} not mapped: {error}")
                     continue
-                reference = reference or found
-                print(line(site, one, found, reference), flush=True)
+                reference = reference or site_map
+                print(line(site, candidate, site_map, reference), flush=True)
 
 
 if __name__ == "__main__":

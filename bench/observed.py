@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped, tracked
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped, tracked
 
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
@@ -33,13 +33,13 @@ METHODS = ("ours", "published")
 Result = dict[str, Any]
 
 
-def one_row(task: tuple[int, int, int]) -> tuple[dict[str, Score], Result]:
+def map_row(task: tuple[int, int, int]) -> tuple[dict[str, Score], Result]:
     """Scores by method, and what it took: seconds and memory of our way from features to map."""
     seed, sections, frames = task
-    one = made(seed, PAPER, sections=sections, frames_a_section=frames)
-    known = given(one, np.random.default_rng([seed, 7]))
+    driven = driven_row(seed, PAPER, sections=sections, frames_a_section=frames)
+    known = given(driven, np.random.default_rng([seed, 7]))
     begin = time.perf_counter()
-    tracks = tracked(one)
+    tracks = tracked(driven)
     tracking = time.perf_counter() - begin
     settings = GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED)
     scores: dict[str, Score] = {}
@@ -47,9 +47,12 @@ def one_row(task: tuple[int, int, int]) -> tuple[dict[str, Score], Result]:
     ways = (("ours", settings, None), ("published", published(known.lowest_m, LOWEST_SIGMA_M), PUBLISHED))
     for name, chosen, options in ways:
         try:
-            row = mapped(one, known, chosen, options, tracks=tracks)
+            row = mapped(driven, known, chosen, options, tracks=tracks)
         except SavmapError as error:
-            scores[name], result[name] = nothing(one.survey), {**score_json(nothing(one.survey)), "error": str(error)}
+            scores[name], result[name] = (
+                nothing(driven.survey),
+                {**score_json(nothing(driven.survey)), "error": str(error)},
+            )
             continue
         scores[name] = row.score
         result[name] = {
@@ -71,12 +74,12 @@ def line(seed: int, result: Result) -> str:
     """One row of the table."""
     cells = []
     for name in METHODS:
-        own = result[name]
-        if "error" in own:
-            cells.append(f" {own['error'][:60]:>42}")
+        figures = result[name]
+        if "error" in figures:
+            cells.append(f" {figures['error'][:60]:>42}")
             continue
-        wrong = f"{sum(own['missing'].values()):8d} {sum(own['spurious'].values()):9d}"
-        cells.append(f"{wrong} {100 * own['mae_m']:8.2f} {own['seconds']:8.1f} {1e3 * own['peak_gb']:6.0f}")
+        wrong = f"{sum(figures['missing'].values()):8d} {sum(figures['spurious'].values()):9d}"
+        cells.append(f"{wrong} {100 * figures['mae_m']:8.2f} {figures['seconds']:8.1f} {1e3 * figures['peak_gb']:6.0f}")
     return f"{seed:5d}" + "".join(cells)
 
 
@@ -95,14 +98,14 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.rows)
     tasks = [(seed, arguments.sections, arguments.frames_a_section) for seed in seeds]
     with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as workers:
-        for seed, (found, result) in zip(seeds, workers.imap(one_row, tasks), strict=True):
+        for seed, (row_scores, result) in zip(seeds, workers.imap(map_row, tasks), strict=True):
             results[seed] = result
-            for name, score in found.items():
+            for name, score in row_scores.items():
                 scores[name].append(score)
             print(line(seed, result), flush=True)
-    every: Mapping[str, Score] = {name: pool(own) for name, own in scores.items() if own}
-    print(as_table(Evaluation(every)).split("\nAll rows")[0])
-    total = {name: score_json(own) for name, own in every.items()}
+    pooled: Mapping[str, Score] = {name: pool(rows) for name, rows in scores.items() if rows}
+    print(as_table(Evaluation(pooled)).split("\nAll rows")[0])
+    total = {name: score_json(score) for name, score in pooled.items()}
     write_text(arguments.output, json.dumps({"all": total, "rows": results}, indent=2) + "\n")
 
 

@@ -1,6 +1,6 @@
 """Rows at observation level: a scene of the paper's size, masks' edges with their errors, and the way from there to a map.
 
-Shared by observed.py, site46.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's own.
+Shared by observed.py, site46.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's.
 """
 
 import time
@@ -50,12 +50,12 @@ PROFILES = (
 
 
 @dataclass(frozen=True)
-class Made:
-    """A row that was driven past: the scene, the drive, what was seen, and the row's name there."""
+class DrivenRow:
+    """A row that a camera was driven along: the scene, the drive, what was measured, and the row's name there."""
 
     built: Built
     path: Drive
-    seen: RowMeasurements
+    measurements: RowMeasurements
     row: str = "A"
 
     @property
@@ -96,7 +96,7 @@ def rack(rng: np.random.Generator, sections: int, levels: tuple[int, int], bridg
     return {"upright_width": 0.1, "beam_height": 0.1, "height": 7.2, "bays": bays, "labels": 0.0, "bracing": False}
 
 
-def made(
+def driven_row(
     seed: int,
     errors: MaskErrors,
     sections: int = 15,
@@ -104,11 +104,11 @@ def made(
     frames_a_section: int = 20,
     sigma_px: float | None = None,
     optics: Optics | None = None,
-) -> Made:
+) -> DrivenRow:
     """A random row and what a camera (with `optics`) saw that was pushed along it once, 1.5 m away and 3 m high."""
     rng = np.random.default_rng([seed, 46])
-    own = rack(rng, sections, levels)
-    length = sum(bay["width"] + 0.1 for bay in own["bays"]) + 0.1
+    shelves = rack(rng, sections, levels)
+    length = sum(bay["width"] + 0.1 for bay in shelves["bays"]) + 0.1
     cart = {
         "start": [-1.0, 1.5],
         "end": [length + 1.0, 1.5],
@@ -125,7 +125,7 @@ def made(
             "goods": {"density": 0.0},
             "cart": cart,
             "rows": {"A": {"x": 0.0, "z": 0.0}},
-            "structures": {"shelves": {"rows": {"A": own}}},
+            "structures": {"shelves": {"rows": {"A": shelves}}},
         }
     )
     built = build(scene)
@@ -135,20 +135,20 @@ def made(
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
     facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
-    seen = RowMeasurements(
+    measurements = RowMeasurements(
         facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), MarkerTracks({}, {})
     )
-    return Made(built, path, seen)
+    return DrivenRow(built, path, measurements)
 
 
 def given(
-    one: Made, rng: np.random.Generator, length: bool = True, profiles: bool = True, exact: bool = False
+    driven: DrivenRow, rng: np.random.Generator, length: bool = True, profiles: bool = True, exact: bool = False
 ) -> Given:
     """References off by their own sigmas: camera height, the lowest edges, and, if asked for, the row's length and the
     widths of one upright and of one beam."""
     off = 0.0 if exact else 1.0
-    height = float(one.path.origins[:, 1].mean()) + off * rng.normal(0, HEIGHT_SIGMA_M)
-    uprights = one.survey["uprights"]
+    height = float(driven.path.origins[:, 1].mean()) + off * rng.normal(0, HEIGHT_SIGMA_M)
+    uprights = driven.survey["uprights"]
     span = uprights[-1][1] - uprights[0][0] + off * rng.normal(0, LENGTH_SIGMA_M)
     ends = ("upright 1 / left", f"upright {len(uprights)} / right")
     lengths: tuple[KnownLength, ...] = (KnownLength(*ends, span, LENGTH_SIGMA_M),) if length else ()
@@ -156,32 +156,34 @@ def given(
         lengths += tuple(
             KnownLength(*ends, 0.1 + off * rng.normal(0, WIDTH_SIGMA_M), WIDTH_SIGMA_M) for ends in PROFILES
         )
-    lowest = [float(s["beams"][0][0] + off * rng.normal(0, LOWEST_SIGMA_M)) for s in one.survey["sections"]]
+    lowest = [float(s["beams"][0][0] + off * rng.normal(0, LOWEST_SIGMA_M)) for s in driven.survey["sections"]]
     return Given(References((CameraHeight(height, HEIGHT_SIGMA_M, 0.02),), lengths), tuple(lowest))
 
 
-def start_of(one: Made, known: Given, truth: bool = False) -> Trajectory:
-    """The engine's first path, or the true one."""
+def start_of(driven: DrivenRow, known: Given, truth: bool = False) -> Trajectory:
+    """The pipeline's first path, or the true path."""
     if truth:
-        return Trajectory(np.arange(len(one.path.origins)), true_poses(one))
-    travel = float(np.ptp(one.path.origins[:, 0]))
-    return initial_path(RowRequest("A", (), (), known.references, round(travel, 0)), one.seen)
+        return Trajectory(np.arange(len(driven.path.origins)), true_poses(driven))
+    travel = float(np.ptp(driven.path.origins[:, 0]))
+    return initial_path(RowRequest("A", (), (), known.references, round(travel, 0)), driven.measurements)
 
 
-def true_poses(one: Made) -> Floats:
+def true_poses(driven: DrivenRow) -> Floats:
     """world_from_rig (n, 4, 4)."""
-    poses = np.tile(np.eye(4), (len(one.path.origins), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = one.path.world_from_rig, one.path.origins
+    poses = np.tile(np.eye(4), (len(driven.path.origins), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = driven.path.world_from_rig, driven.path.origins
     return poses
 
 
-def tracked(one: Made) -> list[Track]:
+def tracked(driven: DrivenRow) -> list[Track]:
     """The plugin's tracks."""
-    return track_structures(one.seen.features["shelves"], one.seen.facts, attitudes=attitudes_of(one.seen))
+    return track_structures(
+        driven.measurements.features["shelves"], driven.measurements.facts, attitudes=attitudes_of(driven.measurements)
+    )
 
 
 def mapped(
-    one: Made,
+    driven: DrivenRow,
     known: Given,
     settings: GridSettings | None = None,
     options: SolveOptions | None = None,
@@ -189,13 +191,15 @@ def mapped(
     start: Trajectory | None = None,
     calibration: Calibration | None = None,
 ) -> Mapped:
-    """From features to a scored map, as engine.py chains it for one room."""
+    """From features to a scored map, as `savmap.pipeline.row` chains it for a plugin."""
     begin = time.perf_counter()
-    own = tracked(one) if tracks is None else tracks
-    first = start or start_of(one, known)
-    grid = constrain(own, one.seen.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M))
-    frames = camera_priors(one.seen.facts, first, known.references, calibration=calibration)
+    row_tracks = tracked(driven) if tracks is None else tracks
+    first = start or start_of(driven, known)
+    grid = constrain(
+        row_tracks, driven.measurements.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M)
+    )
+    frames = camera_priors(driven.measurements.facts, first, known.references, calibration=calibration)
     solution = solve(merge(frames, grid), options)
-    structures = describe(own, solution)
+    structures = describe(row_tracks, solution)
     seconds = time.perf_counter() - begin
-    return Mapped(own, solution, structures, evaluate(structures, one.survey), seconds)
+    return Mapped(row_tracks, solution, structures, evaluate(structures, driven.survey), seconds)

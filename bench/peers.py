@@ -15,6 +15,7 @@ import argparse
 import json
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.files.atomic import write_text
-from savmap.jobs import run, tasks
+from savmap.jobs.map_site import map_job
 from savmap.jobs.scheduler import RunOptions
-from savmap.maps.run_record import RunLog
+from savmap.report.evaluation import score_json
 from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
-from savmap.site.job import job_for, prepare
+from savmap.site.job import job_for
 from savmap.site.model import Pass
-from savmap.types import RowMap, SiteMap
+from savmap.types import RowMap
 from savmap.types.progress import SilentMonitor
-from savmap.video.reader import Clip, panoramas
+from savmap.video.reader import panoramas
 from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
@@ -52,23 +53,23 @@ def elapsed(since: Clock) -> Clock:
     return clock - since[0], processor - since[1]
 
 
-def ours(site: Path, output: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
+def ours(site: Path) -> tuple[RowMap, Pass, dict[str, Any]]:
     """The map of a site's first row, its first pass, and what it is worth."""
-    job = job_for(site, ["shelves"], output)
-    prepare(output)
+    job = job_for(site, ["shelves"], Path())
     name = next(iter(job.site.rows))
+    first_row = job.site.model_copy(update={"rows": {name: job.site.rows[name]}})
     since = now()
-    row = tasks.map_one(job, name, SilentMonitor())
+    run = map_job(replace(job, site=first_row), RunOptions(jobs=0), SilentMonitor())
     seconds, processor = elapsed(since)
-    list(run.write_results(job, SiteMap({name: row}, {}), RunLog(rows={}), RunOptions()))
+    row = run.site_map.rows[name]
     figures: dict[str, Any] = {"seconds": seconds, "processor_s": processor, "frames": len(row.trajectory.frames)}
-    if job.site.survey is not None:
-        scores = json.loads(run.scores_json(run.evaluate_files(output / "map.json", job.site.survey)))
-        figures |= {key: scores["rows"][name][key] for key in ("missing", "spurious", "mae_m")}
+    if run.evaluation is not None:
+        score = score_json(run.evaluation.rows[name])
+        figures |= {key: score[key] for key in ("missing", "spurious", "mae_m")}
     return row, job.site.rows[name].passes[0], figures
 
 
-def places(row: RowMap) -> Places:
+def places_of(row: RowMap) -> Places:
     """Camera positions by frame, m."""
     return dict(zip(row.trajectory.frames.tolist(), row.trajectory.world_from_rig[:, :3, 3], strict=True))
 
@@ -86,11 +87,11 @@ def true_places(site: Path, row: str) -> Places | None:
     }
 
 
-def write_views(row: RowMap, one: Pass, folder: Path) -> float:
+def write_views(row: RowMap, row_pass: Pass, folder: Path) -> float:
     """Render the face's view of every frame as frame-NNNNN.png; gives its focal length in pixels."""
     spec = next(spec for name, spec in row.views.items() if "face" in name)
     renderer = Renderer()
-    for panorama in panoramas(Clip(one.video, one.start_s or None, one.end_s, one.fps)):
+    for panorama in panoramas(row_pass.clip):
         image = renderer.render(panorama, spec).image
         cv2.imwrite(str(folder / f"frame-{panorama.frame:05d}.png"), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     return float(spec.camera[0, 0])
@@ -102,7 +103,7 @@ def peer(folder: Path, focal_px: float) -> tuple[Places, Clock]:
 
     since = now()
     work = folder.with_name("pycolmap")
-    tasks.mkdir()
+    work.mkdir()
     database = work / "database.db"
     parameters = f"{focal_px},{focal_px},320,240"
     reader = pycolmap.ImageReaderOptions(camera_model="PINHOLE", camera_params=parameters)
@@ -120,12 +121,12 @@ def peer(folder: Path, focal_px: float) -> tuple[Places, Clock]:
     }, spent
 
 
-def misplaced(found: Places, truth: Places, scaled: bool) -> float:
+def misplaced(places: Places, truth: Places, scaled: bool) -> float:
     """Root mean square distance, m, of positions after the best rotation, translation and, if `scaled`, scale (Umeyama 1991)."""
-    common = sorted(set(found) & set(truth))
+    common = sorted(set(places) & set(truth))
     if len(common) < 3:
         return float("nan")
-    a, b = (np.array([each[frame] for frame in common]) for each in (found, truth))
+    a, b = (np.array([known[frame] for frame in common]) for known in (places, truth))
     mean_a, mean_b = a.mean(axis=0), b.mean(axis=0)
     u, singular, v = np.linalg.svd((b - mean_b).T @ (a - mean_a))
     sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
@@ -136,16 +137,16 @@ def misplaced(found: Places, truth: Places, scaled: bool) -> float:
 
 def compare(site: Path, folder: Path) -> dict[str, Any]:
     """Both on one site."""
-    row, one, figures = ours(site, folder / "out")
+    row, row_pass, figures = ours(site)
     views = folder / "views"
     views.mkdir()
-    positions, (seconds, processor) = peer(views, write_views(row, one, views))
+    positions, (seconds, processor) = peer(views, write_views(row, row_pass, views))
     truth = true_places(site, row.name)
     if truth is not None:
-        figures["rmse_m"] = misplaced(places(row), truth, scaled=False)
+        figures["rmse_m"] = misplaced(places_of(row), truth, scaled=False)
     other = {
         "frames": len(positions),
-        "rmse_m": misplaced(positions, truth if truth is not None else places(row), scaled=True),
+        "rmse_m": misplaced(positions, truth if truth is not None else places_of(row), scaled=True),
         "against": "truth" if truth is not None else "savmap",
         "seconds": seconds,
         "processor_s": processor,

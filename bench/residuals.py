@@ -14,13 +14,11 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from footage import ROOT as REPOSITORY
-from footage import Looked, look, ours
+from footage import TrackedShelves, ours, problem_of, track_shelves
 
 from savmap.cli.console import Console
-from savmap.graph import camera_priors, merge, solve
-from savmap.pipeline.initial_poses import initial_path
+from savmap.graph import solve
 from savmap.types import Floats
-from savmap_shelves.constraints import constrain
 from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
 
@@ -34,11 +32,9 @@ CELLS = (16, 12)
 LIMIT_PX, GROSS_PX = 0.6, 5.0
 
 
-def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
+def residuals(shelves: TrackedShelves) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Pixels and residual outwards (n, 3) of each class, and errors of the map by class, m."""
-    start = initial_path(looked.row, looked.seen)
-    grid = constrain(looked.tracks, looked.seen.facts, start, settings=ours(looked))
-    problem = merge(camera_priors(looked.seen.facts, start, looked.row.references), grid)
+    problem = problem_of(shelves, ours(shelves))
     solution = solve(problem)
     poses = solution.trajectory.world_from_rig[np.searchsorted(solution.trajectory.frames, problem.used)]
     points = np.array([solution.landmarks_of("shelves")[problem.name_of(int(key))[1]].position for key in problem.keys])
@@ -46,16 +42,16 @@ def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
     pixels = np.einsum("nij,nj->ni", roots, problem.residuals(poses, points))
     normals = np.linalg.eigh(problem.measurements.covariances)[1][:, :, 0]
     across = np.einsum("ni,ni->n", normals, pixels)
-    found: dict[str, list[Floats]] = {"upright": [], "beam": []}
+    by_label: dict[str, list[Floats]] = {"upright": [], "beam": []}
     names = [problem.name_of(int(key))[1] for key in problem.measurements.keys]
     for at, off, normal, name in zip(problem.measurements.pixels, across, normals, names, strict=True):
         label = "upright" if name.startswith("upright") else "beam"
         part = next((part for part in name.replace(" /", "").split() if part in OUTWARDS), None)
         if part is not None and abs(off) < GROSS_PX:
             axis, sign = OUTWARDS[part]
-            found[label].append(np.array([*at, -sign * np.sign(normal[axis]) * off]))
-    errors = dict(evaluate(describe(looked.tracks, solution), looked.survey).errors)
-    return {label: np.array(rows) for label, rows in found.items()}, errors
+            by_label[label].append(np.array([*at, -sign * np.sign(normal[axis]) * off]))
+    errors = dict(evaluate(describe(shelves.tracks, solution), shelves.survey).errors)
+    return {label: np.array(rows) for label, rows in by_label.items()}, errors
 
 
 def over_the_view(axes: Any, rows: Floats, title: str) -> Any:
@@ -74,9 +70,9 @@ def by_column(axes: Any, rows: Floats, title: str) -> None:
     """Mean residual and standard deviation in each strip of columns."""
     edges = np.linspace(0, 640, CELLS[0] + 1)
     strip = np.digitize(rows[:, 0], edges) - 1
-    own = [rows[strip == number, 2] for number in range(CELLS[0])]
-    known = [number for number, values in enumerate(own) if len(values) >= 3]
-    mean, spread = ([float(figure(own[number])) for number in known] for figure in (np.mean, np.std))
+    strips = [rows[strip == number, 2] for number in range(CELLS[0])]
+    known = [number for number, values in enumerate(strips) if len(values) >= 3]
+    mean, spread = ([float(figure(strips[number])) for number in known] for figure in (np.mean, np.std))
     axes.errorbar((edges[:-1] + edges[1:])[known] / 2, mean, spread, fmt="o", markersize=3, capsize=2)
     axes.axhline(0, color="#868e96", linewidth=0.8)
     axes.set(xlim=(0, 640), ylim=(-2.5, 2.5), xlabel="column, px", ylabel="residual outwards, px")
@@ -91,7 +87,7 @@ def main() -> None:
     figure, axes = plt.subplots(2, 3, figsize=(11, 5.6), layout="constrained")
     with tempfile.TemporaryDirectory() as scratch, Console(Path(scratch) / "log") as console:
         for row, (name, subpixel) in enumerate(WAYS):
-            pixels, errors = residuals(look(arguments.site, subpixel, console))
+            pixels, errors = residuals(track_shelves(arguments.site, subpixel, console))
             by_column(axes[row, 0], pixels["upright"], f"uprights, {name}")
             shown = over_the_view(axes[row, 1], pixels["beam"], f"beams, {name}")
             axes[row, 2].boxplot([100 * errors[kind] for kind in CLASSES], tick_labels=CLASSES, showmeans=True)

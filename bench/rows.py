@@ -2,7 +2,7 @@
 
     python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--keep DIR] [-o bench/results/rows.json]
 
-Nothing of a row is looked at by hand; footage already in DIR is used again.
+Nobody looks at a row beforehand; footage already in DIR is used again.
 """
 
 import argparse

@@ -16,22 +16,18 @@ from typing import Any
 
 import numpy as np
 import yaml
-from savmap_signs.survey import SurveyedSign, read_row
 
+import savmap
 from savmap.files.atomic import write_text
-from savmap.jobs import run
-from savmap.jobs.scheduler import RunOptions
-from savmap.maps.map_file import read_map
 from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.random_row import random_row
 from savmap.sim.render.raycast import Caster
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.site.job import job_for
 from savmap.types import Floats, Structure
 from savmap_shelves.simulation.random_racks import starts
-from savmap_signs.evaluation import match_signs, same_text
+from savmap_signs.evaluation import SurveyedSign, match_signs, read_row, same_text
 
 LETTER_PX, FRAMES = 8.0, 3
 LETTER_SHARE = 0.33
@@ -100,16 +96,16 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
     built = build(scene)
     surveyed = read_row(built.survey["rows"]["A"])
     caster, path = Caster(built.boxes), drive(scene.cart, scene.seed)
-    signs = [own for own in structures if own.label == "sign"]
+    signs = [sign for sign in structures if sign.label == "sign"]
     partner = match_signs(surveyed.corners(), signs)
     readable = [i for i, sign in enumerate(surveyed.signs) if legible(scene, caster, path, sign)]
     off = {i: np.linalg.norm(surveyed.corners()[i] - signs[j].vertices, axis=1) for i, j in partner.items()}
     inside = [within(surveyed.corners()[i] - signs[j].vertices, signs[j].covariances) for i, j in partner.items()]
     true = {j: i for i, j in partner.items()}
     invented = [
-        own.attributes["text"]
-        for j, own in enumerate(signs)
-        if own.attributes["text"] and not (j in true and same_text(surveyed.signs[true[j]], own))
+        sign.attributes["text"]
+        for j, sign in enumerate(signs)
+        if sign.attributes["text"] and not (j in true and same_text(surveyed.signs[true[j]], sign))
     ]
     return {
         "signs": len(surveyed.signs),
@@ -143,17 +139,17 @@ def figures_of(seed: int, frames: int, width: int, folder: Path) -> dict[str, An
     site["plugins"] = {"shelves": site["plugins"]["shelves"], "signs": {"pattern": PATTERN}}
     site["rows"] = {"A": site["rows"]["A"]}
     (folder / "signs.yaml").write_text(yaml.safe_dump(site, sort_keys=False))
-    list(run.run(job_for(folder / "signs.yaml", None, folder / "out"), RunOptions(fresh=True)))
-    return judged(scene, read_map(folder / "out" / "map.json").rows["A"].structures["signs"])
+    site_map = savmap.map_site(folder / "signs.yaml", output=folder / "out")
+    return judged(scene, site_map.rows["A"].structures["signs"])
 
 
-def line(seed: int, own: Mapping[str, Any]) -> str:
+def line(seed: int, figures: Mapping[str, Any]) -> str:
     """One row of the table."""
-    corners = np.array(own["corners_m"] or [np.nan])
+    corners = np.array(figures["corners_m"] or [np.nan])
     return (
-        f"{seed:6d} {own['signs']:6d} {own['legible']:8d} {own['found']:6d} {own['read']:5d} {100 * corners.mean():8.2f} "
-        f"{100 * np.percentile(corners, 95):8.2f} {100 * corners.max():8.2f} {100 * (own['inside'] or 0):8.1f} "
-        f"{len(own['invented']):9d} {own['spurious']:9d}"
+        f"{seed:6d} {figures['signs']:6d} {figures['legible']:8d} {figures['found']:6d} {figures['read']:5d} {100 * corners.mean():8.2f} "
+        f"{100 * np.percentile(corners, 95):8.2f} {100 * corners.max():8.2f} {100 * (figures['inside'] or 0):8.1f} "
+        f"{len(figures['invented']):9d} {figures['spurious']:9d}"
     )
 
 

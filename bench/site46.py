@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from site_rows import Task, made, mapped_row, prior
+from site_rows import Task, driven_row, mapped_row, prior
 
 from savmap.assembly import Assembly, assembled, site_lines
 from savmap.errors import SavmapError
@@ -51,17 +51,17 @@ class Result:
     error: str = ""
 
 
-def one_row(task: Task) -> Result:
+def map_task(task: Task) -> Result:
     """Make and map one row."""
-    one = made(task)
+    driven = driven_row(task)
     elements = {
-        "upright": len(one.survey["uprights"]),
-        "beam": sum(len(section["beams"]) for section in one.survey["sections"]),
+        "upright": len(driven.survey["uprights"]),
+        "beam": sum(len(section["beams"]) for section in driven.survey["sections"]),
     }
     begin = time.process_time()
     try:
-        found, row = mapped_row(task, one)
-        score, error = found.score, ""
+        mapped, row = mapped_row(task, driven)
+        score, error = mapped.score, ""
     except SavmapError as problem:
         row, score, error = None, Score(missing=dict(elements)), str(problem)
     seconds = time.process_time() - begin
@@ -82,13 +82,13 @@ def trends(results: Sequence[Result]) -> dict[str, float]:
     """Means over the first and the last fifth of the rows (the first row of each worker left out for memory: there it grows to its
     size), and slopes a row with their standard errors."""
     fifth = max(len(results) // 5, 1)
-    found: dict[str, float] = {}
+    trend: dict[str, float] = {}
     for name in ("seconds", "peak_mb"):
-        values = np.array([getattr(own, name) for own in results])
+        values = np.array([getattr(result, name) for result in results])
         slope, error = _slope(values)
-        found |= {f"{name} first": float(values[:fifth].mean()), f"{name} last": float(values[-fifth:].mean())}
-        found |= {f"{name} slope": slope, f"{name} slope sigma": error}
-    return found
+        trend |= {f"{name} first": float(values[:fifth].mean()), f"{name} last": float(values[-fifth:].mean())}
+        trend |= {f"{name} slope": slope, f"{name} slope sigma": error}
+    return trend
 
 
 def _slope(values: Floats) -> tuple[float, float]:
@@ -103,15 +103,15 @@ def _slope(values: Floats) -> tuple[float, float]:
 
 def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
     """The assembled site, and the seconds that took."""
-    rows = {own.task.name: own.row for own in results if own.row is not None}
-    failed = {own.task.name: own.error for own in results if own.row is None}
-    rooms = {name: open_plugin(name, {}) for name in ("shelves", "lights")}
+    rows = {result.task.name: result.row for result in results if result.row is not None}
+    failed = {result.task.name: result.error for result in results if result.row is None}
+    plugins = {name: open_plugin(name, {}) for name in ("shelves", "lights")}
     begin = time.perf_counter()
     assembly = assembled(
         SiteMap(rows, {}, failed),
-        {own.task.name: prior(own.task) for own in results},
-        {own.task.name: {"pass 1": own.task.recording} for own in results},
-        lambda plugin, structures: rooms[plugin].cross_row_landmarks(structures),
+        {result.task.name: prior(result.task) for result in results},
+        {result.task.name: {"pass 1": result.task.recording} for result in results},
+        lambda plugin, structures: plugins[plugin].shared(structures),
     )
     return assembly, time.perf_counter() - begin
 
@@ -119,27 +119,27 @@ def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
 def place_errors(places: Mapping[str, Placement], results: Sequence[Result]) -> Floats:
     """x m, z m, heading degrees (n, 3) of the rows against the truth."""
     off = []
-    for own in results:
-        if own.task.name in places:
-            found, true = places[own.task.name], own.task.place
-            turn = (found.heading_deg - true.heading_deg + 180) % 360 - 180
-            off.append([found.x_m - true.x_m, found.z_m - true.z_m, turn])
+    for result in results:
+        if result.task.name in places:
+            place, true = places[result.task.name], result.task.place
+            turn = (place.heading_deg - true.heading_deg + 180) % 360 - 180
+            off.append([place.x_m - true.x_m, place.z_m - true.z_m, turn])
     return np.array(off).reshape(-1, 3)
 
 
 def squareness(places: Mapping[str, Placement], results: Sequence[Result]) -> dict[str, float]:
     """Errors (root mean square) of rows, of faces across an aisle, along both faces of a rack, of headings among themselves."""
-    names = [own.task.name for own in results if own.task.name in places]
+    names = [result.task.name for result in results if result.task.name in places]
     off = dict(zip(names, place_errors(places, results), strict=True))
     aisles = [off[f"{k}R"] - off[f"{k}L"] for k in range(1, len(results)) if {f"{k}L", f"{k}R"} <= off.keys()]
     racks = [off[f"{k + 1}L"] - off[f"{k}R"] for k in range(1, len(results)) if {f"{k + 1}L", f"{k}R"} <= off.keys()]
-    every = np.array(list(off.values()))
+    errors = np.array(list(off.values()))
     chi2 = [off[name] @ np.linalg.solve(places[name].covariance, off[name]) for name in names]
     return {
-        "x m": _rms(every[:, 0]),
-        "z m": _rms(every[:, 1]),
-        "heading deg": _rms(every[:, 2]),
-        "heading to the mean deg": _rms(every[:, 2] - every[:, 2].mean()),
+        "x m": _rms(errors[:, 0]),
+        "z m": _rms(errors[:, 1]),
+        "heading deg": _rms(errors[:, 2]),
+        "heading to the mean deg": _rms(errors[:, 2] - errors[:, 2].mean()),
         "across an aisle x m": _rms(np.array(aisles).reshape(-1, 3)[:, 0]),
         "across an aisle z m": _rms(np.array(aisles).reshape(-1, 3)[:, 1]),
         "along a rack's faces m": _rms(np.array(racks).reshape(-1, 3)[:, 0]),
@@ -153,7 +153,7 @@ def _rms(values: Floats) -> float:
 
 def shares(results: Sequence[Result], score: Score) -> dict[str, float]:
     """Elements missing and spurious, of all there are."""
-    count = sum(sum(own.elements.values()) for own in results)
+    count = sum(sum(result.elements.values()) for result in results)
     missing, spurious = (sum(counts.values()) for counts in (score.missing, score.spurious))
     return {
         "elements": count,
@@ -165,7 +165,7 @@ def shares(results: Sequence[Result], score: Score) -> dict[str, float]:
 
 def table(results: Sequence[Result], score: Score) -> str:
     """The paper's figures beside those over all rows."""
-    vertical, horizontal = (sum(own.elements[kind] for own in results) for kind in ("upright", "beam"))
+    vertical, horizontal = (sum(result.elements[kind] for result in results) for kind in ("upright", "beam"))
     widths, gaps = (
         sum(len(errors) for name, errors in score.errors.items() if name.endswith(what)) for what in ("element", "gap")
     )
@@ -184,7 +184,7 @@ def mapped_rows(tasks: Sequence[Task], jobs: int) -> list[Result]:
     )
     results = []
     with multiprocessing.get_context("spawn").Pool(jobs) as workers:
-        for number, result in enumerate(workers.imap(one_row, tasks), start=1):
+        for number, result in enumerate(workers.imap(map_task, tasks), start=1):
             results.append(result)
             print(line(number, result), flush=True)
     return results
@@ -200,17 +200,17 @@ def main() -> int:
     arguments = parser.parse_args()
     tasks = [Task(number, arguments.sections, arguments.frames_a_section) for number in range(arguments.rows)]
     results = mapped_rows(tasks, arguments.jobs)
-    score = pool(own.score for own in results)
+    score = pool(result.score for result in results)
     assembly, seconds = site_of(results)
-    figures = told(results, score, assembly, seconds)
+    figures = print_site(results, score, assembly, seconds)
     arguments.output.mkdir(parents=True, exist_ok=True)
     write_map(assembly.site_map, arguments.output / "map.json")
-    write_box_plot(Evaluation({own.task.name: own.score for own in results}), arguments.output / "errors.png")
+    write_box_plot(Evaluation({result.task.name: result.score for result in results}), arguments.output / "errors.png")
     write_text(arguments.output / "figures.json", json.dumps(figures, indent=2) + "\n")
     return int(figures["counts"]["missing or spurious"] > ALLOWED)
 
 
-def told(results: Sequence[Result], score: Score, assembly: Assembly, seconds: float) -> dict[str, Any]:
+def print_site(results: Sequence[Result], score: Score, assembly: Assembly, seconds: float) -> dict[str, Any]:
     """Print what there is to say of all rows and of the site, and give it back."""
     trend, counts = trends(results), shares(results, score)
     print(
@@ -226,7 +226,7 @@ def told(results: Sequence[Result], score: Score, assembly: Assembly, seconds: f
         f"{counts['missing']} missing and {counts['spurious']} spurious of {counts['elements']}: {verdict} 1 in 1000\n"
     )
     print(table(results, score))
-    known = {own.task.name: prior(own.task) for own in results}
+    known = {result.task.name: prior(result.task) for result in results}
     before, after = squareness(known, results), squareness(assembly.site_map.placements, results)
     print(
         f"assembly of {len(assembly.site_map.placements)} rows: {seconds:.2f} s; errors (rms) as given, and assembled"
@@ -242,8 +242,13 @@ def told(results: Sequence[Result], score: Score, assembly: Assembly, seconds: f
         "places": after,
         "assembly seconds": seconds,
         "rows": {
-            own.task.name: {**score_json(own.score), "seconds": own.seconds, "peak_mb": own.peak_mb, "error": own.error}
-            for own in results
+            result.task.name: {
+                **score_json(result.score),
+                "seconds": result.seconds,
+                "peak_mb": result.peak_mb,
+                "error": result.error,
+            }
+            for result in results
         },
     }
 

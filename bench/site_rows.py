@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, Made, Mapped, given, mapped, rack
+from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, DrivenRow, Mapped, given, mapped, rack
 
 from savmap.pipeline.measure import RowMeasurements
 from savmap.sim.drive.cart import drive
@@ -66,7 +66,7 @@ class Task:
 def widths(number: int, sections: int) -> list[float]:
     """Clear widths of a rack's sections along the site's x; rack k's faces look into aisles k - 1 and k."""
     clear = np.random.default_rng([number, 4646]).normal(3.55, 0.005, sections)
-    return [round(float(own), 4) for own in clear]
+    return [round(float(width), 4) for width in clear]
 
 
 def length_of(clear: list[float]) -> float:
@@ -74,16 +74,16 @@ def length_of(clear: list[float]) -> float:
     return sum(clear) + (len(clear) + 1) * UPRIGHT_M
 
 
-def made(task: Task) -> Made:
+def driven_row(task: Task) -> DrivenRow:
     """What a camera saw of the row, from its drive through the aisle."""
     racks = {}
     for side, number in (("L", task.aisle), ("R", task.aisle + 1)):
         clear = widths(number, task.sections)
-        own = rack(np.random.default_rng([task.aisle, "LR".index(side), 46]), task.sections, (5, 11))
-        own["bays"] = [
-            {**bay, "width": w} for bay, w in zip(own["bays"], clear[:: 1 if side == "L" else -1], strict=True)
+        shelves = rack(np.random.default_rng([task.aisle, "LR".index(side), 46]), task.sections, (5, 11))
+        shelves["bays"] = [
+            {**bay, "width": w} for bay, w in zip(shelves["bays"], clear[:: 1 if side == "L" else -1], strict=True)
         ]
-        racks[side] = own
+        racks[side] = shelves
     length = length_of(widths(task.aisle + 1, task.sections))
     seed = hash_of(task.recording)
     scene = parse_scene(
@@ -101,8 +101,8 @@ def made(task: Task) -> Made:
     view = replace(VIEW, yaw_deg=90.0) if right else VIEW
     edges = observe(built, task.side, path, view, PAPER, 1000 + task.number)
     features = [feature for frame in edges for feature in observed_features(frame, view, PAPER.sigma_px)]
-    seen = observations(task.name, path.stamps_s, view, features, -1 if right else 1)
-    return Made(built, path, seen, task.side)
+    measurements = observations(task.name, path.stamps_s, view, features, -1 if right else 1)
+    return DrivenRow(built, path, measurements, task.side)
 
 
 def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any], travel: int) -> RowMeasurements:
@@ -131,11 +131,11 @@ def hash_of(recording: Hashable) -> int:
     return int.from_bytes(str(recording).encode()[-6:], "big")
 
 
-def mapped_row(task: Task, one: Made) -> tuple[Mapped, RowMap]:
+def mapped_row(task: Task, driven: DrivenRow) -> tuple[Mapped, RowMap]:
     """The row's map by the program's way, with lamps beside the shelves."""
-    known = given(one, np.random.default_rng([task.number, 7]))
-    row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
-    facts, solution = one.seen.facts, row.solution
+    known = given(driven, np.random.default_rng([task.number, 7]))
+    row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+    facts, solution = driven.measurements.facts, row.solution
     structures = {"shelves": tuple(row.structures), "lights": tuple(lamps(task))}
     return row, RowMap(
         task.name, facts.frames, facts.views, solution.trajectory, structures, solution.references, solution.report

@@ -24,15 +24,15 @@ def main() -> None:
     given = parser.parse_args()
     world = made.world(0, 15, given.frames, levels=(5, 11), bridge=7, outliers=given.outliers)
     begin = made.begin(world, speed=1.3, height=0.3, distance=1.3)
-    wall, own = time.perf_counter(), time.process_time()
+    wall, processor = time.perf_counter(), time.process_time()
     solution = made.solved(world, begin)
-    wall, own = time.perf_counter() - wall, time.process_time() - own
+    wall, processor = time.perf_counter() - wall, time.process_time() - processor
     x, y, sigma_x, sigma_y = made.errors(world, solution)
     print(
         f"{solution.report['observations']} observations of {solution.report['landmarks']} points in {given.frames} frames"
     )
     print(
-        f"solved in {wall:.1f} s ({own:.1f} s of processor time), peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
+        f"solved in {wall:.1f} s ({processor:.1f} s of processor time), peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
     )
     for axis, off, sigma in (("x", x[1:], sigma_x[1:]), ("height", y, sigma_y)):
         normal = float(np.sqrt(np.mean((off / sigma) ** 2)))

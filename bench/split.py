@@ -34,24 +34,30 @@ def scored(place: Path) -> dict[str, Any]:
     """What is found in a recording beside the truth."""
     truth = json.loads((place / "passes.json").read_text(encoding="utf-8"))["passes"]
     begun = time.process_time()
-    found = find(place / "footage.mp4")
+    search = find(place / "footage.mp4")
     cost_s = time.process_time() - begun
-    rows = [_row(true, found.passes) for true in truth]
-    spurious = len(found.passes) - sum(row["start_s"] is not None for row in rows)
-    seconds = float(found.stamps_s[-1])
-    return {"passes": rows, "spurious": spurious, "frames_decoded": found.frames_decoded, "processor_s": cost_s, "length_s": seconds}  # fmt: skip
+    rows = [_row(true, search.passes) for true in truth]
+    spurious = len(search.passes) - sum(row["start_s"] is not None for row in rows)
+    seconds = float(search.stamps_s[-1])
+    return {"passes": rows, "spurious": spurious, "frames_decoded": search.frames_decoded, "processor_s": cost_s, "length_s": seconds}  # fmt: skip
 
 
-def _row(true: dict[str, Any], found: tuple[DetectedPass, ...]) -> dict[str, Any]:
-    """One true pass and the one found that shares most of its time."""
+def _row(true: dict[str, Any], passes: tuple[DetectedPass, ...]) -> dict[str, Any]:
+    """One true pass, and of the detected ones the one that shares most of its time."""
     sides = [side for side in ("left", "right") if true[side]]
     wanted = {"true_start_s": true["start_s"], "true_end_s": true["end_s"], "true_sides": sides}
-    overlaps = [min(one.end_s, true["end_s"]) - max(one.start_s, true["start_s"]) for one in found]
+    overlaps = [min(p.end_s, true["end_s"]) - max(p.start_s, true["start_s"]) for p in passes]
     if not overlaps or max(overlaps) < 0.5 * (true["end_s"] - true["start_s"]):
         return {**wanted, "start_s": None, "end_s": None, "sides": [], "worst_s": None}
-    one = found[overlaps.index(max(overlaps))]
-    worst = max(abs(one.start_s - true["start_s"]), abs(one.end_s - true["end_s"]))
-    return {**wanted, "start_s": one.start_s, "end_s": one.end_s, "sides": list(one.sides), "worst_s": round(worst, 2)}
+    detected = passes[overlaps.index(max(overlaps))]
+    worst = max(abs(detected.start_s - true["start_s"]), abs(detected.end_s - true["end_s"]))
+    return {
+        **wanted,
+        "start_s": detected.start_s,
+        "end_s": detected.end_s,
+        "sides": list(detected.sides),
+        "worst_s": round(worst, 2),
+    }
 
 
 def lines(name: str, result: dict[str, Any]) -> list[str]:

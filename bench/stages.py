@@ -20,13 +20,13 @@ from typing import Any
 
 import av
 
+import savmap
 from savmap.files.atomic import write_text
-from savmap.jobs import run
-from savmap.pipeline import measure as observe
-from savmap.pipeline import row as engine
+from savmap.jobs import map_site
+from savmap.pipeline import measure, row
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import CachedSegmenter
-from savmap.site.job import job_for
+from savmap.site.load import load_site
 from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
@@ -58,7 +58,7 @@ def timed(owner: Any, name: str, stage: str) -> None:
 
 def timed_frames() -> None:
     """Add the time spent waiting for decoded frames to a stage."""
-    inner: Callable[..., Any] = getattr(observe, PANORAMAS)
+    inner: Callable[..., Any] = getattr(measure, PANORAMAS)
 
     def outer(*args: Any, **kwargs: Any) -> Any:
         frames = inner(*args, **kwargs)
@@ -71,7 +71,7 @@ def timed_frames() -> None:
                 return
             yield frame
 
-    setattr(observe, PANORAMAS, outer)
+    setattr(measure, PANORAMAS, outer)
 
 
 def bound(video: Path) -> tuple[str, float]:
@@ -95,21 +95,19 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "stages.json")
     arguments = parser.parse_args()
     timed_frames()
-    timed(observe, "plan_pass", "aim")
+    timed(measure, "plan_pass", "aim")
     timed(Renderer, "render", "render (with the aim's)")
     timed(CachedSegmenter, "predict", "segment (with the aim's)")
     timed(LoadedPlugin, "extract", "extract (with the aim's)")
     timed(LoadedPlugin, "track", "track")
     timed(LoadedPlugin, "constrain", "constrain")
-    timed(engine, "solve", "solve")
-    timed(engine, "solve_rows", "solve")
-    timed(run, "write_results", "write")
+    timed(row, "solve", "solve")
+    timed(map_site, "_write_results", "write")
     with tempfile.TemporaryDirectory() as folder:
-        job = job_for(arguments.site, None, Path(folder))
         start = time.perf_counter()
-        list(run.run(job))
+        savmap.map_site(arguments.site, output=folder)
         whole = time.perf_counter() - start
-    videos = {one.video for row in job.site.rows.values() for one in row.passes}
+    videos = {row_pass.video for row in load_site(arguments.site).rows.values() for row_pass in row.passes}
     names, seconds = zip(*(bound(video) for video in videos), strict=True)
     SECONDS["whole"], PEAK_MB["whole"] = whole, peak_mb()
     result = {

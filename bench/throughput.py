@@ -45,9 +45,9 @@ def ffmpeg(*arguments: object) -> None:
 
 def first_row(site: Path) -> Run:
     """The first row of a site file, its reference and plugin sections beside it."""
-    told = yaml.safe_load(site.read_text(encoding="utf-8"))
-    name = next(iter(told["rows"]))
-    return {**told, "rows": {name: told["rows"][name]}}
+    content = yaml.safe_load(site.read_text(encoding="utf-8"))
+    name = next(iter(content["rows"]))
+    return {**content, "rows": {name: content["rows"][name]}}
 
 
 def footage(folder: Path, site: Path) -> Path:
@@ -122,23 +122,20 @@ def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None
 
 def map_here(site: Path, target: Path) -> None:
     """Map a site in this process and write what each stage took."""
-    from savmap.jobs import run, tasks
-    from savmap.jobs.scheduler import RunOptions
-    from savmap.maps.map_file import read_map
+    import savmap
+    from savmap.jobs import tasks
     from savmap.pipeline import measure
     from savmap.plugin.segmenters import CachedSegmenter
-    from savmap.site.job import job_for
     from savmap.vision.views import Renderer
 
     timed(measure, "plan_pass", "aim", time.process_time)
-    timed(measure.Walk, "over", "walk", time.process_time)
+    timed(measure.RowWalk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)
     timed(CachedSegmenter, "predict", "segment", time.thread_time)
-    timed(measure.Walk, "_frame", "plugins", time.thread_time)
-    timed(tasks, "solve", "solve", time.process_time)
+    timed(measure.RowWalk, "_extract", "plugins", time.thread_time)
+    timed(tasks, "map_rows", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:
-        list(run.run(job_for(site, ["shelves", "lights"], Path(folder)), RunOptions(jobs=0)))
-        rows = read_map(Path(folder) / "map.json").rows.values()
+        rows = savmap.map_site(site, ["shelves", "lights"], output=folder).rows.values()
     stages = {"decode": SECONDS["walk"] - sum(SECONDS[stage] for stage in WALK)}
     stages |= {stage: SECONDS[stage] for stage in (*WALK, "aim", "solve")}
     unit = 1 if sys.platform == "darwin" else 1024
@@ -172,15 +169,15 @@ def compared(source: Path, video: Path, times: int, length_s: float, rounds: int
             add(bound, measured(["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]))
             here = [sys.executable, __file__, "--map", site, "-o", target]
             add(ours, map_beside(site, target, jobs) if jobs else measured(here))
-            told = json.loads(target.read_text())
-            add(stages, told["stages"])
-            ours["peak_mb"] = max(ours["peak_mb"], told["peak_mb"])
+            run = json.loads(target.read_text())
+            add(stages, run["stages"])
+            ours["peak_mb"] = max(ours["peak_mb"], run["peak_mb"])
     ratios = {key: ours[key] / bound[key] for key in ("clock_s", "processor_s")}
     return {
         "length": times,
         "jobs": jobs,
         "rounds": rounds,
-        "frames": told["frames"],
+        "frames": run["frames"],
         "bound": dict(bound),
         "ours": dict(ours),
         "stages": dict(stages),

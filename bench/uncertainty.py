@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from observed_rows import ESTIMATED, LOWEST_SIGMA_M, given, made, mapped
+from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped
 
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
@@ -67,20 +67,20 @@ def _neighbours(lines: list[tuple[str, int, tuple[Any, ...], str, float]]) -> It
 
 def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> dict[str, Floats]:
     """Normalised errors by kind."""
-    found: dict[str, list[float]] = {kind: [] for kind in KINDS}
+    by_kind: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for seed in range(first, first + rows):
-        one = made(1000 + seed, errors, sections=sections)
-        known = given(one, np.random.default_rng([seed, 8]))
+        driven = driven_row(1000 + seed, errors, sections=sections)
+        known = given(driven, np.random.default_rng([seed, 8]))
         try:
-            row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+            row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
         except SavmapError as refusal:
             print(f"  row {seed} is left out: {refusal}", flush=True)
             continue
         if any(row.score.missing.values()) or any(row.score.spurious.values()):
             continue
-        for kind, error, sigma in figures(one.survey, row.tracks, row.solution):
-            found[kind].append(error / sigma)
-    return {kind: np.array(values) for kind, values in found.items()}
+        for kind, error, sigma in figures(driven.survey, row.tracks, row.solution):
+            by_kind[kind].append(error / sigma)
+    return {kind: np.array(values) for kind, values in by_kind.items()}
 
 
 def summary(values: Floats) -> dict[str, float]:
@@ -102,10 +102,10 @@ def main() -> None:
     results: dict[str, dict[str, dict[str, float]]] = {}
     print(f"{'spread, 95 %':18}" + "".join(f"{kind:>16}" for kind in (*KINDS, "all")), flush=True)
     for name in arguments.case or CASES:
-        found = run_case(CASES[name], arguments.rows, arguments.sections)
-        found["all"] = np.concatenate(list(found.values()))
-        results[name] = {kind: summary(values) for kind, values in found.items()}
-        cells = (f"{own['spread']:8.2f} {100 * own['within_95']:5.1f} %" for own in results[name].values())
+        by_kind = run_case(CASES[name], arguments.rows, arguments.sections)
+        by_kind["all"] = np.concatenate(list(by_kind.values()))
+        results[name] = {kind: summary(values) for kind, values in by_kind.items()}
+        cells = (f"{cell['spread']:8.2f} {100 * cell['within_95']:5.1f} %" for cell in results[name].values())
         print(f"{name:18}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
     write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 

@@ -78,9 +78,9 @@ def make_set(folders: Sequence[Path], output: Path) -> None:
             for sample in samples:
                 picture, mask = sample.load()
                 if lines := list(lines_of(mask)):
-                    own = f"{folder.name}-{sample.image.stem}"
-                    cv2.imwrite(str(output / "images" / name / f"{own}.jpg"), picture[:, :, ::-1])
-                    (output / "labels" / name / f"{own}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+                    stem = f"{folder.name}-{sample.image.stem}"
+                    cv2.imwrite(str(output / "images" / name / f"{stem}.jpg"), picture[:, :, ::-1])
+                    (output / "labels" / name / f"{stem}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     names = ", ".join(f"{number}: {name}" for number, name in enumerate(CLASSES))
     text = f"path: {output.absolute()}\ntrain: images/train\nval: images/val\nnames: {{{names}}}\n"
     (output / "data.yaml").write_text(text, encoding="utf-8")
@@ -107,8 +107,8 @@ def in_few_bits(trainer: Any) -> None:
 
     def predict(*given: Any, **named: Any) -> Any:
         with fast_arithmetic():
-            found = plain(*given, **named)
-        return tree_map(lambda one: one.float() if hasattr(one, "float") else one, found)
+            outputs = plain(*given, **named)
+        return tree_map(lambda value: value.float() if hasattr(value, "float") else value, outputs)
 
     trainer.model.predict = predict
 
@@ -127,15 +127,15 @@ def compare(export: Path, pictures: Sequence[Path]) -> None:
         picture = cv2.imread(str(path))
         assert picture is not None
         segmentation = ours.predict(np.ascontiguousarray(picture[:, :, ::-1], np.uint8))
-        found = theirs.predict(picture, conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
-        kinds = found.boxes.cls.numpy().astype(int)
-        masks = np.zeros((0, *picture.shape[:2])) if found.masks is None else found.masks.data.numpy()
+        result = theirs.predict(picture, conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
+        kinds = result.boxes.cls.numpy().astype(int)
+        masks = np.zeros((0, *picture.shape[:2])) if result.masks is None else result.masks.data.numpy()
         instances[0] += sum(int(owner.max()) for owner in segmentation.owners) if segmentation.owners is not None else 0
         instances[1] += len(kinds)
         for number in range(len(ours.classes)):
-            seen, told = segmentation.maps[number + 1] > 0.5, (masks[kinds == number] > 0.5).any(axis=0)
-            both[number] += (seen & told).sum()
-            either[number] += (seen | told).sum()
+            our_mask, their_mask = segmentation.maps[number + 1] > 0.5, (masks[kinds == number] > 0.5).any(axis=0)
+            both[number] += (our_mask & their_mask).sum()
+            either[number] += (our_mask | their_mask).sum()
     for name, value in zip(ours.classes, both / np.maximum(either, 1), strict=True):
         print(f"{name}: IoU of savmap's and ultralytics' masks {value:.4f}")
     print(f"instances: {instances[0]} and {instances[1]} in {len(pictures)} pictures")
@@ -145,24 +145,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     doing = parser.add_subparsers(dest="doing", required=True)
     for name in ("pictures", "row"):
-        one = doing.add_parser(name)
-        one.add_argument("output", type=Path)
-        one.add_argument("--seed", type=int, required=True)
+        command = doing.add_parser(name)
+        command.add_argument("output", type=Path)
+        command.add_argument("--seed", type=int, required=True)
     doing.choices["pictures"].add_argument("--count", type=int, required=True)
-    one = doing.add_parser("set")
-    one.add_argument("output", type=Path)
-    one.add_argument("--data", type=Path, action="append", required=True)
-    one = doing.add_parser("train")
-    one.add_argument("data", type=Path)
-    one.add_argument(
+    command = doing.add_parser("set")
+    command.add_argument("output", type=Path)
+    command.add_argument("--data", type=Path, action="append", required=True)
+    command = doing.add_parser("train")
+    command.add_argument("data", type=Path)
+    command.add_argument(
         "--from", dest="start", default="yolo11n-seg.yaml", help="an architecture's file, or weights of an earlier run"
     )
-    one.add_argument("--minutes", type=float, default=30.0)
-    one.add_argument("--size", type=int, default=640)
-    one.add_argument("-o", "--output", type=Path, required=True)
-    one = doing.add_parser("compare")
-    one.add_argument("model", type=Path)
-    one.add_argument("pictures", type=Path)
+    command.add_argument("--minutes", type=float, default=30.0)
+    command.add_argument("--size", type=int, default=640)
+    command.add_argument("-o", "--output", type=Path, required=True)
+    command = doing.add_parser("compare")
+    command.add_argument("model", type=Path)
+    command.add_argument("pictures", type=Path)
     given = parser.parse_args()
     if given.doing == "pictures":
         write(given.output, given.seed, given.count, "face", CLASSES, lambda seed: blue(random_scene(seed)))

@@ -16,18 +16,18 @@ def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     import observed
-    from observed_rows import LOWEST_SIGMA_M, given, made, mapped
+    from observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped
     from uncertainty import figures, summary
 
     from savmap.sim.observations import MaskErrors
     from savmap_shelves.constraints import GridSettings
 
-    one = made(5, MaskErrors(0.7), sections=4, levels=(4, 5), frames_a_section=8)
-    known = given(one, np.random.default_rng(5))
-    row = mapped(one, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M))
+    driven = driven_row(5, MaskErrors(0.7), sections=4, levels=(4, 5), frames_a_section=8)
+    known = given(driven, np.random.default_rng(5))
+    row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M))
     assert not any(row.score.missing.values())
     assert not any(row.score.spurious.values())
-    errors = np.array([error / sigma for _, error, sigma in figures(one.survey, row.tracks, row.solution)])
+    errors = np.array([error / sigma for _, error, sigma in figures(driven.survey, row.tracks, row.solution)])
     assert len(errors) > 20
     assert 0.3 < summary(errors)["spread"] < 3.0
     assert set(observed.METHODS) == {"ours", "published"}
@@ -47,10 +47,10 @@ def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.Captur
     import site46
     from site_rows import Task
 
-    results = [site46.one_row(Task(number, 3, 8)) for number in range(2)]
-    score = site46.pool(own.score for own in results)
+    results = [site46.map_task(Task(number, 3, 8)) for number in range(2)]
+    score = site46.pool(result.score for result in results)
     assembly, seconds = site46.site_of(results)
-    figures = site46.told(results, score, assembly, seconds)
+    figures = site46.print_site(results, score, assembly, seconds)
     assert figures["counts"]["missing or spurious"] == 0
     assert figures["places"]["across an aisle x m"] < 0.1
     assert [tie.id_a for tie in assembly.site_map.matches[:2]] == ["32 frames", "light 1"]
