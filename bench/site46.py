@@ -111,7 +111,7 @@ def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
         SiteMap(rows, {}, failed),
         {result.task.name: prior(result.task) for result in results},
         {result.task.name: {"pass 1": result.task.recording} for result in results},
-        lambda plugin, structures: plugins[plugin].shared(structures),
+        lambda _row, plugin, structures: plugins[plugin].cross_row_landmarks(structures),
     )
     return assembly, time.perf_counter() - begin
 
