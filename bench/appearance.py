@@ -22,7 +22,7 @@ import numpy as np
 from peers import misplaced
 
 from savmap.files.atomic import write_text
-from savmap.graph import Frames, Problem, Solution, gauge, located, merge, motion_constraints, solve
+from savmap.graph import CameraPriors, Problem, Solution, camera_priors, locate_camera, merge, motion_constraints, solve
 from savmap.maps.survey import read_survey
 from savmap.pipeline.initial_poses import initial_path
 from savmap.pipeline.measure import RowMeasurements, clip_of, observe
@@ -48,7 +48,7 @@ class Case:
     row: Row
     room: LoadedPlugin
     seen: RowMeasurements
-    frames: Frames
+    frames: CameraPriors
     followed: Followed
     truth: Trajectory
     survey: Mapping[str, Any]
@@ -92,7 +92,7 @@ def case_of(site: Path, keep: Path) -> Case:
     rooms = plugins_for(job, name)
     seen = looked(row, rooms, keep / f"{site.parent.name}.pickle")
     start = initial_path(row, seen)
-    frames = gauge(seen.facts, start, row.references)
+    frames = camera_priors(seen.facts, start, row.references)
     survey = read_survey(site.with_name("survey.json")).rows[name]
     return Case(row, rooms[0], seen, frames, follow(row, rooms, seen, start, frames), true_path(site, name), survey)
 
@@ -129,10 +129,10 @@ def ways(case: Case, sigmas: Sequence[float]) -> Iterator[tuple[str, Figures]]:
     """Figures without points, then with them."""
     problem = case.problem
     yield "without", case.figures(solve(problem))
-    points, path = flows(case), located(problem)
+    points, path = flows(case), locate_camera(problem).path
     for sigma in sigmas:
         motion, counts = motion_constraints(points, path, problem.used, sigma)
-        solution = solve(merge(problem.frames, *problem.rooms, motion))
+        solution = solve(merge(problem.camera, *problem.parts, motion))
         yield f"{sigma:g} px", case.figures(solution, 1.0 - counts["points used"] / counts["points followed"])
 
 

@@ -22,7 +22,7 @@ from uncertainty import figures
 from savmap.cli.console import Console
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
-from savmap.graph import PUBLISHED, Solution, SolveOptions, gauge, merge, solve
+from savmap.graph import PUBLISHED, Solution, SolveOptions, camera_priors, merge, solve
 from savmap.jobs.tasks import row_of
 from savmap.maps.survey import read_survey
 from savmap.pipeline.initial_poses import initial_path
@@ -33,10 +33,10 @@ from savmap.sim.scene import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Score, Track
-from savmap_shelves.bias import NO_BIAS
 from savmap_shelves.constraints import GridSettings, constrain, published
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.constraints.bias import NO_BIAS
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 
 ROOT = Path(__file__).parent.parent
 SCENE = ROOT / "examples" / "scenes" / "precise-row.yaml"
@@ -73,7 +73,7 @@ def solved(looked: Looked, settings: GridSettings, options: SolveOptions | None 
     """The row's solve with given settings."""
     start = initial_path(looked.row, looked.seen)
     grid = constrain(looked.tracks, looked.seen.facts, start, settings=settings)
-    return solve(merge(gauge(looked.seen.facts, start, looked.row.references), grid), options)
+    return solve(merge(camera_priors(looked.seen.facts, start, looked.row.references), grid), options)
 
 
 def ours(looked: Looked) -> GridSettings:

@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from savmap.graph import Calibration, CameraHeight, KnownLength, References, Solution, SolveOptions, gauge, merge, solve
+from savmap.graph import (
+    Calibration,
+    CameraHeight,
+    KnownLength,
+    References,
+    Solution,
+    SolveOptions,
+    camera_priors,
+    merge,
+    solve,
+)
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.row import Row
@@ -21,10 +31,10 @@ from savmap.sim.optics import Optics
 from savmap.sim.scene import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import Marks
-from savmap_shelves.bias import BiasSettings
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.constraints.bias import BiasSettings
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 from savmap_shelves.observed import observed_features
 from savmap_shelves.tracking import track_structures
 
@@ -182,7 +192,7 @@ def mapped(
     own = tracked(one) if tracks is None else tracks
     first = start or start_of(one, known)
     grid = constrain(own, one.seen.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M))
-    frames = gauge(one.seen.facts, first, known.references, calibration=calibration)
+    frames = camera_priors(one.seen.facts, first, known.references, calibration=calibration)
     solution = solve(merge(frames, grid), options)
     structures = describe(own, solution)
     seconds = time.perf_counter() - begin

@@ -17,12 +17,12 @@ from footage import ROOT as REPOSITORY
 from footage import Looked, look, ours
 
 from savmap.cli.console import Console
-from savmap.graph import gauge, merge, solve
+from savmap.graph import camera_priors, merge, solve
 from savmap.pipeline.initial_poses import initial_path
 from savmap.types import Floats
 from savmap_shelves.constraints import constrain
-from savmap_shelves.describe import describe
-from savmap_shelves.evaluate import evaluate
+from savmap_shelves.evaluation import evaluate
+from savmap_shelves.mapping import describe
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -38,17 +38,17 @@ def residuals(looked: Looked) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Pixels and residual outwards (n, 3) of each class, and errors of the map by class, m."""
     start = initial_path(looked.row, looked.seen)
     grid = constrain(looked.tracks, looked.seen.facts, start, settings=ours(looked))
-    problem = merge(gauge(looked.seen.facts, start, looked.row.references), grid)
+    problem = merge(camera_priors(looked.seen.facts, start, looked.row.references), grid)
     solution = solve(problem)
     poses = solution.trajectory.world_from_rig[np.searchsorted(solution.trajectory.frames, problem.used)]
-    points = np.array([solution.of("shelves")[problem.name_of(int(key))[1]].position for key in problem.keys])
-    roots = np.linalg.cholesky(problem.observations.covariances)
+    points = np.array([solution.landmarks_of("shelves")[problem.name_of(int(key))[1]].position for key in problem.keys])
+    roots = np.linalg.cholesky(problem.measurements.covariances)
     pixels = np.einsum("nij,nj->ni", roots, problem.residuals(poses, points))
-    normals = np.linalg.eigh(problem.observations.covariances)[1][:, :, 0]
+    normals = np.linalg.eigh(problem.measurements.covariances)[1][:, :, 0]
     across = np.einsum("ni,ni->n", normals, pixels)
     found: dict[str, list[Floats]] = {"upright": [], "beam": []}
-    names = [problem.name_of(int(key))[1] for key in problem.observations.keys]
-    for at, off, normal, name in zip(problem.observations.pixels, across, normals, names, strict=True):
+    names = [problem.name_of(int(key))[1] for key in problem.measurements.keys]
+    for at, off, normal, name in zip(problem.measurements.pixels, across, normals, names, strict=True):
         label = "upright" if name.startswith("upright") else "beam"
         part = next((part for part in name.replace(" /", "").split() if part in OUTWARDS), None)
         if part is not None and abs(off) < GROSS_PX:

@@ -21,7 +21,8 @@ from savmap.files.atomic import write_text
 from savmap.graph import Solution
 from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
-from savmap_shelves.constraints import GridSettings, grid_of
+from savmap_shelves.constraints import GridSettings
+from savmap_shelves.constraints.track_grid import grid_of
 
 ROOT = Path(__file__).parent.parent
 LEVEL = 1.96
@@ -38,7 +39,7 @@ Figure = tuple[str, float, float]
 def figures(survey: Mapping[str, Any], tracks: Sequence[Track], solution: Solution) -> Iterator[Figure]:
     """Kind, error and sigma, both m, of everything in a map of which nothing is missing or spurious."""
     grid = grid_of(tracks)
-    points = solution.of("shelves")
+    points = solution.landmarks_of("shelves")
     lines: list[tuple[str, int, tuple[Any, ...], str, float]] = []
     for (upright, side), names in grid.columns.items():
         truth = survey["uprights"][upright - 1][side == "right"]

@@ -14,7 +14,7 @@ import numpy as np
 from savmap.assembly.matching import match
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
 from savmap.assembly.ties import Found, fits, path_tie, worst_of_each
-from savmap.graph.places import Places, solve_places
+from savmap.graph.site_poses import SitePoses, solve_site_poses
 from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure
 
 SQUARE_DEG = 0.2
@@ -105,19 +105,19 @@ class Solver:
     overlaps: Sequence[Overlap]
     square_rad: float | None
 
-    def solve(self, found: Sequence[Found] = ()) -> Places:
-        """Places with these matches; those of rows on one camera path are told by it already."""
+    def solve(self, found: Sequence[Found] = ()) -> SitePoses:
+        """SitePoses with these matches; those of rows on one camera path are told by it already."""
         together = self.together
         counts = Counter((own.rows, own.kind) for own in found)
         points = [own.tie(counts[own.rows, own.kind]) for own in found if own.rows not in together]
-        return solve_places(self.start, self.anchors, [one.tie for one in self.overlaps], points, self.square_rad)
+        return solve_site_poses(self.start, self.anchors, [one.tie for one in self.overlaps], points, self.square_rad)
 
     @property
     def together(self) -> set[tuple[str, str]]:
         """Rows on one camera path."""
         return {(one.tie.a, one.tie.b) for one in self.overlaps}
 
-    def settled(self, things: Things) -> tuple[Places, list[Found], list[str]]:
+    def settled(self, things: Things) -> tuple[SitePoses, list[Found], list[str]]:
         """Matches of things are looked for until there are no more, and those that do not fit are left out one after the other."""
         places, found, notes = self.solve(), list[Found](), list[str]()
         for _ in range(ROUNDS):
@@ -129,7 +129,7 @@ class Solver:
                 break
         return places, found, [*notes, *doubtful]
 
-    def _fitting(self, found: list[Found]) -> tuple[Places, list[Found], list[str]]:
+    def _fitting(self, found: list[Found]) -> tuple[SitePoses, list[Found], list[str]]:
         places, notes = self.solve(found), list[str]()
         while wrong := worst_of_each([own for own in found if not fits(own, places)], places):
             notes += [f"{own} is left out: it is {own.told(places)} off" for own in wrong]
@@ -138,11 +138,13 @@ class Solver:
         return places, found, notes
 
 
-def _matches(things: Things, places: Places, tried: set[tuple[tuple[str, str], str]]) -> tuple[list[Found], list[str]]:
+def _matches(
+    things: Things, places: SitePoses, tried: set[tuple[tuple[str, str], str]]
+) -> tuple[list[Found], list[str]]:
     found, doubtful = list[Found](), list[str]()
     for a, b in combinations(things, 2):
         kinds = [kind for kind in things[a] if kind in things[b] and ((a, b), kind) not in tried]
-        if not kinds or not _near(things[a], things[b], places.placed[a], places.placed[b]):
+        if not kinds or not _near(things[a], things[b], places.rows[a], places.rows[b]):
             continue
         a_from_b = places.relative(a, b)
         for kind in kinds:
@@ -200,7 +202,7 @@ def _chained(site_from_row: Floats) -> Placement:
 def _told(
     site_map: SiteMap,
     solver: Solver,
-    places: Places,
+    places: SitePoses,
     found: Sequence[Found],
     notes: Sequence[str],
     known: Mapping[str, Placement],
@@ -208,8 +210,8 @@ def _told(
     ties = [path_tie(one, places) for one in solver.overlaps] + [own.shown(places) for own in found]
     order = {name: number for number, name in enumerate(site_map.rows)}
     ties.sort(key=lambda tie: (order[tie.row_a], order[tie.row_b]))
-    off = [line for name, prior in known.items() if (line := _off_prior(name, prior, places.placed[name]))]
-    return Assembly(replace(site_map, placed=dict(places.placed), ties=tuple(ties)), (*notes, *off))
+    off = [line for name, prior in known.items() if (line := _off_prior(name, prior, places.rows[name]))]
+    return Assembly(replace(site_map, placed=dict(places.rows), ties=tuple(ties)), (*notes, *off))
 
 
 def _off_prior(name: str, prior: Placement, place: Placement) -> str:

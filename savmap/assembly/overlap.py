@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation, Slerp
 
-from savmap.graph.places import PathTie
+from savmap.graph.site_poses import RelativePosePrior
 from savmap.types import Floats, Placement, RowMap
 
 LEAST_FRAMES = 3
@@ -28,7 +28,7 @@ class Overlap:
     """Two rows' common path: b's frame in a's, how many pictures, their mean place (3,) m in either row's frame, and the standard
     deviation (3,) m of what is between the two along a's axes."""
 
-    tie: PathTie
+    tie: RelativePosePrior
     count: int
     in_a: Floats
     in_b: Floats
@@ -110,7 +110,7 @@ def overlap(a: str, b: str, one: Path, other: Path) -> Overlap:
     arm = np.radians(_turned(centre_b[None], found[2])[0])
     slope = np.array([[1, 0, -arm[2]], [0, 1, arm[0]], [0, 0, 1]])
     place = Placement(float(shift[0]), float(shift[2]), float(np.degrees(found[2])), slope @ own @ slope.T)
-    return Overlap(PathTie(a, b, place), len(spread), centre_a, centre_b, np.sqrt(misfit) * sigma)
+    return Overlap(RelativePosePrior(a, b, place), len(spread), centre_a, centre_b, np.sqrt(misfit) * sigma)
 
 
 def _common(one: Path, other: Path) -> tuple[Path, Path]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.assembly.matching import AXES, LEAST_SIGMA_M
 from savmap.assembly.overlap import Overlap
-from savmap.graph.places import Places, PointTie, residual
+from savmap.graph.site_poses import PointMatch, SitePoses, residual
 from savmap.types import CrossRowLandmark, Floats, Placement, Tie
 
 REJECT_SIGMA = 4.0
@@ -44,27 +44,27 @@ class Found:
         both: Floats = self.in_a.covariance + turn @ self.in_b.covariance @ turn.T
         return both + LEAST_SIGMA_M**2 * np.eye(3)
 
-    def tie(self, count: int = 1) -> PointTie:
+    def tie(self, count: int = 1) -> PointMatch:
         """The tie on the floor, one of `count`. Errors of things of one kind in one row have a part in common, of variance `COMMON`:
         however many there are, their mean is no better known than that."""
         floor = [axis for axis in self.axes if axis != AXES["y"]]
         covariance = self.covariance[np.ix_(floor, floor)] * (1 + (count - 1) * COMMON)
-        return PointTie(self.a, self.b, self.in_a.place, self.in_b.place, np.eye(3)[floor], covariance)
+        return PointMatch(self.a, self.b, self.in_a.place, self.in_b.place, np.eye(3)[floor], covariance)
 
-    def off_sigma(self, places: Places) -> float:
+    def off_sigma(self, places: SitePoses) -> float:
         """What is left, in standard deviations."""
         tie = self.tie()
         left = residual(tie, places.relative(self.a, self.b))
         return float(np.sqrt(left @ np.linalg.solve(tie.covariance, left)))
 
-    def told(self, places: Places) -> str:
+    def told(self, places: SitePoses) -> str:
         """What is left, for a line to the user."""
         left = residual(self.tie(), places.relative(self.a, self.b))
         return f"{np.linalg.norm(left):.2f} m, {self.off_sigma(places):.0f} standard deviations,"
 
-    def shown(self, places: Places) -> Tie:
+    def shown(self, places: SitePoses) -> Tie:
         """The tie with what is left in the site's frame."""
-        one, other = places.placed[self.a], places.placed[self.b]
+        one, other = places.rows[self.a], places.rows[self.b]
         turn = one.site_from_row[:3, :3]
         left = turn.T @ (other.points(self.in_b.place[None])[0] - one.points(self.in_a.place[None])[0])
         off, sigma = np.full(3, np.nan), np.full(3, np.nan)
@@ -77,12 +77,12 @@ class Found:
         return Tie(self.a, self.b, self.in_a.id, self.in_b.id, off, sigma)
 
 
-def fits(own: Found, places: Places) -> bool:
+def fits(own: Found, places: SitePoses) -> bool:
     """Whether what is left may be chance."""
     return own.off_sigma(places) < REJECT_SIGMA
 
 
-def worst_of_each(wrong: Sequence[Found], places: Places) -> list[Found]:
+def worst_of_each(wrong: Sequence[Found], places: SitePoses) -> list[Found]:
     """The worst match of each two rows and kind."""
     worst: dict[tuple[tuple[str, str], str], Found] = {}
     for own in sorted(wrong, key=lambda own: own.off_sigma(places)):
@@ -90,9 +90,9 @@ def worst_of_each(wrong: Sequence[Found], places: Places) -> list[Found]:
     return list(worst.values())
 
 
-def path_tie(one: Overlap, places: Places) -> Tie:
+def path_tie(one: Overlap, places: SitePoses) -> Tie:
     """A common camera path as a tie: what is left at its middle."""
-    a, b = places.placed[one.tie.a], places.placed[one.tie.b]
+    a, b = places.rows[one.tie.a], places.rows[one.tie.b]
     turn = a.site_from_row[:3, :3]
     left = b.points(one.in_b[None])[0] - a.points(one.in_a[None])[0]
     sigma = np.sqrt(np.diag(turn @ np.diag(one.sigma_m**2) @ turn.T))

@@ -1,19 +1,36 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.appearance import motion_constraints
-from savmap.graph.calibration import Calibration, Shutter, Stitching
-from savmap.graph.constraints import TIGHT_M, Constraints, Relation, known_distance, known_length, pin, reference, tie
+from savmap.graph.calibration.terms import Calibration, Shutter, Stitching
+from savmap.graph.constraints import (
+    TIGHT_M,
+    Constraints,
+    Relation,
+    equal_coordinate,
+    fixed_coordinate,
+    known_coordinate,
+    known_distance,
+    known_length,
+)
+from savmap.graph.factors.appearance import motion_constraints
+from savmap.graph.factors.checks import check_jacobians, require_valid_constraints
+from savmap.graph.factors.markers import marker_constraints
+from savmap.graph.factors.shapes import flat, graph_of, rectangle
+from savmap.graph.initial.start import published_start
+from savmap.graph.joint.rows import solve_rows
 from savmap.graph.keys import KeySpace, frame_key
-from savmap.graph.markers import marker_constraints
-from savmap.graph.observations import Biases, Observations, observe
-from savmap.graph.optimise import PUBLISHED, SolveOptions, located, solve
+from savmap.graph.measurements import Biases, ImageMeasurements, image_measurements, sight_lines
 from savmap.graph.problem import Problem, merge
-from savmap.graph.references import CameraHeight, Frames, KnownLength, KnownMarker, References, SurveyedPoint, gauge
-from savmap.graph.shapes import flat, graph_of, rectangle
-from savmap.graph.sight_lines import sight_lines
-from savmap.graph.solution import Landmark, Rejected, Solution
-from savmap.graph.start import published_start
-from savmap.graph.together import solve_rows
+from savmap.graph.references import (
+    CameraHeight,
+    CameraPriors,
+    KnownLength,
+    KnownMarker,
+    References,
+    SurveyedPoint,
+    camera_priors,
+)
+from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
+from savmap.graph.solver.solution import Landmark, RejectedMeasurement, Solution
 
 __all__ = [
     "PUBLISHED",
@@ -21,39 +38,42 @@ __all__ = [
     "Biases",
     "Calibration",
     "CameraHeight",
+    "CameraPriors",
     "Constraints",
-    "Frames",
+    "ImageMeasurements",
     "KeySpace",
     "KnownLength",
     "KnownMarker",
     "Landmark",
-    "Observations",
+    "LocatedCamera",
     "Problem",
     "References",
-    "Rejected",
+    "RejectedMeasurement",
     "Relation",
     "Shutter",
     "Solution",
     "SolveOptions",
     "Stitching",
     "SurveyedPoint",
+    "camera_priors",
+    "check_jacobians",
+    "equal_coordinate",
+    "fixed_coordinate",
     "flat",
     "frame_key",
-    "gauge",
     "graph_of",
+    "image_measurements",
+    "known_coordinate",
     "known_distance",
     "known_length",
-    "located",
+    "locate_camera",
     "marker_constraints",
     "merge",
     "motion_constraints",
-    "observe",
-    "pin",
     "published_start",
     "rectangle",
-    "reference",
+    "require_valid_constraints",
     "sight_lines",
     "solve",
     "solve_rows",
-    "tie",
 ]

@@ -1,7 +1,7 @@
-"""Covariances of all points and places at once.
+"""Covariances of all points and camera positions at once.
 
-`gtsam.Marginals` asks for one variable at a time. Frames meet only their neighbours, so they are eliminated sparsely, and what
-is left, the points' information, is small and inverted whole: joint covariances come with it.
+`gtsam.Marginals` asks for one variable at a time. Frames share factors only with their neighbours, so they are eliminated
+sparsely, and the rest, the points' information, is small and inverted whole: joint covariances come with it.
 """
 
 from collections.abc import Collection
@@ -23,11 +23,11 @@ BLOCK = 144
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Shared:
-    """Unknowns beside the graph's own that its last rows (r,) have in common: whitened derivatives (r, k), their value
-    (k,) now, and the standard deviations (k,) of their prior, which is about 0. Those that are not `free` (k,) are not
-    estimated: what they may be spreads to the others (Schmidt's consider parameters)."""
+@dataclass(frozen=True, eq=False)
+class SharedUnknowns:
+    """Unknowns beside the graph's variables that its last rows (r,) share, such as biases: whitened derivatives (r, k), their
+    value (k,) now, and the standard deviations (k,) of their prior about 0. Those that are not `free` (k,) are not
+    estimated: their uncertainty spreads to the others (Schmidt's consider parameters)."""
 
     columns: csc_array
     value: Floats
@@ -35,17 +35,19 @@ class Shared:
     free: Bools
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Covariance:
-    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances (f, 3) of the frames' places.
+    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances `cameras` (f, 3) of the frames'
+    positions.
 
-    `shared` (k, k): covariance of the shared unknowns; `step` (k,): what would bring these to their optimum. `followed`
-    (3m, c): how far the points follow each shared unknown that is not estimated, a standard deviation off: part of `points`.
+    `shared` (k, k): covariance of the shared unknowns; `step` (k,): the step that brings these to their optimum. `followed`
+    (3m, c): how far the points move with each shared unknown that is not estimated, for one standard deviation; `points`
+    contains it.
     """
 
     keys: tuple[int, ...]
     points: Floats
-    places: Floats
+    cameras: Floats
     shared: Floats
     step: Floats
     followed: Floats
@@ -66,12 +68,12 @@ class Covariance:
         return np.concatenate([3 * self.keys.index(key) + np.arange(3) for key in keys])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Covariances:
-    """One for testing references, and one for the standard deviations that are told."""
+    """One for the tests of references, and one for the standard deviations that are reported."""
 
     tested: Covariance
-    told: Covariance
+    reported: Covariance
 
 
 def covariance(
@@ -79,11 +81,11 @@ def covariance(
     values: gtsam.Values,
     frames: list[int],
     centres: list[int],
-    shared: Shared | None = None,
+    shared: SharedUnknowns | None = None,
     only: Collection[int] | None = None,
 ) -> Covariance:
-    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their places. With `only` it is of these
-    variables and the shared unknowns, without the frames' places.
+    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their positions. With `only` it is of
+    these variables and the shared unknowns, without the frames' positions.
 
     Raises SolveError if the graph leaves a variable undetermined.
     """
@@ -91,20 +93,19 @@ def covariance(
     inner = np.concatenate([slots[key] for key in sorted((*frames, *centres))])
     outer_keys = sorted(set(slots) - set(frames) - set(centres))
     count = 3 * len(outer_keys)
-    own = [slots[key] for key in outer_keys]
-    outer = np.concatenate([*own, np.arange(len(inner) + count, information.shape[0])])
+    outer = np.concatenate([*(slots[key] for key in outer_keys), np.arange(len(inner) + count, information.shape[0])])
     near = splu(information[inner][:, inner].tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     cross = information[inner][:, outer].tocsc()
-    asked = [slots[key] for key in (centres if only is None else ())]
-    places = np.searchsorted(inner, np.concatenate([np.zeros(0, np.int64), *asked]))
-    schur, solved = _eliminated(near, cross, information[outer][:, outer].toarray(), places)
+    wanted = [slots[key] for key in (centres if only is None else ())]
+    cameras = np.searchsorted(inner, np.concatenate([np.zeros(0, np.int64), *wanted]))
+    schur, solved = _eliminated(near, cross, information[outer][:, outer].toarray(), cameras)
     right = gradient[outer] - cross.T @ near.solve(gradient[inner])
     kept = [index for index, key in enumerate(outer_keys) if only is None or key in only]
     points = (3 * np.array(kept, np.int64)[:, None] + np.arange(3)).ravel()
     joint, step, followed = _joint(schur, right, shared, np.append(points, np.arange(count, len(outer))))
     spread = np.zeros(0)
     if only is None:
-        spread = _diagonal(near, places, len(inner)) + np.einsum("ij,ij->i", solved @ joint, solved)
+        spread = _diagonal(near, cameras, len(inner)) + np.einsum("ij,ij->i", solved @ joint, solved)
     size = len(points)
     return Covariance(
         tuple(outer_keys[index] for index in kept),
@@ -124,21 +125,21 @@ def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -
     rows = cross.tocsr()
     blocks: list[tuple[slice, Ints, Floats]] = []
     for first in range(0, cross.shape[0], BLOCK):
-        own = slice(first, min(first + BLOCK, cross.shape[0]))
-        columns = np.unique(rows[own].indices).astype(np.int64)
-        blocks.append((own, columns, np.asarray(rows[own][:, columns].toarray().T, np.float64)))
+        block = slice(first, min(first + BLOCK, cross.shape[0]))
+        columns = np.unique(rows[block].indices).astype(np.int64)
+        blocks.append((block, columns, np.asarray(rows[block][:, columns].toarray().T, np.float64)))
     solved = np.empty((len(wanted), len(outer)))
     for first in range(0, len(outer), CHUNK):
         part = slice(first, min(first + CHUNK, len(outer)))
-        found = near.solve(cross[:, part].toarray())
-        for own, columns, block in blocks:
-            outer[columns, part] -= block @ found[own]
-        solved[:, part] = found[wanted]
+        solution = near.solve(cross[:, part].toarray())
+        for rows_of_block, columns, entries in blocks:
+            outer[columns, part] -= entries @ solution[rows_of_block]
+        solved[:, part] = solution[wanted]
     return (outer + outer.T) / 2, solved
 
 
 def _information(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: Shared | None
+    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: SharedUnknowns | None
 ) -> tuple[csc_matrix, Floats, dict[int, Ints]]:
     """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones last."""
     entries = graph.linearize(values).sparseJacobian_()
@@ -163,34 +164,36 @@ def _information(
     return csc_matrix(whole.T @ whole), np.asarray(whole.T @ right), slots
 
 
-def _joint(information: Floats, right: Floats, shared: Shared | None, wanted: Ints) -> tuple[Floats, Floats, Floats]:
+def _joint(
+    information: Floats, right: Floats, shared: SharedUnknowns | None, wanted: Ints
+) -> tuple[Floats, Floats, Floats]:
     """Covariance (w, w) of the `wanted` (w,) among the unknowns (n,), shared ones being last, the step (n,) to the optimum of
     all, and how far (w, c) the wanted follow each shared one that is not free, a standard deviation off.
 
-    Shared ones that are not free keep their prior, and the others' estimates follow them.
+    SharedUnknowns ones that are not free keep their prior, and the others' estimates follow them.
     """
     fixed = np.zeros(len(information), np.bool_)
     if shared is not None and len(shared.free):
         fixed[-len(shared.free) :] = ~shared.free
     free = np.flatnonzero(~fixed)
-    place = np.full(len(information), -1)
-    place[free] = np.arange(len(free))
-    mine = np.flatnonzero(~fixed[wanted])
-    own = Inverse.of(information[np.ix_(free, free)])
-    columns = own.columns(place[wanted[mine]])
+    slot = np.full(len(information), -1)
+    slot[free] = np.arange(len(free))
+    estimated = np.flatnonzero(~fixed[wanted])
+    inverse = Inverse.of(information[np.ix_(free, free)])
+    columns = inverse.columns(slot[wanted[estimated]])
     joint, step = np.zeros((len(wanted), len(wanted))), np.zeros(len(information))
-    joint[np.ix_(mine, mine)] = columns[place[wanted[mine]]]
-    step[free] = own.times(right[free])
+    joint[np.ix_(estimated, estimated)] = columns[slot[wanted[estimated]]]
+    step[free] = inverse.times(right[free])
     followed = np.zeros((len(wanted), int(fixed.sum())))
     if shared is not None and fixed.any():
         prior = np.diag(shared.prior[~shared.free])
-        followed[mine] = -columns.T @ information[np.ix_(free, np.flatnonzero(fixed))] @ prior
+        followed[estimated] = -columns.T @ information[np.ix_(free, np.flatnonzero(fixed))] @ prior
         followed[fixed[wanted]] = prior
         joint += followed @ followed.T
     return joint, step, followed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inverse:
     """Inverse of a positive definite matrix (n, n), by the Cholesky `factor` of the matrix scaled (n,) so that tight and loose
     variables do not drown one another."""
@@ -202,7 +205,7 @@ class Inverse:
     def of(cls, matrix: Floats) -> "Inverse":
         """Raises SolveError for a matrix that is not positive definite."""
         diagonal = np.diag(matrix)
-        undetermined = "the solution leaves some points undetermined: too few observations for what is asked"
+        undetermined = "the solution leaves some points undetermined: too few measurements for what is asked"
         if not np.isfinite(matrix).all() or diagonal.min() <= 0:
             raise SolveError(undetermined)
         scale = 1.0 / np.sqrt(diagonal)
@@ -229,10 +232,10 @@ class Inverse:
 
 def _diagonal(near: SuperLU, wanted: Ints, size: int) -> Floats:
     """The diagonal (w,) of near^-1 (n, n) at the `wanted` rows."""
-    found = np.empty(len(wanted))
+    diagonal = np.empty(len(wanted))
     for first in range(0, len(wanted), CHUNK):
-        some = wanted[first : first + CHUNK]
-        unit = np.zeros((size, len(some)))
-        unit[some, np.arange(len(some))] = 1.0
-        found[first : first + CHUNK] = near.solve(unit)[some, np.arange(len(some))]
-    return found
+        part = wanted[first : first + CHUNK]
+        unit = np.zeros((size, len(part)))
+        unit[part, np.arange(len(part))] = 1.0
+        diagonal[first : first + CHUNK] = near.solve(unit)[part, np.arange(len(part))]
+    return diagonal

@@ -1,7 +1,7 @@
-"""All rooms in one problem: names resolved, arrays laid out."""
+"""All plugins' constraints and the user's references in one problem: names resolved, arrays laid out."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
 
@@ -9,143 +9,190 @@ import gtsam
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.constraints import Constraints, Relation, each
-from savmap.graph.distortion import Scene
-from savmap.graph.keys import frame_key, is_frame
-from savmap.graph.motion import velocities
-from savmap.graph.observations import Observations, Sight, join, sight
-from savmap.graph.references import Frames, KnownLength, SurveyedPoint
+from savmap.graph.calibration.distortion import Scene, velocities
+from savmap.graph.constraints import Constraints, Relation, factors_in
+from savmap.graph.keys import Variable, frame_key, is_frame
+from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
+from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
-    """Frames, rooms and all relations (the rooms' own, then the references'). Array order: `used` frames, sorted `keys`."""
+    """What is known of the camera, all plugins' `parts`, and all relations (the plugins', then those of the references).
 
-    frames: Frames
-    rooms: tuple[Constraints, ...]
+    Array order: `used` frames, sorted `keys`. A `partial` problem holds only the plugins that locate the camera: references
+    to other plugins' landmarks are left out, and `assumed` says what of scale and place was assumed instead, if anything.
+    """
+
+    camera: CameraPriors
+    parts: tuple[Constraints, ...]
     relations: tuple[Relation, ...]
-    observations: Observations
+    measurements: ImageMeasurements
+    partial: bool = False
+    assumed: tuple[str, ...] = ()
 
     @cached_property
     def used(self) -> Ints:
-        """Numbers (f,) of the frames that saw something, sorted."""
-        return np.unique(self.observations.frames)
+        """Numbers (f,) of the frames that something was measured in, or that a plugin's factor binds, sorted."""
+        return np.union1d(self.measurements.frames, _frames_of(self.parts))
 
     @cached_property
     def keys(self) -> Ints:
         """Landmark keys (m,), sorted."""
-        return np.array(sorted(key for room in self.rooms for key in room.keys.values()), np.int64)
+        return np.array(sorted(key for part in self.parts for key in part.keys.values()), np.int64)
 
     @cached_property
     def at_frame(self) -> Ints:
-        """Index (n,) into `used` of each observation."""
-        return np.searchsorted(self.used, self.observations.frames)
+        """Index (n,) into `used` of each measurement."""
+        return np.searchsorted(self.used, self.measurements.frames)
 
     @cached_property
     def at_key(self) -> Ints:
-        """Index (n,) into `keys` of each observation."""
-        return np.searchsorted(self.keys, self.observations.keys)
+        """Index (n,) into `keys` of each measurement."""
+        return np.searchsorted(self.keys, self.measurements.keys)
 
     @cached_property
-    def sight(self) -> Sight:
-        """The observations' linear forms in the rig frame."""
-        return sight(self.observations)
+    def linear_forms(self) -> LinearForms:
+        """The measurements' linear forms in the rig frame."""
+        return linear_forms(self.measurements)
 
     def without(self, bias: Floats, poses: Floats, points: Floats) -> "Problem":
-        """The problem with observations freed of biases (k,), where poses (f, 4, 4) and points (m, 3) are about these."""
+        """The problem with measurements corrected for biases (k,), where poses (f, 4, 4) and points (m, 3) are near these."""
         if not len(bias):
             return self
-        term = self.frames.calibration
+        term = self.camera.calibration
         if term is None:
-            return replace(self, observations=self.observations.without(bias))
-        own = len(term.names)
-        rest = self.observations.without(np.concatenate([bias[:-own], np.zeros(own)]))
-        return replace(self, observations=term.freed(rest, bias[-own:], self._scene(poses, points)))
+            return replace(self, measurements=self.measurements.without(bias))
+        count = len(term.names)
+        rest = self.measurements.without(np.concatenate([bias[:-count], np.zeros(count)]))
+        return replace(self, measurements=term.corrected(rest, bias[-count:], self._scene(poses, points)))
 
     def _scene(self, poses: Floats, points: Floats) -> Scene:
-        stamps = self.frames.facts.frames.stamps_s[self.used]
+        stamps = self.camera.facts.frames.stamps_s[self.used]
         speeds, rates = np.zeros((2, len(poses), 3))
-        for chunk in self.passes():
-            speeds[chunk], rates[chunk] = velocities(poses[chunk], stamps[chunk])
-        own = np.swapaxes(poses[self.at_frame, :3, :3], 1, 2)
-        places = points[self.at_key] - poses[self.at_frame, :3, 3]
-        ahead = np.einsum("nij,nj->ni", own, speeds[self.at_frame])
-        return Scene(np.einsum("nij,nj->ni", own, places), ahead, rates[self.at_frame])
+        for of_pass in self.passes():
+            speeds[of_pass], rates[of_pass] = velocities(poses[of_pass], stamps[of_pass])
+        rig_from_world = np.swapaxes(poses[self.at_frame, :3, :3], 1, 2)
+        offsets = points[self.at_key] - poses[self.at_frame, :3, 3]
+        ahead = np.einsum("nij,nj->ni", rig_from_world, speeds[self.at_frame])
+        return Scene(np.einsum("nij,nj->ni", rig_from_world, offsets), ahead, rates[self.at_frame])
 
     def index(self, key: int) -> int:
-        """Place of a landmark's key in `keys`."""
+        """Index of a landmark's key in `keys`."""
         return int(np.searchsorted(self.keys, key))
 
     def residuals(self, world_from_rig: Floats, points: Floats) -> Floats:
         """Whitened errors (n, 2) for poses (f, 4, 4) and points (m, 3)."""
         poses = world_from_rig[self.at_frame]
-        return self.sight.turned(poses[:, :3, :3]).residuals(points[self.at_key] - poses[:, :3, 3])[0]
+        return self.linear_forms.rotated(poses[:, :3, :3]).residuals(points[self.at_key] - poses[:, :3, 3])[0]
 
     def passes(self, names: tuple[str, ...] = ()) -> Iterator[Ints]:
         """Indices into `used` pass by pass, in order of time."""
-        table = self.frames.facts.frames
+        table = self.camera.facts.frames
         for name in dict.fromkeys(table.passes):
             if not names or name in names:
                 yield np.flatnonzero([table.passes[frame] == name for frame in self.used.tolist()])
 
     def name_of(self, key: int) -> tuple[str, str]:
-        """Room and landmark name of a key."""
+        """Plugin and landmark name of a key."""
         return self._names[key]
 
     @cached_property
     def _names(self) -> dict[int, tuple[str, str]]:
-        return {key: (room.room, name) for room in self.rooms for name, key in room.keys.items()}
+        return {key: (part.plugin, name) for part in self.parts for name, key in part.keys.items()}
 
 
-def merge(frames: Frames, *rooms: Constraints) -> Problem:
-    """Join the rooms and turn the references into relations.
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Poses world_from_rig (f, 4, 4) of the used frames, points (m, 3), camera heights (h,) of the references, and the
+    plugins' variables by key."""
 
-    Raises SiteError for a reference to something that was not found, StructureError if nothing was observed.
+    poses: Floats
+    points: Floats
+    heights: Floats
+    variables: Mapping[int, Variable] = field(default_factory=dict)
+
+
+def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> Problem:
+    """Join the plugins' parts and turn the references into relations.
+
+    With `partial`, references to names that these plugins do not have are left out, for the camera is located before the
+    other plugins' landmarks are known. Raises SiteError for a reference to an unknown name otherwise, StructureError if
+    nothing was measured: no landmark in a frame with a first pose nor, where the camera's path is given, anything by a
+    plugin's factor in one of its frames.
     """
-    if not any(len(room.observations) for room in rooms):
-        raise StructureError(f"row {frames.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
-    observations = join([room.observations for room in rooms])
-    observations = observations.take(np.isin(observations.frames, (frames.fixed or frames.start).frames))
-    if not len(observations):
-        raise StructureError(f"row {frames.facts.name}: no frame with a known pose saw anything")
-    if frames.calibration is not None:
-        observations = frames.calibration.added(observations)
-    own = tuple(relation for room in rooms for relation in room.relations)
-    solved = {frame_key(frame) for frame in np.unique(observations.frames).tolist()}
-    kept = tuple(_over(room, solved) for room in rooms)
-    return Problem(frames, kept, (*own, *_given(frames, rooms, own)), observations)
+    measurements = _measured(camera, parts)
+    if camera.calibration is not None:
+        measurements = camera.calibration.with_parameters(measurements)
+    frames = measurements.frames if camera.fixed is None else np.union1d(measurements.frames, camera.fixed.frames)
+    solved = {frame_key(frame) for frame in np.unique(frames).tolist()}
+    kept = tuple(_within(part, solved) for part in parts)
+    if not len(measurements) and not len(_frames_of(kept)):
+        raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
+    structure = tuple(relation for part in parts for relation in part.relations)
+    references = _reference_relations(camera, parts, structure, partial)
+    return Problem(camera, kept, (*structure, *references), measurements, partial)
 
 
-def _over(room: Constraints, frames: set[int]) -> Constraints:
-    """A room without factors over other frames than those of these keys, and without variables of its own that only they bind."""
-    factors = [one for one in each(room.factors) if _frames(one) <= frames]
-    if room.factors is None or len(factors) == room.factors.size():
-        return room
+def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasurements:
+    """All measurements in frames with a first pose. Raises StructureError where there is nothing at all to solve."""
+    bound = camera.fixed is not None and any(part.factors is not None and part.factors.size() for part in parts)
+    if not bound and not any(len(part.measurements) for part in parts):
+        raise StructureError(f"row {camera.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
+    measurements = join([part.measurements for part in parts])
+    return measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
+
+
+def first_poses(problem: Problem) -> Floats:
+    """Given poses (f, 4, 4) of the used frames: the fixed ones, or the start's."""
+    given = problem.camera.fixed or problem.camera.start
+    order = np.argsort(given.frames)
+    return given.world_from_rig[order[np.searchsorted(given.frames[order], problem.used)]]
+
+
+def _within(part: Constraints, frames: set[int]) -> Constraints:
+    """A part without factors that bind frames other than those with these keys, and without the variables that only they bind."""
+    factors = [factor for factor in factors_in(part.factors) if _frame_keys(factor) <= frames]
+    if part.factors is None or len(factors) == part.factors.size():
+        return part
     graph = gtsam.NonlinearFactorGraph()
     for factor in factors:
         graph.add(factor)
     bound = set[int]().union(*(factor.keys() for factor in factors))
-    return replace(room, factors=graph, own={key: value for key, value in room.own.items() if key in bound})
+    variables = {key: value for key, value in part.variables.items() if key in bound}
+    return replace(part, factors=graph, variables=variables)
 
 
-def _frames(factor: gtsam.NonlinearFactor) -> set[int]:
+def _frame_keys(factor: gtsam.NonlinearFactor) -> set[int]:
     """Keys of the frames that a factor binds."""
     keys = factor.keys()
     return {key for key in keys if is_frame(key)}
 
 
-def _given(frames: Frames, rooms: tuple[Constraints, ...], own: tuple[Relation, ...]) -> Iterator[Relation]:
-    for length in frames.references.lengths:
-        yield _length(length, rooms, own, frames.facts.name)
-    for point in frames.references.points:
-        yield from _point(point, rooms, frames.facts.name)
+def _frames_of(parts: Sequence[Constraints]) -> Ints:
+    """Numbers (k,) of the frames that the plugins' factors bind."""
+    keys = set[int]().union(*(_frame_keys(factor) for part in parts for factor in factors_in(part.factors)))
+    return np.array(sorted(gtsam.symbolIndex(key) for key in keys), np.int64)
 
 
-def _length(length: KnownLength, rooms: tuple[Constraints, ...], own: tuple[Relation, ...], row: str) -> Relation:
-    axis_a, a = _find(length.start, rooms, row)
-    axis_b, b = _find(length.end, rooms, row)
-    axis = length.axis or axis_a or axis_b or _free_axis(a, b, own)
+def _reference_relations(
+    camera: CameraPriors, parts: tuple[Constraints, ...], structure: tuple[Relation, ...], partial: bool
+) -> Iterator[Relation]:
+    row = camera.facts.name
+    known = {name for part in parts for name in (*part.coordinates, *part.keys)}
+    for length in camera.references.lengths:
+        if not partial or {length.start, length.end} <= known:
+            yield _length(length, parts, structure, row)
+    for point in camera.references.points:
+        if not partial or point.name in known:
+            yield from _point(point, parts, row)
+
+
+def _length(length: KnownLength, parts: tuple[Constraints, ...], structure: tuple[Relation, ...], row: str) -> Relation:
+    axis_a, a = _named_coordinate(length.start, parts, row)
+    axis_b, b = _named_coordinate(length.end, parts, row)
+    axis = length.axis or axis_a or axis_b or _free_axis(a, b, structure)
     if axis is None or len({axis, axis_a or axis, axis_b or axis}) > 1:
         raise SiteError(
             f"row {row}: length from '{length.start}' to '{length.end}' is along no one axis; name two parallel edges or give its axis"
@@ -153,36 +200,38 @@ def _length(length: KnownLength, rooms: tuple[Constraints, ...], own: tuple[Rela
     return Relation(axis, a, b, length.value_m, length.sigma_m, f"length {length.start} to {length.end}")
 
 
-def _point(point: SurveyedPoint, rooms: tuple[Constraints, ...], row: str) -> Iterator[Relation]:
-    only, key = _find(point.name, rooms, row)
+def _point(point: SurveyedPoint, parts: tuple[Constraints, ...], row: str) -> Iterator[Relation]:
+    only, key = _named_coordinate(point.name, parts, row)
     axes: tuple[Axis, ...] = ("x", "y", "z")
     for axis, value in zip(axes, point.position_m, strict=True):
         if value is not None and only in (None, axis):
             yield Relation(axis, key, None, value, point.sigma_m, f"surveyed {point.name}, {axis}")
 
 
-def _find(name: str, rooms: tuple[Constraints, ...], row: str) -> tuple[Axis | None, int]:
-    for room in rooms:
-        if name in room.places:
-            return room.places[name]
-        if name in room.keys:
-            return None, room.keys[name]
-    every = [known for room in rooms for known in (*room.places, *room.keys)]
-    near = get_close_matches(name, every, 1, 0.0)
+def _named_coordinate(name: str, parts: tuple[Constraints, ...], row: str) -> tuple[Axis | None, int]:
+    """The axis, if it is one coordinate only, and the landmark's key of a name in a reference."""
+    for part in parts:
+        if name in part.coordinates:
+            return part.coordinates[name]
+        if name in part.keys:
+            return None, part.keys[name]
+    names = [known for part in parts for known in (*part.coordinates, *part.keys)]
+    near = get_close_matches(name, names, 1, 0.0)
     hint = f"; the nearest name is '{near[0]}'" if near else ""
     raise SiteError(f"row {row}: reference to '{name}', but no such thing was found in the video{hint}")
 
 
-def _free_axis(a: int, b: int, relations: tuple[Relation, ...]) -> Axis | None:
-    """The one axis along which two vertices differ, by the grid; None if that is not clear."""
+def _free_axis(a: int, b: int, structure: tuple[Relation, ...]) -> Axis | None:
+    """The one axis along which two landmarks differ, by the grid; None if that is not clear."""
     axes: tuple[Axis, ...] = ("x", "y")
-    free = [axis for axis in axes if not _tied(axis, a, b, relations)]
+    free = [axis for axis in axes if not _connected(axis, a, b, structure)]
     return free[0] if len(free) == 1 else None
 
 
-def _tied(axis: Axis, a: int, b: int, relations: tuple[Relation, ...]) -> bool:
+def _connected(axis: Axis, a: int, b: int, structure: tuple[Relation, ...]) -> bool:
+    """Whether relations along an axis bind two landmarks, through others or not."""
     group = {a}
-    pairs = [{r.a, r.b} for r in relations if r.axis == axis and r.b is not None and not r.name]
+    pairs = [{r.a, r.b} for r in structure if r.axis == axis and r.b is not None and not r.name]
     while True:
         grown = group.union(*(pair for pair in pairs if pair & group))
         if grown == group:

@@ -1,11 +1,11 @@
-"""What the user measured, and the frames it applies to: this gives the map its scale and its place."""
+"""What the user measured, and what is known of the camera before the solve: both give the map its scale and its place."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration import Calibration
+from savmap.graph.calibration.terms import Calibration
 from savmap.types import Axis, RowFacts, Trajectory
 
 
@@ -26,7 +26,7 @@ class CameraHeight:
 
 @dataclass(frozen=True)
 class KnownLength:
-    """A measured distance between two named edges or vertices, such as "upright 1 / left" to "upright 5 / right"."""
+    """A measured distance between two named edges or vertices."""
 
     start: str
     end: str
@@ -77,11 +77,11 @@ class References:
     markers: tuple[KnownMarker, ...] = ()
 
 
-@dataclass(frozen=True)
-class Frames:
-    """The cameras' part of the problem: start (attitudes good, places rough), references, and, if poses are taken from an
-    earlier map, `fixed`; `free_rotation` holds only the places then (the published way for lights). `calibration`: what of
-    the camera is unknown too."""
+@dataclass(frozen=True, eq=False)
+class CameraPriors:
+    """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if poses
+    are taken from an earlier map, `fixed`; `free_rotation` holds only their positions then (the published way for plugins
+    that do not locate the camera). `calibration`: which terms of the camera are unknowns too."""
 
     facts: RowFacts
     start: Trajectory
@@ -91,15 +91,15 @@ class Frames:
     calibration: Calibration | None = None
 
 
-def gauge(
+def camera_priors(
     facts: RowFacts,
     start: Trajectory,
     references: References | None = None,
     fixed: Trajectory | None = None,
     free_rotation: bool = False,
     calibration: Calibration | None = None,
-) -> Frames:
-    """Bring frames and references together. Raises SolveError for a pass that is not in the row."""
+) -> CameraPriors:
+    """Checked priors. Raises SolveError for a camera height of a pass that is not in the row, or a start that is not finite."""
     chosen = references or References()
     for height in chosen.camera_heights:
         unknown = sorted(set(height.passes) - set(facts.frames.passes))
@@ -107,6 +107,6 @@ def gauge(
             raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
     if not np.isfinite(start.world_from_rig).all():
         raise SolveError(f"row {facts.name}: the start has frames without a pose")
-    return Frames(
+    return CameraPriors(
         facts, start, chosen, fixed, free_rotation, calibration if calibration and calibration.names else None
     )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from savmap.graph import Calibration, Constraints, Frames, Problem, References, Solution
+from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
 from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
@@ -47,7 +47,7 @@ class LocatedRow(MeasuredRow):
     """A measured row with the first poses of its frames, and the frames as the graph takes them."""
 
     start: Trajectory
-    frames: Frames
+    frames: CameraPriors
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ def locate(row: MeasuredRow) -> LocatedRow:
     """The first poses of the frames, in the row's frame. Raises StructureError."""
     request, measurements = row.request, row.measurements
     start = initial_path(request, measurements)
-    frames = graph.gauge(
+    frames = graph.camera_priors(
         measurements.facts,
         start,
         request.gauge_references,
@@ -76,16 +76,16 @@ def locate(row: MeasuredRow) -> LocatedRow:
 def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
     """Every plugin's tracks and constraints, and the markers'.
 
-    What the first plugin tracks locates the camera for those after it, and says which points of no structure may be believed. One of
-    these that finds no structure is left out of the map with a note. Raises StructureError where the first one finds none.
+    What the first plugin tracks locates the camera for those after it, with an assumed scale where only these give it. One of these
+    that finds no structure is left out of the map with a note. Raises StructureError where the first one finds none.
     """
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
     markers, notes = marker_constraints(row)
-    path = row.request.path
+    path, assumed = row.request.path, False
     for plugin in plugins_in_order(row.request.plugins, row.measurements):
-        if path is None and constraints:
-            path = camera_path(row, [*constraints.values(), *markers])
+        if constraints and (path is None or assumed):
+            path, assumed = locate_camera(row, [*constraints.values(), *markers])
         try:
             plugin_tracks = track_plugin(plugin, row, path)
         except StructureError as error:
@@ -98,7 +98,8 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         )
         if plugin.failure is None:
             tracks[plugin.name], constraints[plugin.name] = plugin_tracks, plugin_constraints
-    motion, figures = motion_constraints(row, [*constraints.values(), *markers], path)
+    metric_path = None if assumed else path
+    motion, figures = motion_constraints(row, [*constraints.values(), *markers], metric_path)
     for note in notes:
         monitor.note(note)
     return TrackedRow(
@@ -183,15 +184,12 @@ def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None)
     )
 
 
-def camera_path(row: LocatedRow, constraints: Sequence[Constraints]) -> Trajectory:
-    """Where the camera was, by the constraints known so far: well enough to look for other structures."""
-    problem = graph.merge(row.frames, *constraints)
-    return solved_path(problem) if row.measurements.flows else graph.located(problem)
-
-
-def solved_path(problem: graph.Problem) -> Trajectory:
-    """The camera's path from one round of the solve, with how well it is known."""
-    return graph.solve(problem, graph.SolveOptions(rounds=1)).trajectory
+def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[Trajectory, bool]:
+    """Where the camera was, by the constraints known so far: well enough to look for other structures; and whether its scale is
+    assumed, for want of a reference to what was tracked so far."""
+    problem = graph.merge(row.frames, *constraints, partial=True)
+    located = graph.locate_camera(problem, sigmas=bool(row.measurements.flows))
+    return located.path, bool(located.assumed)
 
 
 def motion_constraints(
@@ -202,7 +200,8 @@ def motion_constraints(
     if row.request.path is not None or not row.measurements.flows:
         return (), {}
     problem = graph.merge(row.frames, *constraints)
-    motion, counts = graph.motion_constraints(row.measurements.flows, path or solved_path(problem), problem.used)
+    known = path or graph.locate_camera(problem, sigmas=True).path
+    motion, counts = graph.motion_constraints(row.measurements.flows, known, problem.used)
     return (motion,), counts
 
 

@@ -32,8 +32,7 @@ from savmap.types import (
 if TYPE_CHECKING:
     import typer
 
-    from savmap.graph.constraints import Constraints
-    from savmap.graph.solution import Solution
+    from savmap.graph import Constraints, Solution
     from savmap.sim.scene import SceneParts, Site
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview

@@ -5,11 +5,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Structure
+
+if TYPE_CHECKING:
+    from savmap.graph import Constraints
 
 log = logging.getLogger("savmap")
 told = logging.getLogger("savmap-plugins")
@@ -40,6 +43,17 @@ class IsolatedPlugin(LoadedPlugin):
                 if not self.failures:
                     raise
         return nothing(expected, self.name)
+
+    def constrain(self, **arguments: Any) -> "Constraints":
+        """The plugin's constraints; none, where these are not valid."""
+        from savmap.graph import Constraints
+
+        try:
+            return super().constrain(**arguments)
+        except PluginFailedError as error:
+            self._failed(error)
+            none: Constraints = nothing(Constraints, self.name)
+            return none
 
     def relate(
         self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
@@ -103,9 +117,9 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
 
 def nothing(expected: type, room: str) -> Any:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, observe
+    from savmap.graph import Constraints, image_measurements
     from savmap.types import ViewPlan
 
     if expected is Constraints:
-        return Constraints(room, {}, observe([], {}, {}), (), {})
+        return Constraints(room, {}, image_measurements([], {}, {}), (), {})
     return ViewPlan(()) if expected is ViewPlan else expected()

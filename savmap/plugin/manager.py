@@ -158,9 +158,10 @@ class LoadedPlugin:
         return self.ask_list("track", Track, **arguments)
 
     def constrain(self, **arguments: Any) -> "Constraints":
-        from savmap.graph import Constraints
+        from savmap.graph import Constraints, require_valid_constraints
 
         answer: Constraints = self.ask("constrain", Constraints, **arguments)
+        require_valid_constraints(self.name, answer, arguments["start"])
         return answer
 
     def evaluate(self, **arguments: Any) -> Score:

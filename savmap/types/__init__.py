@@ -5,7 +5,7 @@ towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x ri
 at integer coordinates.
 """
 
-from savmap.types.common import Axis, Floats, Ints, Place
+from savmap.types.common import Axis, Bools, Floats, Ints, Place
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
@@ -26,6 +26,7 @@ from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
 
 __all__ = [
     "Axis",
+    "Bools",
     "CrossRowLandmark",
     "Detection",
     "Distances",

@@ -2,7 +2,7 @@
 
 Corners (Shi and Tomasi 1994) by pyramidal Lucas and Kanade (Bouguet 2000), forwards and backwards; OpenCV's. Nobody asks what
 the points belong to: on look-alike goods a corner may be taken for its neighbour's, so what they say is only used where the
-mapped structures agree (`savmap.graph.appearance`).
+mapped structures agree (`savmap.graph.factors.appearance`).
 """
 
 from dataclasses import dataclass, field

@@ -14,7 +14,7 @@ from savmap.graph import (
     References,
     Solution,
     SolveOptions,
-    gauge,
+    camera_priors,
     merge,
     published_start,
     solve,
@@ -154,7 +154,7 @@ def problem(
 ) -> Problem:
     settings = GridSettings(made.rack.lowest if heights else None, 0.002, *setback)
     own = constrain(made.tracks, made.facts, start, settings=settings)
-    return merge(gauge(made.facts, start, given or references(made)), own)
+    return merge(camera_priors(made.facts, start, given or references(made)), own)
 
 
 def without_frames(made: World, blind: set[int]) -> World:
@@ -190,7 +190,7 @@ def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Flo
     """Errors m along x (columns) and in height (rows), and their standard deviations."""
     off: dict[str, list[float]] = {"x": [], "y": []}
     sigma: dict[str, list[float]] = {"x": [], "y": []}
-    for name, landmark in solution.of("shelves").items():
+    for name, landmark in solution.landmarks_of("shelves").items():
         words = name.replace(" /", "").split()
         if words[0] == "upright" and words[3] == "top":
             truth, axis = made.rack.uprights[int(words[1]) - 1, ("left", "right").index(words[2])], 0

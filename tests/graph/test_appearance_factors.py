@@ -7,7 +7,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from savmap.graph import frame_key, merge, solve
-from savmap.graph.appearance import ERROR_PX, SIGMA_PX, motion, motion_constraints, motion_factor, seen_from, trust
+from savmap.graph.factors.appearance import (
+    ERROR_PX,
+    SIGMA_PX,
+    motion,
+    motion_constraints,
+    motion_factor,
+    seen_from,
+    weighed_points,
+)
 from savmap.pipeline.row import moved
 from savmap.types import Floats, Flow, Trajectory, ViewSpec
 
@@ -40,11 +48,11 @@ def flow(noise_px: float = 0.0) -> Flow:
 
 
 def agreeing(one: Flow, poses: Floats, sigma_m: Floats = SIGMA_M) -> NDArray[np.bool_]:
-    return trust(one, poses, sigma_m)[1] > 0
+    return weighed_points(one, poses, sigma_m)[1] > 0
 
 
 def said(one: Flow, poses: Floats) -> tuple[Floats, Floats]:
-    points, weights = trust(one, poses, np.full(4, 0.05))
+    points, weights = weighed_points(one, poses, np.full(4, 0.05))
     assert (weights > 0).all()
     return motion(one, poses, points, weights / SIGMA_PX)
 
@@ -131,7 +139,7 @@ def test_points_steady_the_camera_where_structures_say_little() -> None:
     problem = made.problem(world, made.begin(world))
     constraints, counts = moved(problem, flows_of(world.poses), None)
     assert counts["points used"] > 0.9 * counts["points followed"]
-    plain, helped = solve(problem), solve(merge(problem.frames, *problem.rooms, constraints))
+    plain, helped = solve(problem), solve(merge(problem.camera, *problem.parts, constraints))
     off = [np.diff((one.trajectory.world_from_rig - world.poses)[:, 0, 3]).std() for one in (plain, helped)]
     assert off[1] < 0.85 * off[0]
     edges = [np.abs(made.errors(world, one)[0]).mean() for one in (plain, helped)]

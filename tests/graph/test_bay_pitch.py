@@ -3,11 +3,11 @@
 import made_up_rack as made
 import numpy as np
 import pytest
+from savmap_shelves.heights import assignments
 
 from savmap.errors import SiteError
-from savmap.graph import References, Solution, gauge, merge, solve
+from savmap.graph import References, Solution, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.heights import assignments
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def solved(world: made.World, pitch: list[float], given: References, heights: bo
     start = made.begin(world)
     settings = GridSettings(world.rack.lowest if heights else None, bay_pitch_m=pitch, bay_pitch_sigma_m=0.003)
     return solve(
-        merge(gauge(world.facts, start, given), constrain(world.tracks, world.facts, start, settings=settings))
+        merge(camera_priors(world.facts, start, given), constrain(world.tracks, world.facts, start, settings=settings))
     )
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import made_up_rack as made
 import numpy as np
 import pytest
-
-from savmap.graph import PUBLISHED, KnownLength, gauge, merge, solve
-from savmap.types import Track
 from savmap_shelves.bias import NO_BIAS, BiasSettings, mask_biases
+
+from savmap.graph import PUBLISHED, KnownLength, camera_priors, merge, solve
+from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, constrain, published
 
 BIAS_PX = 0.8
@@ -39,12 +39,12 @@ def mapped(world: made.World, settings: GridSettings, published_way: bool = Fals
     given = replace(given, lengths=(*given.lengths, *widths))
     start = made.begin(world)
     grid = constrain(world.tracks, world.facts, start, settings=settings)
-    solution = solve(merge(gauge(world.facts, start, given), grid), PUBLISHED if published_way else None)
+    solution = solve(merge(camera_priors(world.facts, start, given), grid), PUBLISHED if published_way else None)
     errors, sigmas = [], []
     for section, beams in enumerate(world.rack.beams, 1):
         for beam in range(2 if section == 1 else 0, len(beams)):
             names = [f"section {section} / beam {beam + 1} / {edge} left" for edge in ("lower", "upper")]
-            low, high = (solution.of("shelves")[name].position[1] for name in names)
+            low, high = (solution.landmarks_of("shelves")[name].position[1] for name in names)
             errors.append(high - low - np.ptp(beams[beam]))
             sigmas.append(solution.difference_sigma("shelves", *names, axis=1))
     return float(np.mean(errors)), float(np.mean(sigmas)), dict(solution.report)

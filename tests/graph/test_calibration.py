@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import SolveError
 from savmap.geometry import pinhole
-from savmap.graph import Calibration, Shutter, Solution, Stitching, gauge, merge, solve
-from savmap.graph.distortion import Distortion, Lenses, Scene, read_out_share, rear_share, turns
-from savmap.graph.motion import velocities
+from savmap.graph import Calibration, Shutter, Solution, Stitching, camera_priors, merge, solve
+from savmap.graph.calibration.distortion import Distortion, Lenses, Scene, read_out_share, rear_share, turns, velocities
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
@@ -54,7 +53,7 @@ def stitched(world: made.World) -> made.World:
 def constrained(world: made.World, calibration: Calibration | None) -> Problem:
     start = made.begin(world)
     own = constrain(world.tracks, world.facts, start, settings=GridSettings(world.rack.lowest, 0.002))
-    return merge(gauge(world.facts, start, made.references(world), calibration=calibration), own)
+    return merge(camera_priors(world.facts, start, made.references(world), calibration=calibration), own)
 
 
 def solved(world: made.World, calibration: Calibration | None) -> Solution:
@@ -98,7 +97,7 @@ def test_a_read_out_time_is_found(small: made.World) -> None:
     def late(track: Track) -> Track:
         at = np.searchsorted(used, track.frames)
         own = np.swapaxes(poses[at, :3, :3], 1, 2)
-        place = plain.of("shelves")[track.name].position
+        place = plain.landmarks_of("shelves")[track.name].position
         depths = (np.einsum("nij,nj->ni", own, place - poses[at, :3, 3]) @ view.rig_from_view)[:, 2:]
         ahead = np.einsum("nij,nj->ni", own, speeds[at])
 
@@ -120,8 +119,8 @@ def test_a_read_out_time_is_found(small: made.World) -> None:
 def test_without_a_term_nothing_changes(small: made.World) -> None:
     plain, empty = solved(small, None), solved(small, Calibration())
     assert np.array_equal(plain.covariance.points, empty.covariance.points)
-    for name, landmark in plain.of("shelves").items():
-        assert np.array_equal(landmark.position, empty.of("shelves")[name].position)
+    for name, landmark in plain.landmarks_of("shelves").items():
+        assert np.array_equal(landmark.position, empty.landmarks_of("shelves")[name].position)
     assert plain.report == empty.report
     assert not any("calibrat" in name for name in plain.report)
 

@@ -8,8 +8,8 @@ import pytest
 
 from savmap.errors import SolveError
 from savmap.geometry import pinhole
-from savmap.graph import KnownMarker, References, Solution, gauge, marker_constraints, merge, solve
-from savmap.graph.markers import _square_errors, _square_slopes
+from savmap.graph import KnownMarker, References, Solution, camera_priors, marker_constraints, merge, solve
+from savmap.graph.factors.shapes import DIAGONALS, SIDES, _parallelogram, _parallelogram_slopes
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -57,7 +57,7 @@ def solved(
     given = References(given.camera_heights, given.lengths, markers=(MARKER,))
     markers, _ = marker_constraints(tracks, {SPEC.name: SPEC}, given.markers, start)
     rack = constrain(world.tracks, world.facts, start, settings=GridSettings(height or world.rack.lowest))
-    return solve(merge(gauge(world.facts, start, given), rack, *((markers,) if markers else ())))
+    return solve(merge(camera_priors(world.facts, start, given), rack, *((markers,) if markers else ())))
 
 
 def test_a_marker_alone_gives_the_scale(small: made.World) -> None:
@@ -66,9 +66,11 @@ def test_a_marker_alone_gives_the_scale(small: made.World) -> None:
     assert np.abs(x).max() < 0.03
     assert np.abs(y).max() < 0.02
     assert np.abs(x[1:] / sigma_x[1:]).max() < 3.5
-    corners = np.array([solution.of("survey markers")[track.name].position for track in corner_tracks(small)[NAME]])
+    corners = np.array(
+        [solution.landmarks_of("survey markers")[track.name].position for track in corner_tracks(small)[NAME]]
+    )
     assert np.abs(corners - square(0.2)).max() < 0.02
-    assert np.abs(_square_errors(corners)).max() < 0.001
+    assert np.abs(_parallelogram(corners, (DIAGONALS, SIDES))).max() < 0.001
 
 
 def test_its_side_is_among_the_references(small: made.World) -> None:
@@ -112,10 +114,12 @@ def _first(track: Track, count: int) -> Track:
 
 def test_slopes_are_those_of_the_errors() -> None:
     points = square(0.2) + np.random.default_rng(0).normal(0, 0.01, (4, 3))
-    slopes = _square_slopes(points)
+    slopes = _parallelogram_slopes(points, (DIAGONALS, SIDES))
     for corner in range(4):
         for axis in range(3):
             step = np.zeros((4, 3))
             step[corner, axis] = 1e-6
-            numeric = (_square_errors(points + step) - _square_errors(points - step)) / 2e-6
+            numeric = (
+                _parallelogram(points + step, (DIAGONALS, SIDES)) - _parallelogram(points - step, (DIAGONALS, SIDES))
+            ) / 2e-6
             assert np.allclose(slopes[:, corner, axis], numeric, atol=1e-6)

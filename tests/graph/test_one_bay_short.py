@@ -9,7 +9,7 @@ import two_faces
 
 from savmap.errors import SiteError, SolveError
 from savmap.graph import KnownLength, References
-from savmap.graph.optimise import concluded, settled
+from savmap.graph.solver.optimise import converged, solution_of
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -32,9 +32,9 @@ def test_heights_of_one_section_less() -> None:
 
 
 def test_references_whose_landmarks_were_all_rejected() -> None:
-    state = settled(two_faces.problems(*two_faces.faces(4, frames=12))[0])
+    state = converged(two_faces.problems(*two_faces.faces(4, frames=12))[0])
     heights = [one.a for one in state.problem.relations if one.name.startswith("height")][:2]
     assert len(heights) == 2
-    kept = state.fit.kept & ~np.isin(state.problem.observations.keys, heights)
+    kept = state.fit.kept & ~np.isin(state.problem.measurements.keys, heights)
     with pytest.raises(SolveError, match="nothing that was seen of height of the lowest edge of section 1, height"):
-        concluded(replace(state, fit=replace(state.fit, kept=kept)))
+        solution_of(replace(state, fit=replace(state.fit, kept=kept)))

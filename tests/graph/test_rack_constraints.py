@@ -5,11 +5,11 @@ from dataclasses import replace
 import made_up_rack as made
 import numpy as np
 import pytest
+from savmap_shelves.sharing import share_edges
 
 from savmap.errors import SiteError, StructureError
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.describe import describe
-from savmap_shelves.sharing import share_edges
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_columns_rows_plane_and_origin(small: made.World) -> None:
     heights = [r for r in own.relations if r.name]
     assert [r.value for r in heights] == pytest.approx(small.rack.lowest)
     assert all("beam 1 / lower" in names[r.a] for r in heights)
-    assert own.places["section 2 / beam 1 / upper"][0] == "y"
+    assert own.coordinates["section 2 / beam 1 / upper"][0] == "y"
 
 
 def test_number_of_heights_must_match(small: made.World) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
-from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, gauge, merge
-from savmap.graph.finish import _scale_sigma
+from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, camera_priors, merge
+from savmap.graph.solver.solution import _scale_sigma
 from savmap.types import Trajectory
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -38,14 +38,14 @@ def test_heights_that_differ_by_little_give_no_scale() -> None:
     begin = made.begin(world)
     own = constrain(world.tracks, world.facts, begin, settings=GridSettings(world.rack.lowest))
     with pytest.raises(SolveError, match="add a camera height or a known length"):
-        made.solve(merge(gauge(world.facts, begin), own))
+        made.solve(merge(camera_priors(world.facts, begin), own))
 
 
 def test_one_height_for_all_sections_gives_no_scale(small: made.World) -> None:
     begin = made.begin(small)
     own = constrain(small.tracks, small.facts, begin, settings=GridSettings(0.3))
     with pytest.raises(SolveError, match="add a camera height or a known length"):
-        made.solve(merge(gauge(small.facts, begin), own))
+        made.solve(merge(camera_priors(small.facts, begin), own))
 
 
 @pytest.mark.parametrize(
@@ -128,17 +128,17 @@ def test_references_must_make_sense(small: made.World) -> None:
     with pytest.raises(SolveError, match="sigma"):
         CameraHeight(3.0, 0.0)
     with pytest.raises(SolveError, match="no such pass"):
-        gauge(small.facts, made.begin(small), References((CameraHeight(3.0, 0.1, passes=("two",)),)))
+        camera_priors(small.facts, made.begin(small), References((CameraHeight(3.0, 0.1, passes=("two",)),)))
 
 
 def test_nothing_seen_is_said(small: made.World) -> None:
     begin = made.begin(small)
     with pytest.raises(StructureError, match="nothing was tracked"):
-        merge(gauge(small.facts, begin))
+        merge(camera_priors(small.facts, begin))
     own = constrain(small.tracks, small.facts, begin)
     elsewhere = Trajectory(begin.frames + 1000, begin.world_from_rig)
     with pytest.raises(StructureError, match="no frame with a known pose"):
-        merge(gauge(small.facts, begin, fixed=elsewhere), own)
+        merge(camera_priors(small.facts, begin, fixed=elsewhere), own)
 
 
 def test_one_badly_known_landmark_does_not_make_the_scale_unknown() -> None:

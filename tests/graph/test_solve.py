@@ -5,12 +5,12 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.graph import SolveOptions, gauge, located, merge, solve
+from savmap.graph import SolveOptions, camera_priors, locate_camera, merge, solve
 from savmap.graph.covariance import covariance
-from savmap.graph.factors import observation_factors, other_factors, values_of, whole_graph
+from savmap.graph.factors.problem_factors import measurement_factors, other_factors, values_of, whole_graph
+from savmap.graph.initial.start import starts
 from savmap.graph.keys import ORIGIN, centre_key, frame_key
-from savmap.graph.order import along_aisle
-from savmap.graph.start import starts
+from savmap.graph.solver.elimination import aisle_ordering
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -82,7 +82,7 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
     graph = other_factors(problem, estimate)
-    for factor in observation_factors(problem.observations, 1.5, None):
+    for factor in measurement_factors(problem.measurements, 1.5, None):
         graph.push_back(factor)
     values = values_of(problem, estimate)
     used = problem.used.tolist()
@@ -92,13 +92,13 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
         np.testing.assert_allclose(ours.of([key]), theirs.marginalCovariance(key), rtol=1e-3, atol=1e-10)
     for index in (0, 7, len(used) - 1):
         place = np.diag(theirs.marginalCovariance(centre_key(used[index])))
-        np.testing.assert_allclose(ours.places[index], place, rtol=1e-3)
+        np.testing.assert_allclose(ours.cameras[index], place, rtol=1e-3)
 
 
 def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
-    graph, values = whole_graph(problem, estimate, problem.observations, 1.5, None), values_of(problem, estimate)
+    graph, values = whole_graph(problem, estimate, problem.measurements, 1.5, None), values_of(problem, estimate)
     frames, centres = ([key(f) for f in problem.used.tolist()] for key in (frame_key, centre_key))
     asked = problem.keys[[3, 40, 7]].tolist()
     whole, part = covariance(graph, values, frames, centres), covariance(graph, values, frames, centres, only=asked)
@@ -108,7 +108,7 @@ def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> Non
 
 def test_the_path_alone_is_that_of_the_solution(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
-    whole, path = solve(problem, SolveOptions(rounds=1)).trajectory, located(problem)
+    whole, path = solve(problem, SolveOptions(rounds=1)).trajectory, locate_camera(problem).path
     assert np.array_equal(path.world_from_rig, whole.world_from_rig)
     assert path.sigma_m is None
 
@@ -116,7 +116,7 @@ def test_the_path_alone_is_that_of_the_solution(small: made.World) -> None:
 def test_variables_are_eliminated_along_the_aisle(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
-    order = along_aisle(problem, estimate)
+    order = aisle_ordering(problem, estimate)
     keys = [order.at(index) for index in range(order.size())]
     assert sorted(keys) == sorted(values_of(problem, estimate).keys())
     cameras = [keys.index(centre_key(frame)) for frame in problem.used.tolist()]
@@ -128,8 +128,8 @@ def test_the_same_twice(small: made.World) -> None:
     first, second = made.solved(small), made.solved(small)
     assert np.array_equal(first.trajectory.world_from_rig, second.trajectory.world_from_rig)
     assert np.array_equal(first.covariance.points, second.covariance.points)
-    for name, landmark in first.of("shelves").items():
-        assert np.array_equal(landmark.position, second.of("shelves")[name].position)
+    for name, landmark in first.landmarks_of("shelves").items():
+        assert np.array_equal(landmark.position, second.landmarks_of("shelves")[name].position)
 
 
 def test_frames_that_saw_nothing_are_filled_in(small: made.World) -> None:
@@ -146,7 +146,7 @@ def test_frames_that_saw_nothing_are_filled_in(small: made.World) -> None:
 def test_landmarks_alone_from_a_known_path(small: made.World, free_rotation: bool) -> None:
     path = made.solved(small).trajectory
     own = constrain(small.tracks, small.facts, path, settings=GridSettings())
-    solution = solve(merge(gauge(small.facts, path, fixed=path, free_rotation=free_rotation), own))
+    solution = solve(merge(camera_priors(small.facts, path, fixed=path, free_rotation=free_rotation), own))
     x, y, _, _ = made.errors(small, solution)
     assert np.abs(x).mean() < 0.006
     assert np.abs(y).mean() < 0.005
@@ -154,10 +154,10 @@ def test_landmarks_alone_from_a_known_path(small: made.World, free_rotation: boo
 
 
 def test_weights_shrink_covariances(small: made.World) -> None:
-    from savmap.graph import KeySpace, observe
+    from savmap.graph import KeySpace, image_measurements
 
     track = small.tracks[0]
     keys = KeySpace("shelves").keys([track.name])
-    plain = observe([track], keys, small.facts.views)
-    heavy = observe([track], keys, small.facts.views, weights={track.name: 4.0})
+    plain = image_measurements([track], keys, small.facts.views)
+    heavy = image_measurements([track], keys, small.facts.views, weights={track.name: 4.0})
     np.testing.assert_allclose(heavy.covariances, plain.covariances / 4)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap.graph import KnownMarker, References, gauge
+from savmap.graph import KnownMarker, References, camera_priors
 from savmap.pipeline import measure
 from savmap.pipeline.records import LocatedRow, RowRequest
 from savmap.pipeline.row import marker_constraints
@@ -36,7 +36,7 @@ def test_one_that_was_not_seen_is_noted() -> None:
     references = References(markers=(MARKER,))
     seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
     request = RowRequest("A", (), (), references)
-    row = LocatedRow(request, seen, start, gauge(facts, start, references))
+    row = LocatedRow(request, seen, start, camera_priors(facts, start, references))
     found, notes = marker_constraints(row)
     assert not found
     assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]

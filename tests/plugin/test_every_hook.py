@@ -15,7 +15,8 @@ import typer
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError, PluginFailedError
-from savmap.graph import Constraints, observe
+from savmap.graph import Constraints, image_measurements
+from savmap.plugin import hookspecs, manager
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
@@ -99,7 +100,7 @@ def ask_track() -> dict[str, Any]:
 
 
 def ask_constrain() -> dict[str, Any]:
-    nothing = Constraints("made_up", {}, observe([], {}, {}), (), {})
+    nothing = Constraints("made_up", {}, image_measurements([], {}, {}), (), {})
     room, given = asked("constrain", nothing)
     assert room.constrain(tracks=[TRACK], facts=FACTS, start=PATH) is nothing
     return given

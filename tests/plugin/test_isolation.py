@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 import pluggy
 import pytest
-from savmap.cli.mapping import map_and_print
 
+from savmap.cli.mapping import map_and_print
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
-from savmap.jobs.scheduler import RunOptions
+from savmap.plugin.isolation import failures_gathered
 from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.site_report import plugins_of_map
@@ -33,7 +33,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import project
-from savmap.graph import Constraints, KeySpace, known_length, observe, pin, reference
+from savmap.graph import Constraints, KeySpace, known_length, image_measurements, fixed_coordinate, known_coordinate
 from savmap.hookspecs import hookimpl
 from savmap.stages.aim import LEVEL
 from savmap.types import Aim, Detection, Feature, Score, Structure, Track, ViewSpec
@@ -106,14 +106,14 @@ class Good:
         first = {track.name: POINTS[track.place["post"]] for track in tracks}
         lowest = keys[f"{self.name} 0"]
         length = known_length("x", lowest, keys[f"{self.name} 9"], 3.0, 0.003, f"{self.name} length")
-        known = (length, pin("x", lowest), reference("y", lowest, 0.5, 0.002, f"{self.name} height"))
-        flat = tuple(pin("z", key) for key in keys.values())
-        return Constraints(self.name, keys, observe(tracks, keys, facts.views), (*flat, *known), first)
+        known = (length, fixed_coordinate("x", lowest), known_coordinate("y", lowest, 0.5, 0.002, f"{self.name} height"))
+        flat = tuple(fixed_coordinate("z", key) for key in keys.values())
+        return Constraints(self.name, keys, image_measurements(tracks, keys, facts.views), (*flat, *known), first)
 
     @hookimpl
     def describe(self, tracks, solution):
         self.may("describe")
-        return [self._post(track, solution.of(self.name)[track.name]) for track in tracks]
+        return [self._post(track, solution.landmarks_of(self.name)[track.name]) for track in tracks]
 
     def _post(self, track, solved):
         empty = np.empty((0, 2), dtype=np.int64)

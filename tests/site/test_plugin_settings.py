@@ -69,7 +69,7 @@ def test_what_may_tell_the_scale(references: dict[str, Any], settings: dict[str,
 
 @pytest.mark.parametrize("given", [0.3, [0.3, 4.2], {"values": [0.3, 4.2]}])
 def test_heights_of_lowest_beams_may_stand_alone(given: object) -> None:
-    from savmap_shelves.plugin import Settings
+    from savmap_shelves.settings import ShelvesSettings as Settings
 
     known = Settings.model_validate({"lowest_beam_bottom_height_m": given}).lowest_beam_bottom_height_m
     assert known is not None
@@ -78,7 +78,7 @@ def test_heights_of_lowest_beams_may_stand_alone(given: object) -> None:
 
 
 def test_a_height_in_another_unit_is_refused() -> None:
-    from savmap_shelves.plugin import Settings
+    from savmap_shelves.settings import ShelvesSettings as Settings
 
     with pytest.raises(ValueError, match="less than 50"):
         Settings.model_validate({"lowest_beam_bottom_height_m": [0.3, 424]})

@@ -25,7 +25,7 @@ def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Str
 
 
 def _lamp(number: int, tracks: Sequence[Track], solution: Solution, room: str) -> Structure:
-    landmarks = [solution.of(room)[track.name] for track in tracks]
+    landmarks = [solution.landmarks_of(room)[track.name] for track in tracks]
     return Structure(
         id=f"light {number}",
         label=tracks[0].label,

@@ -1,7 +1,7 @@
 """Features from simulated masks' edges, as boundary detection would give them from pictures: for tests without pixels.
 
 What is not in a picture is not redone here: masks become strips, and from there on the rules and the intersections are
-those of `boundaries.py`.
+those of `boundaries/`.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,18 @@ import numpy as np
 
 from savmap.geometry.lines import Lines
 from savmap.sim.observations import ObservedEdge
-from savmap.types import Feature, Floats, Ints, View, ViewSpec
-from savmap_shelves.boundaries import Frame, Separators, beam_features, sorted_beams, sorted_separators, upright_edges
-from savmap_shelves.boundary_settings import BoundarySettings
-from savmap_shelves.merging import longest_only
-from savmap_shelves.strips import Bools, Strips
+from savmap.types import Bools, Feature, Floats, Ints, View, ViewSpec
+from savmap_shelves.boundaries.features import (
+    Extraction,
+    Separators,
+    beam_features,
+    sorted_beams,
+    sorted_separators,
+    upright_edges,
+)
+from savmap_shelves.boundaries.merging import longest_only
+from savmap_shelves.boundaries.settings import BoundarySettings
+from savmap_shelves.boundaries.strips import Strips
 
 SIGMA_PX = 0.7
 
@@ -27,8 +34,8 @@ def observed_features(
         return []
     number = edges[0].frame
     settings = settings or BoundarySettings()
-    frame = Frame(_blank(spec, number), spec.width, spec.height, settings, settings.least_sigma_px)
-    separators = sorted_separators(frame, longest_only(_strips(edges, "upright", sigma_px)), frame.height)
+    frame = Extraction(_blank(spec, number), settings, settings.least_sigma_px)
+    separators = sorted_separators(frame, longest_only(_strips(edges, "upright", sigma_px)), spec.height)
     beams = _strips(edges, "beam", sigma_px)
     beams = _in_cells(beams, separators)
     return [

@@ -1,14 +1,15 @@
-"""Racks: uprights and beams of a shelf face, as a plugin of savmap."""
+"""Racks: uprights and beams of a shelf face, as a plugin of savmap.
+
+Hooks import their stage when they are called, so that a run that only asks for the plugin's name or settings starts fast.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from savmap.files.validation import ClassNames
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
@@ -23,58 +24,13 @@ from savmap.types import (
     View,
     ViewPlan,
 )
+from savmap_shelves.settings import ShelvesSettings
 
-Pitch = Annotated[float, Field(gt=0.3, lt=20)]
-Height = Annotated[float, Field(gt=-1, lt=50)]
-
-
-class LowestBeam(BaseModel):
-    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres. The values
-    alone mean these with the usual sigma."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    values: Height | tuple[Height, ...]
-    """One value, or one a section, left to right."""
-    sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
-    """Standard deviation of each."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _values_alone(cls, given: Any) -> Any:
-        return {"values": given} if isinstance(given, int | float | list | tuple) else given
-
-
-class BayPitch(BaseModel):
-    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    value: Pitch | tuple[Pitch, ...]
-    """One value, or one a section, left to right."""
-    sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
-    """Standard deviation of each."""
-
-
-class Settings(BaseModel):
-    """Settings of the plugin in a site file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    model: Path | None = None
-    """Another network's ONNX file."""
-    class_names: ClassNames = {}
-    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
-    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Confidence above which a pixel belongs to a class."""
-    every: Annotated[int, Field(gt=0)] | None = None
-    """The face is looked at in each so many of the frames used. Default: two or four in a long pass so slow that things
-    move by no more than 7.4 degrees between looks."""
-    lowest_beam_bottom_height_m: LowestBeam | None = None
-    """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
-    bay_pitch_m: BayPitch | None = None
-    """From an upright's edge to the same edge of the next."""
-    beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
-    """How far the beams' faces stand behind the uprights'."""
-    subpixel: bool = True
-    """Whether edges are measured in the panorama itself; false leaves them as masks have them."""
+if TYPE_CHECKING:
+    from savmap.graph import Constraints, Solution
+    from savmap.sim.scene import SceneParts, Site
+    from savmap.types import Drawing, Score
+    from savmap.vision.view_planning import Manual, PassPreview
 
 
 class Shelves:
@@ -83,26 +39,29 @@ class Shelves:
     name = "shelves"
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
-    Config = Settings
+    Config = ShelvesSettings
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 
-    def __init__(self, config: Settings) -> None:
+    def __init__(self, config: ShelvesSettings) -> None:
         self.config = config
 
     @hookimpl
     def render_views(
         self,
-        pass_preview: Any,
+        pass_preview: "PassPreview",
         see: Callable[[View], list[Detection]],
         side: Literal["left", "right"] | None,
-        manual: Mapping[str, Any],
+        manual: "Mapping[str, Manual]",
     ) -> ViewPlan:
-        from savmap_shelves.aim import aim_at_face, apart
+        from savmap_shelves.views import aim_at_face, frame_interval
 
-        aim = aim_at_face(pass_preview, see, lambda view, seen: self.extract_features(view, seen, None), side, manual)
-        every = self.config.every or apart(pass_preview, aim.views[0])
-        return replace(aim, views=tuple(replace(view, every=every) for view in aim.views))
+        def extract(view: View, detections: Sequence[Detection]) -> list[Feature]:
+            return self.extract_features(view, detections, None)
+
+        aim = aim_at_face(pass_preview, see, extract, side, manual)
+        interval = self.config.every or frame_interval(pass_preview, aim.views[0])
+        return replace(aim, views=tuple(replace(view, every=interval) for view in aim.views))
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
@@ -117,49 +76,39 @@ class Shelves:
         return track_structures(features, facts, attitudes=attitudes)
 
     @hookimpl
-    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
-        from savmap_shelves.bias import PICTURES
-        from savmap_shelves.constraints import GridSettings, constrain
+    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
+        from savmap_shelves.constraints import constrain, grid_settings
 
-        known, pitch = self.config.lowest_beam_bottom_height_m, self.config.bay_pitch_m
-        settings = GridSettings(
-            lowest_beam_bottom_height_m=known.values if known else None,
-            sigma_m=known.sigma if known else 0.002,
-            beam_setback_m=self.config.beam_setback_m,
-            bay_pitch_m=pitch.value if pitch else None,
-            bay_pitch_sigma_m=pitch.sigma if pitch else 0.003,
-            bias=PICTURES,
-        )
-        return constrain(tracks, facts, start, room=self.name, settings=settings)
+        return constrain(tracks, facts, start, room=self.name, settings=grid_settings(self.config))
 
     @hookimpl
-    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
-        from savmap_shelves.describe import describe
+    def describe(self, tracks: Sequence[Track], solution: "Solution") -> list[Structure]:
+        from savmap_shelves.mapping import describe
 
         return describe(tracks, solution, room=self.name)
 
     @hookimpl
     def shared(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-        from savmap_shelves.shared import shared
+        from savmap_shelves.mapping import cross_row_landmarks
 
-        return shared(structures)
+        return cross_row_landmarks(structures)
 
     @hookimpl
-    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
-        from savmap_shelves.evaluate import evaluate
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
+        from savmap_shelves.evaluation import evaluate
 
         return evaluate(structures, survey)
 
     @hookimpl
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-    ) -> Any:
-        from savmap_shelves.sketch import draw
+    ) -> "tuple[Drawing, ...]":
+        from savmap_shelves.drawing import draw
 
         return draw(structures, survey, deviations)
 
     @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
+    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":
         from savmap_shelves.scene import scene
 
         return scene(section, rng, site)

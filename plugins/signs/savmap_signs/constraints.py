@@ -9,13 +9,13 @@ from savmap.graph import (
     Constraints,
     KeySpace,
     Relation,
+    equal_coordinate,
     flat,
     graph_of,
+    image_measurements,
     known_distance,
-    observe,
     rectangle,
     sight_lines,
-    tie,
 )
 from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
 from savmap_signs.features import PARTS
@@ -38,9 +38,9 @@ def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, room:
         for relation in _relations(names, keys, np.array([initial[name] for name in names]), config)
     ]
     return Constraints(
-        room=room,
+        plugin=room,
         keys=keys,
-        observations=observe(tracks, keys, facts.views),
+        measurements=image_measurements(tracks, keys, facts.views),
         relations=tuple(relations),
         initial=initial,
         factors=graph_of([shape([keys[name] for name in names], config.shape_sigma_m) for names in signs]),
@@ -72,7 +72,7 @@ def _relations(names: Sequence[str], keys: Mapping[str, int], quad: Floats, conf
         for what, (a, b), value in (("width", (0, 1), size[0]), ("height", (0, 3), size[1])):
             yield known_distance(corners[a], corners[b], value, config.size_sigma_m, f"{what} of {sign}")
     for axis in nearest_planes(quad, config.parallel):
-        yield from (tie(axis, corners[0], other, config.shape_sigma_m) for other in corners[1:])
+        yield from (equal_coordinate(axis, corners[0], other, config.shape_sigma_m) for other in corners[1:])
 
 
 def nearest_size(quad: Floats, sizes: Sequence[tuple[float, float]]) -> tuple[float, float] | None:

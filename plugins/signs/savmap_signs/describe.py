@@ -20,7 +20,7 @@ def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Str
 
 
 def _sign(number: int, tracks: Sequence[Track], solution: Solution, room: str) -> Structure:
-    landmarks = [solution.of(room)[track.name] for track in tracks]
+    landmarks = [solution.landmarks_of(room)[track.name] for track in tracks]
     vertices = np.array([landmark.position for landmark in landmarks])
     sides = np.linalg.norm(np.roll(vertices, -1, axis=0) - vertices, axis=1)
     place = tracks[0].place

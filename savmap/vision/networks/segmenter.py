@@ -1,6 +1,6 @@
 """Pixels to classes: a network in an ONNX file, and what it detects (paper, "Segmentation").
 
-Which files are taken, and how each is read: `savmap.stages.networks`, docs/networks.md.
+Which files are taken, and how each is read: `savmap.vision.networks`, docs/networks.md.
 """
 
 import difflib

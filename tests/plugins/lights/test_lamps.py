@@ -9,7 +9,7 @@ import pytest
 
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation, project
-from savmap.graph import gauge, merge, solve
+from savmap.graph import camera_priors, merge, solve
 from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Trajectory, View, ViewSpec
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
@@ -115,7 +115,9 @@ def test_no_lamps_is_said() -> None:
 
 def test_lamps_are_mapped_from_a_known_path() -> None:
     tracks = track_lamps(features_of([ends()]), facts(), path())
-    solution = solve(merge(gauge(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True)))
+    solution = solve(
+        merge(camera_priors(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True))
+    )
     structures = describe(tracks, solution, "lights")
     assert [s.id for s in structures] == [f"light {k}" for k in range(1, 6)]
     for structure, truth in zip(structures, ends(), strict=True):
@@ -145,9 +147,11 @@ def test_a_long_pass_looks_up_less_often(frames: int, given: int | None, every: 
 
 def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
     tracks = track_lamps(features_of([ends()]), facts(), path())
-    solution = solve(merge(gauge(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True)))
-    lost = solution.of("lights") | {
-        "light 2 / end 1": replace(solution.of("lights")["light 2 / end 1"], covariance=np.eye(3) * 100.0**2)
+    solution = solve(
+        merge(camera_priors(facts(), path(), fixed=path()), constrain(tracks, facts(), path(), "lights", True))
+    )
+    lost = solution.landmarks_of("lights") | {
+        "light 2 / end 1": replace(solution.landmarks_of("lights")["light 2 / end 1"], covariance=np.eye(3) * 100.0**2)
     }
     found = describe(tracks, replace(solution, landmarks={**solution.landmarks, "lights": lost}), "lights")
     assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]

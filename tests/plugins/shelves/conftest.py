@@ -1,6 +1,7 @@
-"""Lets the tests here import the generator beside them."""
+"""Lets the tests here import the helpers beside them."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+FOLDER = Path(__file__).parent
+sys.path[:0] = [str(FOLDER), str(FOLDER / "boundaries"), str(FOLDER / "tracking")]

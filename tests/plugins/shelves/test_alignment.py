@@ -5,10 +5,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from savmap_shelves.alignment import Costs, Pairs, align, gaps
+from savmap_shelves.evaluation import AlignmentCosts, Pair, align, gaps
 
 
-def cost(truth: np.ndarray, estimate: np.ndarray, pairs: Pairs, costs: Costs) -> float:
+def cost(truth: np.ndarray, estimate: np.ndarray, pairs: list[Pair], costs: AlignmentCosts) -> float:
     total = float(len(truth) + len(estimate) - 2 * len(pairs))
     for n, (i, j) in enumerate(pairs):
         own = np.abs(truth[i] - estimate[j]).mean() / costs.tolerance_m
@@ -21,7 +21,7 @@ def cost(truth: np.ndarray, estimate: np.ndarray, pairs: Pairs, costs: Costs) ->
     return total
 
 
-def cheapest(truth: np.ndarray, estimate: np.ndarray, costs: Costs) -> float:
+def cheapest(truth: np.ndarray, estimate: np.ndarray, costs: AlignmentCosts) -> float:
     every = [
         list(zip(rows, columns, strict=True))
         for size in range(min(len(truth), len(estimate)) + 1)
@@ -40,14 +40,14 @@ def test_the_cheapest_of_all_matchings_is_found(seed: int) -> None:
     extra = rng.uniform(0, 6, (rng.integers(0, 3), 1)) + np.array([0, 0.1])
     estimate = np.concatenate([kept, extra])
     estimate = estimate[np.argsort(estimate.mean(axis=1))]
-    costs = Costs(0.25, position=(0.0, 0.5, 1.0)[seed % 3], first=1.0)
+    costs = AlignmentCosts(0.25, position=(0.0, 0.5, 1.0)[seed % 3], first=1.0)
     found = cost(truth, estimate, align(truth, estimate, costs), costs)
     assert found == pytest.approx(cheapest(truth, estimate, costs))
 
 
 def test_nothing_to_match() -> None:
     none, one = np.zeros((0, 2)), np.array([[0.0, 0.1]])
-    costs = Costs(0.25, position=0.5, first=1.0)
+    costs = AlignmentCosts(0.25, position=0.5, first=1.0)
     assert align(none, one, costs) == align(one, none, costs) == align(one, one + 5, costs) == []
 
 

@@ -5,8 +5,17 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError, SolveError, StructureError
-from savmap.graph import Frames, KeySpace, References, Solution, merge, observe, solve
-from savmap.graph.constraints import Constraints, reference
+from savmap.graph import (
+    CameraPriors,
+    Constraints,
+    KeySpace,
+    References,
+    Solution,
+    image_measurements,
+    known_coordinate,
+    merge,
+    solve,
+)
 from savmap.types import Axis, Feature, Floats, Track, Trajectory
 from savmap_pallets.constraints import constrain
 from savmap_pallets.describe import describe
@@ -40,12 +49,12 @@ def marks(count: int = 30) -> Constraints:
     keys = KeySpace("marks").keys([f"mark {number}" for number in range(count)])
     found = [_mark(name, point) for name, point in zip(keys, points, strict=True)]
     known = [
-        reference(axis, keys[name], float(value), 1e-3, f"{name} {axis}")
+        known_coordinate(axis, keys[name], float(value), 1e-3, f"{name} {axis}")
         for name, point in list(zip(keys, points, strict=True))[:12]
         for axis, value in zip(AXES, point, strict=True)
     ]
     initial = dict(zip(keys, points, strict=True))
-    return Constraints("marks", keys, observe(found, keys, made.facts().views), tuple(known), initial)
+    return Constraints("marks", keys, image_measurements(found, keys, made.facts().views), tuple(known), initial)
 
 
 def _mark(name: str, point: Floats) -> Track:
@@ -66,7 +75,7 @@ def solution(tracks: list[Track]) -> Solution:
     poses[:, 0, 3] += 0.03
     off = Trajectory(start.frames, poses)
     room = constrain(tracks, made.facts(), off, made.SIZE, "pallets")
-    return solve(merge(Frames(made.facts(), off, References()), marks(), room))
+    return solve(merge(CameraPriors(made.facts(), off, References()), marks(), room))
 
 
 def test_points_lie_on_the_outline() -> None:
@@ -119,7 +128,7 @@ def test_pallets_tell_of_the_camera_too(tracks: list[Track]) -> None:
     values = gtsam.Values()
     true = made.path().world_from_rig[gtsam.symbolIndex(frame)]
     values.insert(frame, gtsam.Pose3(true))
-    values.insert(pallet, room.own[pallet])
+    values.insert(pallet, room.variables[pallet])
     right = factor.error(values)
     values.update(frame, gtsam.Pose3(true).retract(np.array([0, 0, 0, 0.2, 0, 0])))
     assert factor.error(values) > 20 * right

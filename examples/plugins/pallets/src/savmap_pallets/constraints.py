@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import gtsam
 import numpy as np
 
-from savmap.graph import Constraints, KeySpace, frame_key, observe
+from savmap.graph import Constraints, KeySpace, frame_key, image_measurements
 from savmap.types import Floats, RowFacts, Track, Trajectory, ViewSpec
 from savmap_pallets.fitting import Sighting, cameras, fitted, poses_of, spread
 from savmap_pallets.outline import Camera, with_slopes
@@ -34,7 +34,7 @@ def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, size:
         )
         for seen in sightings:
             graph.add(outline_factor(seen, key, facts.views[seen.view], size))
-    return Constraints(room, {}, observe((), {}, facts.views), (), {}, factors=graph, own=own)
+    return Constraints(room, {}, image_measurements((), {}, facts.views), (), {}, factors=graph, variables=own)
 
 
 def first_pose(sightings: Sequence[Sighting], facts: RowFacts, start: Trajectory, size: Floats) -> gtsam.Pose2:

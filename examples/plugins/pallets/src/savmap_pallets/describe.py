@@ -19,15 +19,17 @@ def describe(tracks: Sequence[Track], solution: Solution, size: Floats, room: st
     keys = KeySpace(room)
     numbers = [int(track.place["pallet"]) for track in tracks]
     return [
-        _pallet(number, solution, keys.pose2(number), size) for number in numbers if keys.pose2(number) in solution.own
+        _pallet(number, solution, keys.pose2(number), size)
+        for number in numbers
+        if keys.pose2(number) in solution.variables
     ]
 
 
 def _pallet(number: int, solution: Solution, key: int, size: Floats) -> Structure:
-    solved = solution.own[key]
+    solved = solution.variables[key]
     assert isinstance(solved, gtsam.Pose2)
     pose = np.array([solved.x(), solved.y(), solved.theta() % np.pi])
-    joint = solution.own_covariance(key)
+    joint = solution.variable_covariance(key)
     vertices = corners(pose, size)
     slopes = corner_slopes(pose, vertices)
     covariances = slopes @ joint @ np.swapaxes(slopes, 1, 2) + KNOWN_M**2 * np.eye(3)

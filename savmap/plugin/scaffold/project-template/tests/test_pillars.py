@@ -7,7 +7,7 @@ import pytest
 
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.pinhole import project
-from savmap.graph import CameraHeight, References, gauge, merge, solve
+from savmap.graph import CameraHeight, References, camera_priors, merge, solve
 from savmap.sim.scene import Goods, Hall, Look, RowFrame, Site
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
 from savmap.vision.networks.segmenter import Segmenter
@@ -51,7 +51,7 @@ def features() -> list[Feature]:
 def mapped(plugin: Pillars) -> list[Structure]:
     tracks = plugin.track(features(), FACTS, path())
     constraints = plugin.constrain(tracks, FACTS, path())
-    frames = gauge(FACTS, path(), References(camera_heights=(CameraHeight(1.4, 0.01),)), fixed=path())
+    frames = camera_priors(FACTS, path(), References(camera_heights=(CameraHeight(1.4, 0.01),)), fixed=path())
     return plugin.describe(tracks, solve(merge(frames, constraints)))
 
 

@@ -5,7 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.geometry.triangulate import nearest_point
-from savmap.graph import Constraints, KeySpace, Relation, Solution, known_length, observe, sight_lines, tie
+from savmap.graph import (
+    Constraints,
+    KeySpace,
+    Relation,
+    Solution,
+    equal_coordinate,
+    image_measurements,
+    known_length,
+    sight_lines,
+)
 from savmap.types import RowFacts, Structure, Track, Trajectory
 
 LOST_M = 0.5
@@ -24,13 +33,13 @@ def constrain(
     relations: list[Relation] = []
     for number in sorted({int(track.place["pillar"]) for track in tracks}):
         foot, top = keys[f"pillar {number} / foot"], keys[f"pillar {number} / top"]
-        relations += [tie("x", foot, top, plumb_m), tie("z", foot, top, plumb_m)]
+        relations += [equal_coordinate("x", foot, top, plumb_m), equal_coordinate("z", foot, top, plumb_m)]
         if height_m is not None:
             relations.append(known_length("y", foot, top, *height_m, f"height of pillar {number}"))
     return Constraints(
-        room=room,
+        plugin=room,
         keys=keys,
-        observations=observe(tracks, keys, facts.views),
+        measurements=image_measurements(tracks, keys, facts.views),
         relations=tuple(relations),
         initial={track.name: nearest_point(*sight_lines(track, facts, start)) for track in tracks},
     )
@@ -38,7 +47,7 @@ def constrain(
 
 def describe(tracks: Sequence[Track], solution: Solution, room: str) -> list[Structure]:
     """A structure "pillar 1" and so on with the vertices "foot" and "top"; one that the solve could not place is left out."""
-    solved = solution.of(room)
+    solved = solution.landmarks_of(room)
     structures: list[Structure] = []
     for number in sorted({int(track.place["pillar"]) for track in tracks}):
         points = [solved[f"pillar {number} / {part}"] for part in ("foot", "top")]

@@ -1,0 +1,230 @@
+"""Masks to labelled edges and corners: boundary detection, outlier removal, intersections (paper, section III.C).
+
+Uprights come first: the beams' masks are cut at them, so that each beam is fitted section by section.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.geometry.lines import Lines, crossing, crossing_covariance
+from savmap.types import Axis, Bools, Detection, Feature, Floats, Ints, Panorama, View
+from savmap.vision.edges.masks import Probability, Runs, separated, union_of_longest
+from savmap_shelves.boundaries.measuring import measured_strips
+from savmap_shelves.boundaries.merging import strips_of
+from savmap_shelves.boundaries.perspective import askew, crossed, paralleled
+from savmap_shelves.boundaries.settings import BoundarySettings
+from savmap_shelves.boundaries.strips import Strips
+
+CUT_MARGIN_PX = 2.0
+LEAST_SEPARATOR = 0.25
+FITTED, LOWEST = 0.9, 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Extraction:
+    """What features are extracted with: the view, the settings, and the least sigma that its edges may have."""
+
+    view: View
+    settings: BoundarySettings
+    least_sigma_px: float
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the view, px."""
+        return self.view.spec.width, self.view.spec.height
+
+    def feature(
+        self,
+        name: tuple[str, str, int],
+        pixels: Floats,
+        covariance: Floats,
+        axis: Axis | None,
+        score: float,
+        neighbours: Mapping[str, int] | None = None,
+    ) -> Feature:
+        """The feature of this name: label, part and instance."""
+        frame, view = self.view.frame, self.view.spec.name
+        return Feature(frame, view, *name, pixels, covariance, axis, min(score, 1.0), neighbours or {})
+
+
+@dataclass(frozen=True, eq=False)
+class Separators:
+    """What may bound a section, left to right: strips (s,), and which are uprights to be reported (s,).
+
+    Strips that are too short, cut or askew still end beams, but nothing is measured at them.
+    """
+
+    strips: Strips
+    kept: Bools
+
+    @property
+    def instance(self) -> Ints:
+        """Numbers (s,) of the reported uprights, -1 for the others."""
+        return np.where(self.kept, np.cumsum(self.kept) - 1, -1)
+
+
+def extract_features(
+    view: View,
+    detections: Sequence[Detection],
+    settings: BoundarySettings | None = None,
+    panorama: Panorama | None = None,
+) -> list[Feature]:
+    """The edges of uprights and beams of one view, and the beams' corners at the uprights.
+
+    Per upright: edges "left" and "right", extended to the frame's borders, top end first, and a point "foot" where its mask
+    ends inside the frame. Per beam of a section: edges "upper" and "lower", extended to the next uprights, left end
+    first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
+    that it ends at, which `neighbours` name by role. Covariances px^2.
+
+    With the panorama that the view was cut from, the edges are measured there (savmap.stages.subpixel).
+    """
+    settings = settings or BoundarySettings()
+    least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
+    extraction = Extraction(view, settings, least_px)
+    separators = _separators(extraction, detections)
+    beams = _beams(extraction, detections, separators)
+    if panorama is not None:
+        kept = np.flatnonzero(separators.kept)
+        uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
+        separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
+    return [*upright_edges(extraction, separators), *beam_features(extraction, beams, separators)]
+
+
+def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
+    """Runs (n,) of a class's masks, duplicates left out, the region of each (n,), and the probability. Uprights lie transposed."""
+    settings, stands = extraction.settings, label == "upright"
+    of_class = [detection for detection in detections if detection.label == label]
+    union, probability = np.zeros(extraction.size[::-1], np.uint8), np.zeros(extraction.size[::-1], np.float32)
+    if of_class:
+        union = union_of_longest([detection.mask for detection in of_class], settings.overlap, int(stands))
+        probability = of_class[0].probability
+    if stands:
+        union, probability = np.ascontiguousarray(union.T), np.ascontiguousarray(probability.T)
+    return *separated(union, settings.least_run_px, settings.most_thick), probability
+
+
+def _separators(extraction: Extraction, detections: Sequence[Detection]) -> Separators:
+    runs, part, probability = _class_runs(extraction, detections, "upright")
+    strips = strips_of(runs, part, np.zeros_like(part), probability, extraction.settings)
+    tall = _apparent_height(strips, extraction)
+    return sorted_separators(extraction, strips[strips.one_edged & (strips.length >= LEAST_SEPARATOR * tall)], tall)
+
+
+def sorted_separators(extraction: Extraction, strips: Strips, tall: float) -> Separators:
+    """Strips left to right, and which are uprights to be reported: long enough for a rack `tall` pixels high, and not askew."""
+    width, height = extraction.size
+    strips = strips[np.argsort(strips.either_upper.at(height / 2), kind="stable")]
+    kept = (strips.length >= extraction.settings.least_upright * tall) & strips.two_edged
+    kept[kept] = ~askew(strips[kept], (height, width), extraction.settings)
+    return Separators(strips, kept)
+
+
+def _apparent_height(strips: Strips, extraction: Extraction) -> float:
+    """How high the rack is in the picture, px: the view's height where it was fitted to the rack, less where it was widened."""
+    height = extraction.size[1]
+    return float(np.clip(float(strips.length.max(initial=0.0)) / FITTED, LOWEST * height, height))
+
+
+def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators) -> Strips:
+    runs, part, probability = _class_runs(extraction, detections, "beam")
+    cell = _cells(runs, separators.strips)
+    inside = cell >= 0
+    strips = strips_of(runs[inside], part[inside], cell[inside], probability, extraction.settings)
+    return sorted_beams(extraction, strips, separators)
+
+
+def sorted_beams(extraction: Extraction, strips: Strips, separators: Separators) -> Strips:
+    """The strips that may be beams, section by section from the left, each from the top."""
+    settings, (width, height) = extraction.settings, extraction.size
+    long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
+    strips = strips[long & strips.two_edged]
+    strips = paralleled(strips[~askew(strips, (width, height), settings)], settings)
+    strips = strips[~crossed(strips, _section_ends(strips, separators))]
+    return strips[np.lexsort((strips.upper.at(width / 2), strips.cell))]
+
+
+def _section_ends(beams: Strips, separators: Separators) -> Floats:
+    """First and last x (p, 2) of beams that are extended to the uprights next to them."""
+    kept = np.append(separators.kept, False)
+    row = beams.upper.at((beams.first + beams.last) / 2)
+    ends = np.stack([beams.first, beams.last], axis=-1)
+    for end, number in ((0, beams.cell - 1), (1, np.minimum(beams.cell, len(separators.kept)))):
+        at = np.flatnonzero(kept[number])
+        edges = separators.strips.lower if end == 0 else separators.strips.upper
+        ends[at, end] = edges[number[at]].at(row[at])
+    return ends
+
+
+def _cells(runs: Runs, separators: Strips) -> Ints:
+    """The gap between separators that each run is in (n,), 0 left of the first; -1 on a separator."""
+    rows = runs.middle[:, None]
+    left, right = separators.either_upper.at(rows), separators.either_lower.at(rows)
+    column = runs.column[:, None]
+    covered = ((column > left - CUT_MARGIN_PX) & (column < right + CUT_MARGIN_PX)).any(axis=1)
+    return np.where(covered, -1, (column > (left + right) / 2).sum(axis=1))
+
+
+def upright_edges(extraction: Extraction, separators: Separators) -> Iterator[Feature]:
+    """Features of the uprights that are to be reported."""
+    strips = separators.strips[separators.kept]
+    borders = np.broadcast_to([-0.5, extraction.size[1] - 0.5], (len(strips), 2))
+    for part, lines in (("left", strips.upper), ("right", strips.lower)):
+        across, covariances = _line_ends(lines, borders, extraction)
+        pixels = np.stack([across, borders], axis=-1)
+        for index in range(len(strips)):
+            name, score = ("upright", part, index), float(strips.score[index])
+            yield extraction.feature(name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score)
+    yield from _feet(extraction, strips)
+
+
+def _feet(extraction: Extraction, strips: Strips) -> Iterator[Feature]:
+    """The feet of uprights that end inside the frame: a point between their edges."""
+    settings = extraction.settings
+    row = strips.last + 0.5
+    middle = (strips.upper.at(row) + strips.lower.at(row)) / 2
+    covariance = np.diag([settings.foot_across_px**2, settings.foot_along_px**2])[None]
+    for index in np.flatnonzero(row < extraction.size[1] - settings.foot_margin_px).tolist():
+        name, pixel = ("upright", "foot", index), np.array([[middle[index], row[index]]])
+        yield extraction.feature(name, pixel, covariance, None, float(strips.score[index]))
+
+
+def _line_ends(lines: Lines, u: Floats, extraction: Extraction) -> tuple[Floats, Floats]:
+    """v (n, 2) of lines at `u` (n, 2), and the covariance (n, 2, 2, 2) px^2 of (u, v) there: long along the line."""
+    column = lines.column
+    along = np.concatenate([np.ones_like(column.slope), column.slope], axis=1)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    variance = np.maximum(column.variance_at(u) * along[:, :1] ** 2, extraction.least_sigma_px**2)
+    stretch = extraction.settings.along_sigma_px**2 * along[:, :, None] * along[:, None, :]
+    squeeze = across[:, :, None] * across[:, None, :]
+    return column.at(u), stretch[:, None] + variance[..., None, None] * squeeze[:, None]
+
+
+def beam_features(extraction: Extraction, beams: Strips, separators: Separators) -> Iterator[Feature]:
+    """Features of beams, which `sorted_beams` gives."""
+    instance = np.append(separators.instance, -1)
+    left, right = instance[beams.cell - 1], instance[np.minimum(beams.cell, len(instance) - 1)]
+    uprights = separators.strips[separators.kept]
+    touching = [
+        {role: number for role, number in (("left", before), ("right", after)) if number >= 0}
+        for before, after in zip(left.tolist(), right.tolist(), strict=True)
+    ]
+    for part, lines in (("lower", beams.lower), ("upper", beams.upper)):
+        ends = np.stack([beams.first, beams.last], axis=-1)
+        for end, role, edges, number in ((0, "left", uprights.lower, left), (1, "right", uprights.upper, right)):
+            at = np.flatnonzero(number >= 0)
+            level, upright = lines[at], edges[number[at]]
+            points = crossing(level, upright)
+            covariances = crossing_covariance(level, upright, points, extraction.least_sigma_px)
+            ends[at, end] = points[:, 0]
+            for index, point, covariance in zip(at.tolist(), points, covariances, strict=True):
+                name, score = ("beam", f"{part} {role}", index), float(beams.score[index])
+                yield extraction.feature(name, point[None], covariance[None], None, score, touching[index])
+        across, spread = _line_ends(lines, ends, extraction)
+        pixels = np.stack([ends, across], axis=-1)
+        cover = np.clip(beams.columns / np.maximum(ends[:, 1] - ends[:, 0], 1.0), 0.0, 1.0)
+        for index in range(len(beams)):
+            name, score = ("beam", part, index), float(beams.score[index] * cover[index])
+            yield extraction.feature(name, pixels[index], spread[index], "x", score, touching[index])

@@ -1,0 +1,76 @@
+"""The edges of strips measured in the panorama, with what is known of racks: where side faces show beside an edge."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from savmap.geometry.lines import Lines
+from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision.edges.subpixel import Edges, measured
+from savmap_shelves.boundaries.strips import Strips
+
+ROUNDS = 3
+TOLERANCE = 0.01
+
+
+def measured_strips(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips) -> tuple[Strips, Strips]:
+    """Uprights and beams of a view with their edges as the panorama shows them."""
+    axes = _face_axes(spec, uprights, beams)
+    edges = [_edges(spec, uprights, axes, True), _edges(spec, beams, axes, False)]
+    (standing, _), (lying, _) = measured(panorama, spec, edges)
+    return _with_edges(uprights, standing), _with_edges(beams, lying)
+
+
+def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:
+    """The upper, then the lower edges of strips."""
+    both = strips.upper.joined(strips.lower)
+    first, last, thickness = np.tile([strips.first, strips.last, strips.thickness], 2)
+    middle = (first + last) / 2
+    inside = np.repeat([1.0, -1.0], len(strips))
+    rays = _rays(spec, middle, both.at(middle), stands) @ axes
+    across = rays[:, 0 if stands else 1] / np.maximum(rays[:, 2], 1e-6)
+    return Edges(both, first, last, inside, thickness, np.maximum(inside * across, 0.0), stands, patterned=stands)
+
+
+def _with_edges(strips: Strips, lines: Lines) -> Strips:
+    return replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
+
+
+def _face_axes(spec: ViewSpec, uprights: Strips, beams: Strips) -> Floats:
+    """Rotation (3, 3) of the face in the view, as columns: along the beams to the right, down the uprights, into the face.
+
+    A side face shows on the side that is turned to the point where the camera is straight in front of the face.
+    """
+    right = _common_direction(spec, beams, False, np.array([1.0, 0.0, 0.0]))
+    down = _common_direction(spec, uprights, True, np.array([0.0, 1.0, 0.0]))
+    down -= (down @ right) * right
+    down /= np.linalg.norm(down)
+    return np.stack([right, down, np.cross(right, down)], axis=1)
+
+
+def _common_direction(spec: ViewSpec, strips: Strips, stands: bool, expected: Floats) -> Floats:
+    """The direction (3,) in the view that strips run along: their vanishing point; the expected one for fewer than two."""
+    if len(strips) < 2:
+        return expected
+    normals = _plane_normals(spec, strips.upper.joined(strips.lower), strips, stands)
+    weight = np.tile(strips.length, 2)
+    for _ in range(ROUNDS):
+        direction: Floats = np.linalg.eigh((normals * weight[:, None]).T @ normals)[1][:, 0]
+        weight = np.tile(strips.length, 2) / (1 + np.square(normals @ direction / TOLERANCE))
+    return direction if direction @ expected > 0 else -direction
+
+
+def _plane_normals(spec: ViewSpec, lines: Lines, strips: Strips, stands: bool) -> Floats:
+    """Unit normals (2 p, 3) of the planes through the camera and the strips' edges."""
+    ends = np.tile([strips.first, strips.last], 2)
+    first, last = (_rays(spec, u, lines.at(u), stands) for u in ends)
+    normals = np.cross(first, last)
+    unit: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return unit
+
+
+def _rays(spec: ViewSpec, u: Floats, v: Floats, stands: bool) -> Floats:
+    """Rays (n, 3) in the view at depth 1."""
+    x, y = (v, u) if stands else (u, v)
+    camera = spec.camera
+    return np.stack([(x - camera[0, 2]) / camera[0, 0], (y - camera[1, 2]) / camera[1, 1], np.ones_like(x)], axis=-1)

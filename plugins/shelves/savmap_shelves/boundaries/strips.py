@@ -1,0 +1,134 @@
+"""Strips: long thin shapes bounded by two straight edges, from the runs of masks.
+
+A strip lies along u and is crossed along v: u = x, v = y for a beam, u = y, v = x for an upright. Its `upper` edge is
+the one at smaller v. Paper, section III.C, step 2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.geometry.lines import Lines, robust_lines, where
+from savmap.types import Bools, Floats, Ints
+from savmap.vision.edges.masks import Probability, Runs, border_points, enveloped
+from savmap_shelves.boundaries.settings import BoundarySettings
+
+LEAST_POINTS = 8
+LEAST_SHARE = 0.35
+LEAST_THICKNESS_PX = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """Border points of strips (n,): part, u, upper and lower v (nan where not known), probability inside."""
+
+    part: Ints
+    u: Floats
+    upper: Floats
+    lower: Floats
+    probability: Floats
+
+    def of(self, parts: Ints) -> "Borders":
+        """The points of some parts (distinct), which become 0, 1, ... in the order given."""
+        number = np.full(max(int(self.part.max(initial=-1)), int(parts.max(initial=-1))) + 1, -1)
+        number[parts] = np.arange(len(parts))
+        inside = number[self.part] >= 0
+        return Borders(number[self.part][inside], *(value[inside] for value in list(vars(self).values())[1:]))
+
+
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """p strips: lines of both edges; cell, first and last u and number of columns of the mask, mean probability (p,)."""
+
+    upper: Lines
+    lower: Lines
+    cell: Ints
+    first: Floats
+    last: Floats
+    columns: Floats
+    score: Floats
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+    def __getitem__(self, index: Ints | Bools) -> "Strips":
+        return Strips(*(value[index] for value in vars(self).values()))
+
+    def replaced(self, index: Ints, others: "Strips") -> "Strips":
+        """These, with others (i,) in the place of those at `index` (i,)."""
+        order = np.arange(len(self))
+        order[index] = len(self) + np.arange(len(index))
+        return self.joined(others)[order]
+
+    def joined(self, others: "Strips") -> "Strips":
+        """These, then others."""
+        upper, lower = self.upper.joined(others.upper), self.lower.joined(others.lower)
+        rest = zip(list(vars(self).values())[2:], list(vars(others).values())[2:], strict=True)
+        return Strips(upper, lower, *(np.concatenate(pair) for pair in rest))
+
+    @property
+    def length(self) -> Floats:
+        """From the first to the last column of the mask (p,)."""
+        return self.last - self.first + 1
+
+    @property
+    def thickness(self) -> Floats:
+        """Between the edges, in the middle of the strip (p,)."""
+        middle = (self.first + self.last) / 2
+        return self.lower.at(middle) - self.upper.at(middle)
+
+    @property
+    def either_upper(self) -> Lines:
+        """The upper edges, or the lower ones where those were not known."""
+        return where(self.upper.inliers > 0, self.upper, self.lower)
+
+    @property
+    def either_lower(self) -> Lines:
+        """The lower edges, or the upper ones where those were not known."""
+        return where(self.lower.inliers > 0, self.lower, self.upper)
+
+    @property
+    def one_edged(self) -> Bools:
+        """Whether strips have an edge at all (p,)."""
+        return np.maximum(self.upper.inliers, self.lower.inliers) >= LEAST_POINTS
+
+    @property
+    def two_edged(self) -> Bools:
+        """Whether strips have two edges that enough of their mask supports (p,); the picture's border cuts the others."""
+        least = np.maximum(LEAST_POINTS, LEAST_SHARE * self.columns)
+        return (np.minimum(self.upper.inliers, self.lower.inliers) >= least) & (self.thickness > LEAST_THICKNESS_PX)
+
+
+def borders_of(runs: Runs, part: Ints, probability: Probability, settings: BoundarySettings) -> Borders:
+    """Border points of the strips that runs (n,) of parts (n,) 0..p-1 belong to; nan at the strips' rounded ends."""
+    runs, part = enveloped(runs, part)
+    upper, lower = border_points(runs, probability)
+    u = runs.column.astype(np.float64)
+    inside = probability[((runs.first + runs.last) // 2), runs.column].astype(np.float64)
+    first, last = _spans(part, u, int(part.max(initial=-1)) + 1)
+    trim = np.minimum(settings.end_trim_px, (last - first) / 8)[part] if len(part) else u
+    ending = (u - first[part] < trim) | (last[part] - u < trim)
+    return Borders(part, u, np.where(ending, np.nan, upper), np.where(ending, np.nan, lower), inside)
+
+
+def _spans(part: Ints, u: Floats, count: int) -> tuple[Floats, Floats]:
+    first, last = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(first, part, u)
+    np.maximum.at(last, part, u)
+    return first, last
+
+
+def fitted(borders: Borders, cell: Ints, settings: BoundarySettings, slopes: Floats | None = None) -> Strips:
+    """The strips (p,) that border points make, and the cells that they are in; edges as robust least-squares lines.
+
+    Where `slopes` (p,) are given, edges follow them within `perspective_tolerance`.
+    """
+    count = len(cell)
+    group = np.concatenate([borders.part, borders.part + count])
+    u, v = np.tile(borders.u, 2), np.concatenate([borders.upper, borders.lower])
+    known = np.isfinite(v)
+    about = (np.zeros(2 * count), 1.0) if slopes is None else (np.tile(slopes, 2), settings.perspective_tolerance)
+    lines = robust_lines(group[known], u[known], v[known], about, settings.edge_tolerance_px)
+    columns = np.bincount(borders.part, minlength=count).astype(np.float64)
+    score = np.bincount(borders.part, borders.probability, count) / np.maximum(columns, 1)
+    return Strips(lines[:count], lines[count:], cell, *_spans(borders.part, borders.u, count), columns, score)

@@ -1,0 +1,246 @@
+"""A rack as constraints: columns, rows, the lowest edges' heights and the face plane (paper, section III.E).
+
+World frame of the row; x = 0 at the left edge of the first upright.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from savmap.errors import SiteError, StructureError
+from savmap.graph import (
+    TIGHT_M,
+    Constraints,
+    KeySpace,
+    Relation,
+    equal_coordinate,
+    fixed_coordinate,
+    image_measurements,
+    known_coordinate,
+    known_length,
+)
+from savmap.types import Axis, Floats, RowFacts, Track, Trajectory
+from savmap_shelves.constraints.bias import NO_BIAS, PICTURES, BiasSettings, mask_biases
+from savmap_shelves.constraints.sharing import share_edges
+from savmap_shelves.constraints.track_grid import TrackGrid, column_of, grid_of, is_foot, row_of
+from savmap_shelves.settings import ShelvesSettings
+
+Values = float | Sequence[float]
+TOP_M = 6.0
+FLOOR_SIGMA_M = 0.05
+
+
+@dataclass(frozen=True)
+class GridSettings:
+    """What is known of a rack, metres.
+
+    Height of the lowest beam's bottom edge (h_ref), one for all sections or one a section, with its sigma; the pitch of
+    the bays, from an upright's edge to the same one of the next, likewise; how far beams' faces stand back behind the
+    uprights', with its sigma. The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the setback:
+    5 mm too little make a rack seen from 1.5 m 0.3 % too low. A vertical length ends it.
+
+    `bias`: how far masks may be too wide or too narrow. `corners`: each with the covariance of its two lines, or, as
+    published, as points of 1 px; the uprights' edges then serve only where no beam ends.
+    """
+
+    lowest_beam_bottom_height_m: Values | None = None
+    sigma_m: float = 0.002
+    beam_setback_m: float = 0.005
+    beam_setback_sigma_m: float = 0.01
+    bay_pitch_m: Values | None = None
+    bay_pitch_sigma_m: float = 0.003
+    bias: BiasSettings = NO_BIAS
+    corners: Literal["lines", "points"] = "lines"
+
+
+def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) -> GridSettings:
+    """The paper's: corners as points of 1 px, beams on the uprights' plane, masks without bias."""
+    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, bias=NO_BIAS, corners="points")
+
+
+def grid_settings(config: ShelvesSettings) -> GridSettings:
+    """What a site file says of a rack seen by the plugin's network."""
+    height, pitch = config.lowest_beam_bottom_height_m, config.bay_pitch_m
+    return GridSettings(
+        lowest_beam_bottom_height_m=height.values if height else None,
+        sigma_m=height.sigma if height else 0.002,
+        beam_setback_m=config.beam_setback_m,
+        bay_pitch_m=pitch.value if pitch else None,
+        bay_pitch_sigma_m=pitch.sigma if pitch else 0.003,
+        bias=PICTURES,
+    )
+
+
+def constrain(
+    tracks: Sequence[Track],
+    facts: RowFacts,
+    start: Trajectory,
+    room: str = "shelves",
+    settings: GridSettings | None = None,
+) -> Constraints:
+    """The rack's part of the graph.
+
+    Raises StructureError if there is no grid, SiteError if fewer heights or pitches are given than sections were found.
+    """
+    settings = settings or GridSettings()
+    feet = [track for track in tracks if is_foot(track)] if settings.lowest_beam_bottom_height_m is None else []
+    tracks = [track for track in tracks if not is_foot(track)]
+    grid = grid_of(tracks)
+    if not grid.columns or not grid.rows:
+        raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
+    weighted, dof = _weighted(tracks, grid, facts, start, settings)
+    observed = (*weighted, *feet)
+    keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
+    initial = _initial_grid(tracks, grid, start, settings)
+    alternatives = _section_references(grid, keys, settings, facts.name)
+    biases = mask_biases(observed, facts.views, start, settings.bias)
+    certain = next(iter(alternatives.values())) if len(alternatives) == 1 else ()
+    return Constraints(
+        room,
+        keys,
+        image_measurements(observed, keys, facts.views, dof=dof, biases=biases),
+        (*_grid_lines(grid, keys), *_plane(tracks, keys, settings), *certain, *_floor(feet, keys)),
+        initial | {track.name: _initial_foot(track, grid, initial) for track in feet},
+        dict(_edge_names(grid, keys)),
+        alternatives=alternatives if len(alternatives) > 1 else {},
+    )
+
+
+def _weighted(
+    tracks: Sequence[Track], grid: TrackGrid, facts: RowFacts, start: Trajectory, settings: GridSettings
+) -> tuple[list[Track], dict[str, Floats]]:
+    """Tracks with the covariances for the solve, and what each observation is worth, as in `share_edges`."""
+    if settings.corners == "lines":
+        apart = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
+        return share_edges(tracks, facts.views, start, apart=apart)
+    points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
+    bare = {column for column, names in grid.columns.items() if not any(n.startswith("section") for n in names)}
+    return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
+
+
+def _grid_lines(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[Relation]:
+    """Tracks of a column have the same x, tracks of a row the same y."""
+    lines: tuple[tuple[Axis, list[tuple[str, ...]]], ...]
+    lines = (("x", list(grid.columns.values())), ("y", list(grid.rows.values())))
+    for axis, groups in lines:
+        for first, *others in groups:
+            yield from (equal_coordinate(axis, keys[first], keys[other]) for other in others)
+
+
+def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSettings) -> Iterator[Relation]:
+    """The face is z = 0; the row begins at the left edge of its first upright."""
+    beams = [keys[track.name] for track in tracks if track.label == "beam"]
+    yield from (fixed_coordinate("z", keys[track.name]) for track in tracks if track.label != "beam")
+    yield fixed_coordinate("z", beams[0], -settings.beam_setback_m, max(TIGHT_M, settings.beam_setback_sigma_m))
+    yield from (equal_coordinate("z", beams[0], other) for other in beams[1:])
+    first = min(tracks, key=column_of)
+    yield fixed_coordinate("x", keys[first.name], 0.0)
+
+
+def _section_references(
+    grid: TrackGrid, keys: Mapping[str, int], settings: GridSettings, row: str
+) -> dict[str, tuple[Relation, ...]]:
+    """What was measured of sections, h_ref and pitch, by name; several alternatives where values are given for more sections
+    than were found."""
+    figures = {
+        "lowest_beam_bottom_height_m": settings.lowest_beam_bottom_height_m,
+        "bay_pitch_m": settings.bay_pitch_m,
+    }
+
+    def relations(values: Mapping[str, Mapping[int, float]]) -> Iterator[Relation]:
+        for section, value in values.get("lowest_beam_bottom_height_m", {}).items():
+            yield _height(grid, keys, section, value, settings)
+        for section, value in values.get("bay_pitch_m", {}).items():
+            yield from _pitch(grid, keys, section, value, settings)
+
+    given = {setting: values for setting, values in figures.items() if values is not None}
+    return {name: tuple(relations(values)) for name, values in assignments(given, grid.sections, row).items()}
+
+
+def assignments(
+    given: Mapping[str, Values], sections: Sequence[int], row: str
+) -> dict[str, dict[str, dict[int, float]]]:
+    """The given figures of the sections found, by setting: the same for all, or one a section of the row, left to right.
+
+    There is one assignment where all sections were found. Where the row has more, each run of neighbours makes one, by name.
+    Raises SiteError where the row has fewer, or where two settings differ in number.
+    """
+    counts = {setting: len(values) for setting, values in given.items() if not isinstance(values, int | float)}
+    if len(set(counts.values())) > 1:
+        listed = " and ".join(f"{count} of {setting}" for setting, count in counts.items())
+        raise SiteError(f"row {row}: one value for each section is expected, but there are {listed}")
+    for setting, count in counts.items():
+        if count < len(sections):
+            raise SiteError(f"row {row}: {setting} gives {count} values, but {len(sections)} sections were found")
+    whole = max(counts.values(), default=len(sections))
+    lists = {
+        setting: [float(values)] * whole if isinstance(values, int | float) else values
+        for setting, values in given.items()
+    }
+    return {
+        f"sections {first + 1} to {first + len(sections)} of {whole}": {
+            setting: dict(zip(sections, values[first:], strict=False)) for setting, values in lists.items()
+        }
+        for first in range(whole - len(sections) + 1)
+    }
+
+
+def _pitch(
+    grid: TrackGrid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings
+) -> Iterator[Relation]:
+    """From an upright's edge to the same edge of the next: left ones, or right ones where a left one was not seen."""
+    for side in ("left", "right"):
+        if (section, side) in grid.columns and (section + 1, side) in grid.columns:
+            first, second = (keys[grid.columns[upright, side][0]] for upright in (section, section + 1))
+            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of section {section}")
+            return
+
+
+def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings) -> Relation:
+    lowest = min(beam for number, beam, edge in grid.rows if number == section and edge == "lower")
+    name = f"height of the lowest edge of section {section}"
+    doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+    return known_coordinate("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
+
+
+def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
+    """Uprights stand on the floor, y = 0: a reference like any other, for maps without a known height."""
+    for track in feet:
+        yield fixed_coordinate("z", keys[track.name])
+        yield known_coordinate(
+            "y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}"
+        )
+
+
+def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:
+    """Names of whole edges, for measured lengths."""
+    for (upright, side), (first, *_) in grid.columns.items():
+        yield f"upright {upright} / {side}", ("x", keys[first])
+    for (section, beam, edge), (first, *_) in grid.rows.items():
+        yield f"section {section} / beam {beam} / {edge}", ("y", keys[first])
+
+
+def _initial_grid(
+    tracks: Sequence[Track], grid: TrackGrid, start: Trajectory, settings: GridSettings
+) -> dict[str, Floats]:
+    """The paper's start: an equally spaced grid on the face as long as the camera's path."""
+    length = float(np.ptp(start.world_from_rig[:, 0, 3]))
+    uprights = sorted({upright for upright, _ in grid.columns})
+    along = dict(zip(uprights, np.linspace(0.0, length, len(uprights)).tolist(), strict=True))
+    levels = {section: 1 + max(beam for number, beam, _ in grid.rows if number == section) for section in grid.sections}
+    initial = {}
+    for track in tracks:
+        upright, side = column_of(track)
+        depth, height = 0.0, TOP_M if track.place.get("end") == "top" else 0.0
+        if track.label == "beam":
+            section, beam, edge = row_of(track)
+            depth, height = -settings.beam_setback_m, TOP_M * beam / levels[section] + 0.1 * (edge == "upper")
+        initial[track.name] = np.array([along[upright] + 0.1 * (side == "right"), height, depth])
+    return initial
+
+
+def _initial_foot(foot: Track, grid: TrackGrid, initial: Mapping[str, Floats]) -> Floats:
+    x = [initial[names[0]][0] for (upright, _), names in grid.columns.items() if upright == foot.place["upright"]]
+    return np.array([np.mean(x) if x else 0.0, 0.0, 0.0])

@@ -1,0 +1,262 @@
+"""Mapped shelves against a survey: widths, gaps, edges, missing and spurious elements (paper, section IV).
+
+Uprights are matched in order, then sections by where they lie between matched uprights, then beams in each section in
+order. A gap is scored where both its elements are matched and nothing unmatched lies between them on either side.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from scipy.optimize import linear_sum_assignment
+
+from savmap.files.validation import checked
+from savmap.types import Floats, Score, Structure, pool
+from savmap_shelves.mapping import Elements, MappedSection, sections_of, uprights_of
+
+Pair = tuple[int, int]
+NO_INTERVALS = np.zeros((0, 2))
+
+
+def _forwards(interval: tuple[float, float]) -> tuple[float, float]:
+    if not interval[0] < interval[1]:
+        raise ValueError(f"{list(interval)} should be [smaller, larger]")
+    return interval
+
+
+def _in_order(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    for before, after in pairwise(intervals):
+        if after[0] < before[1]:
+            raise ValueError(f"{list(after)} should lie beyond {list(before)}: elements in order, not overlapping")
+    return intervals
+
+
+Interval = Annotated[tuple[float, float], AfterValidator(_forwards)]
+Intervals = Annotated[list[Interval], AfterValidator(_in_order)]
+
+
+class SurveyedSection(BaseModel):
+    """Beams [y_bottom, y_top] of one section, from the bottom up, metres in the row's frame."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    beams: Intervals
+
+
+class SurveyedRow(BaseModel):
+    """Uprights [x_left, x_right] from left to right and the sections between them, metres in the row's frame.
+
+    Other keys of a survey's row are left alone.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    uprights: Intervals = Field(min_length=2)
+    sections: list[SurveyedSection]
+
+    @model_validator(mode="after")
+    def _section_between_uprights(self) -> Self:
+        count = len(self.uprights)
+        if len(self.sections) != count - 1:
+            raise ValueError(f"{count} uprights bound {count - 1} sections, not {len(self.sections)}")
+        return self
+
+    def upright_intervals(self) -> Floats:
+        """x of left and right edges (n, 2)."""
+        return np.array(self.uprights, dtype=np.float64)
+
+    def section_intervals(self) -> Floats:
+        """x of the sections' free width (n - 1, 2)."""
+        uprights = self.upright_intervals()
+        return np.column_stack([uprights[:-1, 1], uprights[1:, 0]])
+
+    def beam_intervals(self, section: int) -> Floats:
+        """y of bottom and top edges (m, 2) of a section counted from 0."""
+        return np.array(self.sections[section].beams, dtype=np.float64).reshape(-1, 2)
+
+
+def read_row(entry: Mapping[str, Any]) -> SurveyedRow:
+    """The shelves of a row's entry in a survey file. Raises OutputError."""
+    return checked(SurveyedRow, entry, "survey")
+
+
+@dataclass(frozen=True)
+class AlignmentCosts:
+    """What a match costs; an element left unmatched, on either side, costs 1.
+
+    tolerance_m: the disagreement that costs 1. position: weight of a pair's disagreement in place; the rest, 1 - position,
+    weighs how its step from the pair before it disagrees, which a drift along the list leaves alone. first: weight of
+    the first pair's disagreement in place, for it has no step.
+    """
+
+    tolerance_m: float
+    position: float
+    first: float
+
+
+def align(truth: Floats, estimate: Floats, costs: AlignmentCosts) -> list[Pair]:
+    """The cheapest matching, in order, of intervals `truth` (n, 2) and `estimate` (m, 2), both sorted by their centre.
+
+    Either may have elements that the other lacks. Returns pairs of indices, increasing in both. Dynamic programming over
+    the pair that was matched last.
+    """
+    rows, columns = len(truth), len(estimate)
+    if not rows or not columns:
+        return []
+    apart = _disagreement(truth[:, None] - estimate[None]) / costs.tolerance_m
+    best = np.empty((rows, columns))
+    before: dict[Pair, Pair | None] = {}
+    for i, j in np.ndindex(rows, columns):
+        best[i, j], before[i, j] = _best_start(i, j, truth, estimate, best, apart, costs)
+    i_last, j_last = np.indices(best.shape)
+    total = best + (rows - 1 - i_last) + (columns - 1 - j_last)
+    last = np.unravel_index(int(np.argmin(total)), total.shape)
+    if total[last] >= rows + columns:
+        return []
+    pairs: list[Pair] = []
+    pair: Pair | None = (int(last[0]), int(last[1]))
+    while pair is not None:
+        pairs.append(pair)
+        pair = before[pair]
+    return pairs[::-1]
+
+
+def _best_start(
+    i: int, j: int, truth: Floats, estimate: Floats, best: Floats, apart: Floats, costs: AlignmentCosts
+) -> tuple[float, Pair | None]:
+    """The least cost of a matching that ends with the pair (i, j), and the pair before it; None if it is the first."""
+    alone = i + j + costs.first * apart[i, j]
+    if not i or not j:
+        return alone, None
+    steps = (truth[i] - truth[:i])[:, None] - (estimate[j] - estimate[:j])[None]
+    skipped = (i - 1 - np.arange(i))[:, None] + (j - 1 - np.arange(j))[None]
+    step = (1 - costs.position) * _disagreement(steps) / costs.tolerance_m
+    through = best[:i, :j] + skipped + step + costs.position * apart[i, j]
+    where = np.unravel_index(int(np.argmin(through)), through.shape)
+    return (alone, None) if alone < through[where] else (float(through[where]), (int(where[0]), int(where[1])))
+
+
+def _disagreement(ends: Floats) -> Floats:
+    """Mean absolute difference of two intervals' ends (..., 2)."""
+    mean: Floats = np.abs(ends).mean(axis=-1)
+    return mean
+
+
+def gaps(intervals: Floats) -> Floats:
+    """Free lengths (n - 1,) between consecutive intervals (n, 2)."""
+    return intervals[1:, 0] - intervals[:-1, 1]
+
+
+@dataclass(frozen=True)
+class MeasureNames:
+    """How the measures of one direction are named: class of element, and names of errors."""
+
+    label: str
+    element: str
+    gap: str
+    edge: str
+
+
+UPRIGHTS = MeasureNames("upright", "V element", "V gap", "V edge")
+BEAMS = MeasureNames("beam", "H element", "H gap", "H edge")
+
+
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
+    """The score of a row's uprights and beams; elements outside the surveyed extent are not scored.
+
+    Raises OutputError where the row's survey or a structure is malformed.
+    """
+    surveyed = read_row(survey)
+    uprights = uprights_of(structures)
+    pairs = _align_uprights(surveyed.upright_intervals(), uprights.intervals)
+    warp = Warp(surveyed.upright_intervals(), uprights.intervals, pairs)
+    beams = _score_sections(surveyed, sections_of(structures), warp)
+    return pool([_score_uprights(surveyed, uprights, pairs, warp), *beams])
+
+
+def _align_uprights(truth: Floats, estimate: Floats) -> list[Pair]:
+    """Pairs of uprights (n, 2), (m, 2): by the steps between them, which a drift along the row changes little."""
+    return align(truth, estimate, AlignmentCosts(_tolerance(truth), position=0.0, first=0.02))
+
+
+def _align_beams(truth: Floats, estimate: Floats) -> list[Pair]:
+    """Pairs of beams (n, 2), (m, 2): by their heights, which the floor fixes, and the steps between them."""
+    return align(truth, estimate, AlignmentCosts(_tolerance(truth), position=0.5, first=1.0))
+
+
+def _tolerance(truth: Floats) -> float:
+    """A quarter of the usual step from one element to the next, m."""
+    steps = np.diff(truth.mean(axis=1))
+    return float(np.median(steps)) / 4 if len(steps) else 0.25
+
+
+class Warp:
+    """From the map's x to the survey's, through the matched uprights' centres; by the nearest one's offset outside."""
+
+    def __init__(self, truth: Floats, estimate: Floats, pairs: Sequence[Pair]) -> None:
+        matched = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        self._extent = float(truth[0, 0]), float(truth[-1, 1])
+        self._mapped = estimate[matched[:, 1]].mean(axis=1)
+        self._offsets = truth[matched[:, 0]].mean(axis=1) - self._mapped
+
+    def __call__(self, x: Floats) -> Floats:
+        """x in the survey's frame, of any shape."""
+        return x + np.interp(x, self._mapped, self._offsets) if len(self._mapped) else x
+
+    def inside(self, interval: Floats) -> bool:
+        """Whether the centre of a mapped interval (2,) lies within the surveyed extent."""
+        centre = float(self(interval.mean(keepdims=True))[0])
+        return self._extent[0] <= centre <= self._extent[1]
+
+
+def _score_uprights(surveyed: SurveyedRow, uprights: Elements, pairs: Sequence[Pair], warp: Warp) -> Score:
+    """Where the map begins at another upright than the survey, its coordinates are taken from the first matched one."""
+    truth, estimate = surveyed.upright_intervals(), uprights.intervals
+    if pairs and pairs[0] != (0, 0):
+        estimate = estimate + (truth[pairs[0][0], 0] - estimate[pairs[0][1], 0])
+    scored = [warp.inside(interval) for interval in uprights.intervals]
+    return _score(UPRIGHTS, truth, Elements(uprights.ids, estimate), pairs, scored)
+
+
+def _score_sections(surveyed: SurveyedRow, sections: Sequence[MappedSection], warp: Warp) -> list[Score]:
+    extents = np.array([warp(section.extent) for section in sections]).reshape(-1, 2)
+    partner = _partners(surveyed.section_intervals(), extents)
+    scores = []
+    for k in range(len(surveyed.sections)):
+        beams = sections[partner[k]].beams if k in partner else Elements((), NO_INTERVALS)
+        truth = surveyed.beam_intervals(k)
+        scores.append(_score(BEAMS, truth, beams, _align_beams(truth, beams.intervals), [True] * len(beams.ids)))
+    for j, section in enumerate(sections):
+        if j not in partner.values() and warp.inside(section.extent):
+            scores.append(_score(BEAMS, NO_INTERVALS, section.beams, [], [True] * len(section.beams.ids)))
+    return scores
+
+
+def _partners(truth: Floats, estimate: Floats) -> dict[int, int]:
+    """Mapped section of each surveyed one: one to one, the most common width, at least half of the narrower's."""
+    common = np.minimum(truth[:, None, 1], estimate[None, :, 1]) - np.maximum(truth[:, None, 0], estimate[None, :, 0])
+    narrower = np.minimum(np.diff(truth), np.diff(estimate).T)
+    rows, columns = linear_sum_assignment(np.maximum(common, 0), maximize=True)
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if common[i, j] > 0.5 * narrower[i, j]}
+
+
+def _score(
+    names: MeasureNames, truth: Floats, mapped: Elements, pairs: Sequence[Pair], scored: Sequence[bool]
+) -> Score:
+    i, j = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    edges = truth[i] - mapped.intervals[j]
+    whole = (np.diff(i) == 1) & (np.diff(j) == 1)
+    gap_errors = gaps(truth[i])[whole] - gaps(mapped.intervals[j])[whole]
+    matched = set(j.tolist())
+    spurious = [k for k in range(len(mapped.ids)) if scored[k] and k not in matched]
+    deviations = {mapped.ids[k]: float(np.abs(edge).max()) for k, edge in zip(j, edges, strict=True)}
+    return Score(
+        errors={names.element: edges[:, 1] - edges[:, 0], names.gap: gap_errors},
+        coordinates={names.edge: edges.ravel()},
+        missing={names.label: len(truth) - len(pairs)},
+        spurious={names.label: len(spurious)},
+        deviations=deviations | {mapped.ids[k]: float("inf") for k in spurious},
+    )

@@ -1,0 +1,185 @@
+"""The solved grid as structures: uprights and beams with their vertices, widths and standard deviations, and what is read off them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import OutputError
+from savmap.graph import Landmark, Solution
+from savmap.types import CrossRowLandmark, Floats, Structure, Track
+from savmap_shelves.constraints.track_grid import TrackGrid, corner_column, grid_of
+
+FLOOR_SIGMA_M, TOP_SIGMA_M = 0.05, 0.3
+DEEPEST_RACK_M = 1.6
+FRAME_SIGMA_M = 0.005
+RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
+UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
+
+
+def describe(tracks: Sequence[Track], solution: Solution, room: str = "shelves") -> list[Structure]:
+    """Uprights, then beams, from left to right and from the bottom up.
+
+    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured.
+    """
+    grid = grid_of(tracks)
+    landmarks = solution.landmarks_of(room)
+    return [*_uprights(grid, landmarks, solution, room), *_beams(grid, landmarks, solution, room)]
+
+
+def _uprights(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, room: str) -> Iterator[Structure]:
+    """The uprights of which both edges were tracked."""
+    for upright in sorted({number for number, _ in grid.columns}):
+        if (upright, "left") not in grid.columns or (upright, "right") not in grid.columns:
+            continue
+        left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
+        heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, grid, landmarks), TOP_SIGMA_M))
+        ends = [_at_height(landmarks[name], y, sigma) for y, sigma in heights for name in (left, right)]
+        attributes = {
+            "upright": upright,
+            "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
+            "width_sigma_m": solution.difference_sigma(room, left, right, 0),
+        }
+        yield _structure(f"upright {upright}", "upright", UPRIGHT_CORNERS, ends, attributes)
+
+
+def _structure(
+    name: str,
+    label: str,
+    corners: Sequence[str],
+    vertices: Sequence[tuple[Floats, Floats]],
+    attributes: Mapping[str, float],
+) -> Structure:
+    """The structure whose corners have these positions and covariances."""
+    positions, covariances = (np.array(part) for part in zip(*vertices, strict=True))
+    labels = tuple(f"{name} / {corner}" for corner in corners)
+    return Structure(name, label, positions, covariances, labels, RING, attributes)
+
+
+def _top(upright: int, grid: TrackGrid, landmarks: Mapping[str, Landmark]) -> float:
+    beside = [names[0] for (section, _, _), names in grid.rows.items() if section in (upright - 1, upright)]
+    return max(float(landmarks[name].position[1]) for name in beside or [names[0] for names in grid.rows.values()])
+
+
+def _at_height(landmark: Landmark, y: float, sigma: float) -> tuple[Floats, Floats]:
+    """The landmark moved along its upright to y: position and covariance, x and z as they were."""
+    covariance = landmark.covariance.copy()
+    covariance[1, :] = covariance[:, 1] = 0.0
+    covariance[1, 1] = sigma**2
+    return np.array([landmark.position[0], y, landmark.position[2]]), covariance
+
+
+def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, room: str) -> Iterator[Structure]:
+    """The beams of which both edges were tracked."""
+    for section, beam in sorted({(section, beam) for section, beam, _ in grid.rows}):
+        if not all((section, beam, edge) in grid.rows for edge in ("lower", "upper")):
+            continue
+        corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
+        lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
+        attributes = {
+            "section": section,
+            "beam": beam,
+            "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
+            "height_sigma_m": solution.difference_sigma(room, lower, upper, 1),
+        }
+        yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
+
+
+def _corner(
+    grid: TrackGrid, landmarks: Mapping[str, Landmark], section: int, beam: int, corner: str
+) -> tuple[Floats, Floats]:
+    """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet."""
+    name = f"section {section} / beam {beam} / {corner}"
+    if name in landmarks:
+        return landmarks[name].position, landmarks[name].covariance
+    edge, side = corner.split()
+    column = corner_column(section, side)
+    row = landmarks[grid.rows[section, beam, edge][0]]
+    if column not in grid.columns:
+        return row.position, row.covariance
+    across = landmarks[grid.columns[column][0]]
+    covariance = row.covariance.copy()
+    covariance[0, :] = covariance[:, 0] = 0.0
+    covariance[0, 0] = across.covariance[0, 0]
+    return np.array([across.position[0], row.position[1], row.position[2]]), covariance
+
+
+def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+    """The uprights' centre lines, which the row on the rack's other face sees too: a frame crosses the rack from front to back.
+
+    A frame's two uprights are at the same x to `FRAME_SIGMA_M`. The errors of an upright's edges are taken for common to both.
+    """
+    return [
+        CrossRowLandmark(
+            upright.id,
+            upright.label,
+            upright.vertices.mean(axis=0),
+            upright.covariances.mean(axis=0) + FRAME_SIGMA_M**2 * np.diag([1.0, 0.0, 0.0]),
+            axes=("x",),
+            behind_m=DEEPEST_RACK_M,
+        )
+        for upright in structures
+        if upright.label == "upright"
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Mapped elements sorted by centre: ids (n) and intervals (n, 2) m, x for uprights, y for beams."""
+
+    ids: tuple[str, ...]
+    intervals: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class MappedSection:
+    """A mapped section: x from its beams' left to right ends (2,), and its beams."""
+
+    extent: Floats
+    beams: Elements
+
+
+def uprights_of(structures: Sequence[Structure]) -> Elements:
+    """The uprights, x of their left and right edges."""
+    return _elements([upright for upright in structures if upright.label == "upright"], 0, ("left", "right"))
+
+
+def sections_of(structures: Sequence[Structure]) -> list[MappedSection]:
+    """The sections that have beams, from left to right, with y of the beams' lower and upper edges."""
+    grouped: dict[int, list[Structure]] = {}
+    for beam in structures:
+        if beam.label == "beam":
+            grouped.setdefault(_section_of(beam), []).append(beam)
+    sections = [MappedSection(_extent(beams), _elements(beams, 1, ("lower", "upper"))) for beams in grouped.values()]
+    return sorted(sections, key=lambda section: float(section.extent.mean()))
+
+
+def _section_of(beam: Structure) -> int:
+    number = beam.attributes.get("section")
+    if not isinstance(number, int | np.integer):
+        raise OutputError(f"map: {beam.id}: attribute 'section' should be a whole number, not {number!r}")
+    return int(number)
+
+
+def _elements(structures: list[Structure], axis: int, sides: tuple[str, str]) -> Elements:
+    intervals = np.array([_span(structure, axis, sides) for structure in structures], dtype=np.float64).reshape(-1, 2)
+    order = np.argsort(intervals.mean(axis=1), kind="stable")
+    return Elements(tuple(structures[k].id for k in order), intervals[order])
+
+
+def _span(structure: Structure, axis: int, sides: tuple[str, str]) -> tuple[float, float]:
+    """Mean coordinate of the vertices on either side, smaller first."""
+    first, second = sorted(_mean(structure, axis, side) for side in sides)
+    return first, second
+
+
+def _mean(structure: Structure, axis: int, side: str) -> float:
+    chosen = [side in label.split() for label in structure.vertex_labels]
+    if not any(chosen):
+        raise OutputError(f"map: {structure.id}: no vertex is labelled {side!r}")
+    return float(structure.vertices[chosen, axis].mean())
+
+
+def _extent(beams: list[Structure]) -> Floats:
+    return np.median([_span(beam, 0, ("left", "right")) for beam in beams], axis=0)

@@ -1,0 +1,62 @@
+"""Settings of the shelves in a site file."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from savmap.files.validation import ClassNames
+
+Pitch = Annotated[float, Field(gt=0.3, lt=20)]
+Height = Annotated[float, Field(gt=-1, lt=50)]
+
+
+class LowestBeam(BaseModel):
+    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres.
+
+    The values may stand alone, without a sigma.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    values: Height | tuple[Height, ...]
+    """One value, or one a section, left to right."""
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
+    """Standard deviation of each."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _values_alone(cls, given: Any) -> Any:
+        return {"values": given} if isinstance(given, int | float | list | tuple) else given
+
+
+class BayPitch(BaseModel):
+    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    value: Pitch | tuple[Pitch, ...]
+    """One value, or one a section, left to right."""
+    sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
+    """Standard deviation of each."""
+
+
+class ShelvesSettings(BaseModel):
+    """Settings of the plugin in a site file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model: Path | None = None
+    """Another network's ONNX file."""
+    class_names: ClassNames = {}
+    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
+    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Confidence above which a pixel belongs to a class."""
+    every: Annotated[int, Field(gt=0)] | None = None
+    """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a long pass
+    so slow that things move by no more than 7.4 degrees in between, else 1."""
+    lowest_beam_bottom_height_m: LowestBeam | None = None
+    """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
+    bay_pitch_m: BayPitch | None = None
+    """From an upright's edge to the same edge of the next."""
+    beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
+    """How far the beams' faces stand behind the uprights'."""
+    subpixel: bool = True
+    """Whether edges are measured in the panorama itself; false leaves them as masks have them."""

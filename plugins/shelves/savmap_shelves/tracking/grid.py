@@ -1,0 +1,166 @@
+"""The grid of uprights and beam levels with the camera's path, all on the face plane: from features to a labelled fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.types import Feature, Floats, Ints, RowFacts
+from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
+from savmap_shelves.tracking.attitudes import facing, rectified
+from savmap_shelves.tracking.feet import Feet, feet_of
+from savmap_shelves.tracking.levels import Levels, find_levels
+from savmap_shelves.tracking.odometry import frame_observations
+from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
+from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
+from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_sightings, on_face
+from savmap_shelves.tracking.uprights import Uprights, find_uprights
+
+STATE_PRIOR = np.array([0.05, 0.15, 0.08, 0.01, 0.01, 0.01])
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """Least support of an upright, and of a level, as a share of the usual one; `gate`: an observation farther than this
+    many standard deviations from the fitted grid is dropped; least_frames: fewer are refused."""
+
+    upright_support: float = 0.25
+    level_support: float = 0.3
+    gate: float = 4.0
+    least_frames: int = 3
+
+
+@dataclass(frozen=True, eq=False)
+class FaceGrid:
+    """Uprights, levels, and the fit of both over `observations`; source (N,): the row of each in FeaturePoints.
+
+    The fit's states (n, 6) are as in adjust.py; its edges: x of uprights' left and right edges, then y of levels' lower
+    and upper edges.
+    """
+
+    sightings: FaceSightings
+    uprights: Uprights
+    levels: Levels
+    fit: GridFit
+    observations: EdgeObservations
+    source: Ints
+    feet: Feet
+
+
+def observed_edges(sightings: FaceSightings, uprights: Uprights, levels: Levels) -> tuple[EdgeObservations, Ints]:
+    """All observations of the uprights' edges (both ends) and beams' corners, and the row of each in FeaturePoints."""
+    vertical, posts = upright_edges(sightings, uprights)
+    beams = np.flatnonzero(levels.which >= 0)
+    level = 2 * (len(uprights.x) + levels.which[beams])[:, None, None] + np.arange(2) + np.zeros((2, 1), dtype=np.int64)
+    usable = (sightings.corners[beams] >= 0) & levels.ends[beams][:, :, None]
+    horizontal, corners = edge_observations(sightings, sightings.corners[beams][usable], level[usable], 1)
+    both = zip(vars(vertical).values(), vars(horizontal).values(), strict=True)
+    return EdgeObservations(*(np.concatenate(pair) for pair in both)), np.concatenate([posts, corners])
+
+
+def fit_grid(
+    features: Sequence[Feature], facts: RowFacts, settings: TrackingSettings, attitudes: Floats | None = None
+) -> FaceGrid:
+    """Find the grid in the features of all frames. attitudes (n, 3, 3): world_from_rig as far as known (see `rectified`).
+
+    Raises StructureError where there are too few frames, too little motion, or no uprights or beams.
+    """
+    collected = collect_sightings(features, facts)
+    _require_sightings(collected, facts, settings)
+    sightings = on_face(collected, _attitudes(collected, facts, attitudes))
+    passes = [frames for name in dict.fromkeys(facts.frames.passes) if len(frames := facts.frames.of_pass(name))]
+    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(facts.frames), 1))
+    spacing = sightings.upright_spacing()
+    if not np.isfinite(spacing):
+        raise StructureError(f"row {facts.name}: no picture shows two uprights; widen the view or check its direction")
+    views = frame_observations(sightings, len(facts.frames))
+    sizes = (0.06 * spacing, 0.18 * spacing, settings.upright_support)
+    for frames in passes:
+        odometry = pass_odometry(views, facts, frames, spacing)
+        states[frames] = along_uprights(sightings, views, odometry, sizes)
+    fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings))
+    if len(passes) > 1:
+        states = _joined([fitter.grid(states, frames) for frames in passes], passes, facts.name)
+    return fitter.grid(states, np.arange(len(facts.frames)))
+
+
+def _require_sightings(sightings: Sightings, facts: RowFacts, settings: TrackingSettings) -> None:
+    shown = np.unique(sightings.upright_frame)
+    if not len(shown):
+        raise StructureError(
+            f"row {facts.name}: no upright was found in any of {len(facts.frames)} frames; check the view's direction"
+        )
+    if not len(sightings.corners):
+        raise StructureError(
+            f"row {facts.name}: no beam that meets an upright was found in any of {len(facts.frames)} frames"
+        )
+    if len(shown) < settings.least_frames:
+        raise StructureError(
+            f"row {facts.name}: uprights were found in {len(shown)} frames only, {settings.least_frames} are needed"
+        )
+
+
+def _attitudes(sightings: Sightings, facts: RowFacts, attitudes: Floats | None) -> Floats:
+    """World_from_rig (n, 3, 3): those given, or those of views that face the rack, turned so that edges are level and plumb."""
+    begins = np.array([a != b for a, b in pairwise(facts.frames.passes)], dtype=np.bool_)
+    neighbour = np.where(begins, np.inf, np.radians(1.0 if attitudes is not None else 2.0))
+    if attitudes is not None:
+        return rectified(sightings, attitudes, neighbour, np.radians(3.0))
+    main = int(np.bincount(sightings.upright_view, minlength=len(sightings.views)).argmax())
+    start = np.tile(facing(sightings.views[main]), (len(facts.frames), 1, 1))
+    return rectified(sightings, start, neighbour, np.radians(20.0))
+
+
+def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floats:
+    """States of all passes in the frame of the one that saw most."""
+    shapes = [PassGrid(g.uprights.x.mean(axis=1), g.levels.section, g.levels.y.mean(axis=1)) for g in grids]
+    main = int(np.argmax([len(shape.y) for shape in shapes]))
+    states = grids[main].fit.states.copy()
+    for index, (grid, frames) in enumerate(zip(grids, passes, strict=True)):
+        if index != main:
+            similarity = laid_on(shapes[main], shapes[index])
+            if similarity is None:
+                raise StructureError(
+                    f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same sections"
+                )
+            states[frames] = transformed(grid.fit.states[frames], similarity)
+    return states
+
+
+@dataclass(frozen=True, eq=False)
+class GridFitter:
+    """Finds uprights and levels of a row and fits the grid, in turns that sharpen each other."""
+
+    row: str
+    sightings: FaceSightings
+    settings: TrackingSettings
+    spacing: float
+    feet: Feet
+
+    def grid(self, states: Floats, frames: Ints) -> FaceGrid:
+        """The grid that `frames` show, from a rough path `states` (n, 6)."""
+        for width, height in ((0.06, 0.6), (0.04, 0.4), (0.03, 0.35)):
+            uprights, levels = self._elements(states, frames, width, height)
+            observations, source = observed_edges(self.sightings, uprights, levels)
+            start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
+            fit = adjusted(states, start, observations, STATE_PRIOR, rounds=4)
+            states = filled(states, fit.states, observations, frames, 6)
+        fitted = replace(uprights, x=fit.edges[: 2 * len(uprights.x)].reshape(-1, 2))
+        return FaceGrid(self.sightings, fitted, levels, fit, observations, source, self.feet)
+
+    def _elements(self, states: Floats, frames: Ints, width: float, height: float) -> tuple[Uprights, Levels]:
+        """Uprights and levels of `frames`; kernels' width as a share of the spacing, height as one of a beam's height."""
+        limits = (width * self.spacing, 3 * width * self.spacing, self.settings.upright_support)
+        uprights = find_uprights(self.sightings, states, frames, limits)
+        if len(uprights.x) < 2:
+            raise StructureError(
+                f"row {self.row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
+            )
+        kernel = (height, self.settings.level_support)
+        floor = self.feet.floor(states, uprights.x)
+        levels = find_levels(self.sightings, states, uprights, frames, kernel, floor)
+        if not len(levels.section):
+            raise StructureError(f"row {self.row}: {len(uprights.x)} uprights but no beam between them were found")
+        return uprights, levels

@@ -1,0 +1,100 @@
+"""Uprights on the common axis of all frames: how many there are, and which sighting is of which (paper, III.D)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.types import Bools, Floats, Ints
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
+from savmap_shelves.tracking.sightings import FaceSightings, Sightings
+
+LEAST_AT_END = 0.3
+NARROW = 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class Uprights:
+    """Uprights, left to right: x (k, 2) of their left and right edges; which upright each sighting (n,) is of, or -1."""
+
+    x: Floats
+    which: Ints
+
+    def beside(self, sightings: Sightings) -> Ints:
+        """Which uprights each sighted beam ends at (m, 2), -1 where that is not known."""
+        return np.where(sightings.bounds >= 0, np.append(self.which, -1)[sightings.bounds], -1)
+
+
+def _positions(sightings: FaceSightings, states: Floats) -> Floats:
+    """x (n, 2) of the edges of each sighted upright."""
+    horizon = sightings.horizon()
+    state = states[sightings.upright_frame]
+    return (horizon + state[:, 1:2] - state[:, 3:4] * (1 + horizon**2)) / state[:, :1]
+
+
+def find_uprights(
+    sightings: FaceSightings,
+    states: Floats,
+    frames: Ints,
+    sizes: tuple[float, float, float],
+) -> Uprights:
+    """Uprights with enough support among the sightings of `frames`.
+
+    sizes: kernel bandwidth and reach of a cluster, in x; and the least support, as a share of the usual one.
+    """
+    bandwidth, reach, least = sizes
+    x = _positions(sightings, states)
+    usable = np.isin(sightings.upright_frame, frames) & np.isfinite(x).all(axis=1)
+    centre = np.where(usable, x.mean(axis=1), np.nan)
+    centres = modes(centre[usable], bandwidth)
+    group = sightings.upright_frame * len(sightings.views) + sightings.upright_view
+    for _ in range(20):
+        which = nearest(centre, centres, reach)
+        which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
+        support, sized, count = _support(sightings, centres, which, states, frames)
+        kept = _strong(centres, support, sized, count, least, 2 * reach)
+        if kept.all():
+            kept = _trimmed(centres, medians(np.diff(x, axis=1)[:, 0], which, len(centres)), count)
+        if kept.all():
+            break
+        centres = centres[kept]
+    return Uprights(medians(x, which, len(centres)), which)
+
+
+def _support(
+    sightings: FaceSightings, x: Floats, which: Ints, states: Floats, frames: Ints
+) -> tuple[Floats, Ints, Ints]:
+    """Of each upright (k,): its share of sightings in the frames that should show it, their number, and its frames."""
+    state = states[frames]
+    p = x[:, None] * state[:, 0] - state[:, 1]
+    shown, edge = (_inside(sightings, p, frames, margin) for margin in (0.06, 0.0))
+    shown = np.where(shown.sum(axis=1, keepdims=True) >= 5, shown, edge)
+    hits = np.zeros((len(x), len(states)), dtype=np.bool_)
+    hits[which[which >= 0], sightings.upright_frame[which >= 0]] = True
+    hits = hits[:, frames]
+    share = (hits & shown).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+    return np.where(shown.sum(axis=1) >= 3, share, 0.0), shown.sum(axis=1), hits.sum(axis=1)
+
+
+def _inside(sightings: FaceSightings, p: Floats, frames: Ints, margin: float) -> Bools:
+    """Whether uprights at tangents p (k, f) lie in a view of `frames` (f,) at some height."""
+    number = np.tile(frames, len(p))
+    parts = [sightings.visible(p.ravel(), np.full(p.size, q), number, margin) for q in (-1.0, 0.0, 1.0)]
+    return np.asarray(np.any(parts, axis=0).reshape(p.shape))
+
+
+def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float) -> Bools:
+    """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
+    kept = strongest(np.lexsort((count, support))[::-1], np.abs(x[:, None] - x) < apart)
+    return supported(support, shown, count, least) if kept.all() else kept
+
+
+def _trimmed(x: Floats, width: Floats, count: Ints) -> Bools:
+    """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others.
+
+    The section of the first is seen only in part. The second is of another row that comes into view behind the end of this.
+    """
+    kept = np.ones(len(x), dtype=np.bool_)
+    if len(x) > 2:
+        ends = np.argsort(x)[[0, -1]]
+        kept[ends] = (count[ends] >= LEAST_AT_END * np.median(count)) & (width[ends] >= NARROW * np.median(width))
+    return kept

@@ -1,0 +1,124 @@
+"""Where to look: the view of a pass that faces the rack. Paper, section III.B.
+
+A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
+uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way. Such
+a view is widened until it mostly shows two, which tracking needs.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
+from savmap.vision.field_of_view import Fitted, fit_count, fit_height
+from savmap.vision.travel import parallax_rad
+from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, tilted
+
+See = Callable[[View], list[Detection]]
+Extract = Callable[[View, Sequence[Detection]], list[Feature]]
+MAX_SLOPE = 0.2
+MOST_FRAMES = 0.6
+CACHED_VIEWS = 20
+LARGEST_STEP_RAD = 0.13
+HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
+
+
+def aim_at_face(
+    pass_preview: PassPreview,
+    see: See,
+    extract: Extract,
+    side: Literal["left", "right"] | None,
+    manual: Mapping[str, Manual],
+) -> ViewPlan:
+    """The view "face" of a pass, the attitude and the direction of travel that go with it."""
+    see = cached(see)
+
+    def score(spec: ViewSpec, panorama: Panorama) -> float:
+        view = pass_preview.renderer.render(panorama, spec)
+        return face_likeness(extract(view, see(view)), view.spec)
+
+    face: Face = choose_face(pass_preview, score, side)
+    manual_face = manual.get("face", Manual())
+    whole = fit_height(pass_preview, face, lambda view: extent(see(view)), manual=manual_face, name="face")
+    if whole.warning and manual_face == Manual():
+        return ViewPlan(
+            halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",)
+        )
+    wide = widened(pass_preview, whole.spec, lambda view: count_uprights(extract(view, see(view))), manual_face)
+    notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
+    return ViewPlan((wide.spec,), face.world_from_rig, face.travel, notes)
+
+
+def frame_interval(pass_preview: PassPreview, spec: ViewSpec) -> int:
+    """How many frames apart the view is measured: 4 or 2 in a long pass that is slow, else 1.
+
+    Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
+    """
+    step = parallax_rad(pass_preview.pairs, spec, pass_preview.renderer)
+    return pass_preview.apart(LARGEST_STEP_RAD / step if step else np.inf)
+
+
+def cached(see: See) -> See:
+    """`see` with a cache of the latest views, for the view that is chosen is asked for again."""
+    cache: OrderedDict[tuple[ViewSpec, float], list[Detection]] = OrderedDict()
+
+    def see_cached(view: View) -> list[Detection]:
+        key = view.spec, view.stamp_s
+        if key not in cache:
+            cache[key] = see(view)
+        if len(cache) > CACHED_VIEWS:
+            cache.popitem(last=False)
+        return cache[key]
+
+    return see_cached
+
+
+def halves(face: Face) -> tuple[ViewSpec, ...]:
+    """Two views from 80 degrees below the horizon to 80 above, for a face too high, or too near, for a single view.
+
+    Neither shows the point that its verticals lead to: there, edges side by side look like askew edges.
+    """
+    return tuple(tilted(face, pitch, HALF_HFOV_DEG, name) for name, pitch in HALVES.items())
+
+
+def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
+    """The view, or the narrowest wider one that shows two uprights in most key frames."""
+    shown = [count(view) for view in pass_preview.views(spec)]
+    if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
+        return Fitted(spec)
+    return fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
+
+
+def count_uprights(features: Sequence[Feature]) -> int:
+    """How many uprights a view shows."""
+    return len({feature.instance for feature in features if feature.label == "upright"})
+
+
+def face_likeness(features: Sequence[Feature], spec: ViewSpec) -> float:
+    """Length of level beams' edges, in widths of the view, and of plumb uprights' edges, in heights."""
+    total = 0.0
+    for feature in features:
+        if len(feature.pixels) != 2:
+            continue
+        along = np.abs(feature.pixels[1] - feature.pixels[0])
+        if feature.label == "beam" and along[1] < MAX_SLOPE * along[0]:
+            total += float(along[0]) / spec.width
+        if feature.label == "upright" and along[0] < MAX_SLOPE * along[1]:
+            total += float(along[1]) / spec.height
+    return total
+
+
+def extent(detections: Sequence[Detection]) -> tuple[float, float] | None:
+    """First and last row of the uprights in the middle half of a view, or None when there is none."""
+    tops, bottoms = [], []
+    for detection in detections:
+        if detection.label != "upright":
+            continue
+        rows, columns = np.nonzero(detection.mask)
+        width = detection.mask.shape[1]
+        if abs(float(np.median(columns)) - width / 2) < width / 4 and np.ptp(rows) > detection.mask.shape[0] / 4:
+            tops.append(float(rows.min()))
+            bottoms.append(float(rows.max()))
+    return (min(tops), max(bottoms)) if tops else None

@@ -1,0 +1,1 @@
+"""Unknowns of the camera: stitching and read-out of its panoramas."""

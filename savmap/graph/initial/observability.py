@@ -1,0 +1,158 @@
+"""Whether the references make the map's scale and place observable: checked before the solve, from the references alone.
+
+The pictures of a scene are the same as those of the scaled and shifted scene X -> s X + t (the structure holds the attitudes).
+Every reference is one linear equation in (s, t). The covariance of s and t says what is known, the residuals whether references agree.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.errors import SolveError
+from savmap.graph.constraints import TIGHT_M, Relation
+from savmap.graph.problem import Problem
+from savmap.types import Axis, Floats
+
+SCALE_LIMIT = 0.05
+PLACE_LIMIT_M = 0.5
+LOOSE = np.array([10.0, 1e3, 1e3, 1e3])
+ASSUMED_M, ASSUMED_PART = 0.02, 0.01
+AXES: tuple[Axis, ...] = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """scale (1) and shift (3,) m that bring a scene to the references, with their covariance (4, 4) in that order."""
+
+    scale: float
+    shift: Floats
+    covariance: Floats
+
+    def points(self, positions: Floats) -> Floats:
+        """Move positions (n, 3)."""
+        return self.scale * positions + self.shift
+
+    def sigma_at(self, position: Floats) -> Floats:
+        """Standard deviation (3,) m that the references leave to a position (3,)."""
+        slope = np.hstack([position[:, None], np.eye(3)])
+        return np.sqrt(np.diag(slope @ self.covariance @ slope.T))
+
+
+IDENTITY = Similarity(1.0, np.zeros(3), np.zeros((4, 4)))
+
+
+def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float = 0.0) -> Similarity:
+    """The similarity that best fits all references to a scene: camera positions (f, 3), points (m, 3), which has an error of
+    `scene_sigma_m` at each reference itself."""
+    rows = list(_equations(problem, cameras, points))
+    sigmas = [float(np.hypot(row[5], scene_sigma_m)) for row in rows]
+    matrix = np.array([row[:4] / sigma for row, sigma in zip(rows, sigmas, strict=True)]).reshape(-1, 4)
+    values = np.array([row[4] / sigma for row, sigma in zip(rows, sigmas, strict=True)])
+    information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
+    covariance = np.linalg.inv(information)
+    solved = covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0]))
+    return Similarity(float(solved[0]), solved[1:], covariance)
+
+
+def require_metric(problem: Problem, similarity: Similarity, centre: Floats) -> None:
+    """Raise SolveError, naming what is missing, unless scale and place are known at the scene's `centre` (3,) m.
+
+    `centre` is in the scene before the similarity. Sigmas above 5 % of scale or 0.5 m of place count as not known.
+    """
+    row = problem.camera.facts.name
+    require_known(problem, _scale_sigma(similarity))
+    for axis, sigma in zip(AXES, similarity.sigma_at(centre), strict=True):
+        if sigma > PLACE_LIMIT_M:
+            raise SolveError(f"row {row}: the map's place along {axis} is not known; {_place_advice(axis)}")
+
+
+def _scale_sigma(similarity: Similarity) -> float:
+    """Standard deviation of the scale as a part of it; infinite for a scene that would be mirrored."""
+    sigma = float(np.sqrt(similarity.covariance[0, 0])) / max(abs(similarity.scale), 1e-9)
+    return sigma if similarity.scale > 0 else np.inf
+
+
+def require_known(problem: Problem, scale_sigma: float) -> None:
+    """Raise SolveError, naming what is missing, if the scale is not known to 5 %."""
+    if not scale_sigma < SCALE_LIMIT:
+        raise SolveError(f"row {problem.camera.facts.name}: the map's scale is not known; {_scale_advice(problem)}")
+
+
+def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem:
+    """The problem with what its references leave open of scale and place taken from a scene: camera positions (f, 3) and
+    points (m, 3) as the start has them. It is itself where nothing is open."""
+    similarity = fit(problem, cameras, points)
+    if not _scale_sigma(similarity) < SCALE_LIMIT:
+        problem = _with_assumed(problem, _longest_span(problem, points), "scale")
+        similarity = fit(problem, cameras, points)
+    for axis, column, sigma in zip(AXES, range(3), similarity.sigma_at(points.mean(axis=0)), strict=True):
+        if sigma > PLACE_LIMIT_M:
+            first = Relation(axis, int(problem.keys[0]), None, float(points[0, column]), ASSUMED_M, f"assumed {axis}")
+            problem = _with_assumed(problem, first, f"place along {axis}")
+    return problem
+
+
+def _with_assumed(problem: Problem, relation: Relation, what: str) -> Problem:
+    return replace(problem, relations=(*problem.relations, relation), assumed=(*problem.assumed, what))
+
+
+def _longest_span(problem: Problem, points: Floats) -> Relation:
+    """The distance between two landmarks that are far apart, as it is in the scene."""
+    a = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    distances = np.linalg.norm(points - points[a], axis=1)
+    b = int(np.argmax(distances))
+    value = float(distances[b])
+    keys = problem.keys.tolist()
+    return Relation(None, keys[a], keys[b], value, ASSUMED_PART * value, "assumed scale")
+
+
+def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Floats]:
+    """Rows (6,): factors of s, t_x, t_y, t_z, then value and sigma. Fixed coordinates stay as they are."""
+    for height in problem.camera.references.camera_heights:
+        seen = [chunk for chunk in problem.passes(height.passes) if len(chunk)]
+        if seen:
+            level = float(np.median(cameras[np.concatenate(seen), 1]))
+            yield np.array([level, 0, 1, 0, height.value_m, height.sigma_m])
+    yield from (equation(problem, relation, points) for relation in problem.relations if relation.name)
+    for axis in sorted({r.column for r in problem.relations if r.b is None and not r.name}):
+        yield np.concatenate([np.zeros(1), np.eye(3)[axis], [0.0, TIGHT_M]])
+
+
+def equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
+    """A relation as a row (6,): factors of s, t_x, t_y, t_z, then value and sigma."""
+    first = points[problem.index(relation.a)]
+    span = first if relation.b is None else points[problem.index(relation.b)] - first
+    row = np.zeros(6)
+    row[4:] = relation.value, relation.sigma
+    if relation.axis is None:
+        row[0] = np.linalg.norm(span)
+        return row
+    row[0] = span[relation.column]
+    row[1 + relation.column] = relation.b is None
+    return row
+
+
+def _scale_advice(problem: Problem) -> str:
+    if problem.camera.references.markers:
+        names = " and ".join(marker.name for marker in problem.camera.references.markers)
+        return f"marker {names} was not seen well enough to give it: see that it is in the footage, or give another reference"
+    heights = bool(problem.camera.references.camera_heights)
+    levels = any(r.name and r.axis == "y" and r.b is None for r in problem.relations)
+    if heights and not levels:
+        return f"a camera height alone does not give it: add {_height_reference(problem)} or a known length"
+    if levels and not heights:
+        return "known heights on the structure alone do not give it: add a camera height or a known length under 'references'"
+    return "add a known length or a marker, or a camera height and a known height on the structure, or two surveyed points under 'references'"
+
+
+def _height_reference(problem: Problem) -> str:
+    """A known height on the structure, with how the plugins' users give it."""
+    given = " or ".join(part.height_reference for part in problem.parts if part.height_reference)
+    return f"a known height on the structure ({given})" if given else "a known height on the structure"
+
+
+def _place_advice(axis: str) -> str:
+    if axis == "y":
+        return "give a camera height, a known height on the structure or a surveyed point under 'references'"
+    return "give a surveyed point under 'references'"

@@ -1,0 +1,128 @@
+"""Where the solve starts: as published (paper, section III.E), or from linear equations that need attitudes only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from savmap.errors import SolveError, StructureError
+from savmap.graph.initial.linear import linear_positions
+from savmap.graph.initial.observability import assume_missing, fit, require_metric
+from savmap.graph.initial.outlier_references import consistent_alternatives, without_outliers
+from savmap.graph.problem import Estimate, Problem, first_poses
+from savmap.types import Floats, Ints, RowFacts, Trajectory
+
+
+def published_start(
+    facts: RowFacts, attitudes: Floats, length_m: float, height_m: float, distance_m: float
+) -> Trajectory:
+    """All frames of a row: constant speed over length_m along x (n L / N), constant height and distance.
+
+    attitudes (n, 3, 3) world_from_rig; nan where not known: then interpolated. A pass whose direction of travel is not known
+    is taken to go towards +x. Raises StructureError if no attitude is known.
+    """
+    count = len(facts.frames)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = _filled(attitudes, facts)
+    poses[:, 1, 3], poses[:, 2, 3] = height_m, distance_m
+    for name in dict.fromkeys(facts.frames.passes):
+        numbers = facts.frames.of_pass(name)
+        along = np.linspace(0.0, length_m, len(numbers))
+        poses[numbers, 0, 3] = along[::-1] if facts.travel.get(name, 0) < 0 else along
+    return Trajectory(np.arange(count), poses)
+
+
+def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
+    known = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
+    if not known.any():
+        raise StructureError(f"row {facts.name}: the camera's attitude is not known in any frame")
+    filled = attitudes.copy()
+    for name in dict.fromkeys(facts.frames.passes):
+        numbers = facts.frames.of_pass(name)
+        good = numbers[known[numbers]] if known[numbers].any() else np.flatnonzero(known)
+        filled[numbers] = rotations_at(numbers, good, attitudes[good])
+    return filled
+
+
+def rotations_at(wanted: Ints, frames: Ints, rotations: Floats) -> Floats:
+    """Rotations (w, 3, 3) at frame numbers `wanted`, interpolated between those at sorted `frames`; held beyond the ends."""
+    if len(frames) == 1:
+        return np.repeat(rotations, len(wanted), axis=0)
+    spline = Slerp(frames, Rotation.from_matrix(rotations))
+    turned: Floats = spline(np.clip(wanted, frames[0], frames[-1])).as_matrix()
+    return turned
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the solve starts: the problem without refuted references, which alternatives were chosen where only a part of a
+    row was found, a line about each refuted reference, the estimate."""
+
+    problem: Problem
+    alternatives: tuple[str, ...]
+    outlier_notes: tuple[str, ...]
+    estimate: Estimate
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to tell the user."""
+        return (
+            *(f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives),
+            *self.outlier_notes,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Given poses (f, 4, 4) and points (m, 3), and the linear start's camera positions (f, 3) and points' `positions` (m, 3),
+    up to scale and shift."""
+
+    poses: Floats
+    points: Floats
+    cameras: Floats
+    positions: Floats
+
+
+def starts(problem: Problem, kind: str) -> list[Start]:
+    """A start of the solve for each choice of alternatives; `kind` is "linear" or "published".
+
+    Raises SolveError if scale or place are not observable, or if references contradict one another in every choice.
+    """
+    poses, points = first_poses(problem), first_points(problem)
+    measured = len(problem.measurements) > 0
+    cameras, positions = linear_positions(problem, poses, points) if measured else (poses[:, :3, 3], points)
+    scene = Scene(poses, points, cameras, positions)
+    begins, errors = list[Start](), list[SolveError]()
+    for choice, names in consistent_alternatives(problem, scene.cameras, scene.positions):
+        try:
+            begins.append(_start(choice, names, kind, scene))
+        except SolveError as error:
+            errors.append(error)
+    if not begins:
+        raise errors[0]
+    return begins
+
+
+def _start(problem: Problem, alternatives: tuple[str, ...], kind: str, scene: Scene) -> Start:
+    poses, points, cameras, positions = scene.poses, scene.points, scene.cameras, scene.positions
+    problem, notes = without_outliers(problem, cameras, positions)
+    if problem.camera.fixed is None:
+        problem = assume_missing(problem, cameras, positions) if problem.partial else problem
+        similarity = fit(problem, cameras, positions)
+        require_metric(problem, similarity, positions.mean(axis=0))
+        cameras, positions = similarity.points(cameras), similarity.points(positions)
+    if kind == "linear" or problem.camera.fixed is not None:
+        poses, points = poses.copy(), positions
+        poses[:, :3, 3] = cameras
+    heights = np.array([height.value_m for height in problem.camera.references.camera_heights])
+    variables = {key: value for part in problem.parts for key, value in part.variables.items()}
+    return Start(problem, alternatives, notes, Estimate(poses, points, heights, variables))
+
+
+def first_points(problem: Problem) -> Floats:
+    """The plugins' first positions (m, 3)."""
+    points = np.zeros((len(problem.keys), 3))
+    for part in problem.parts:
+        for name, key in part.keys.items():
+            points[problem.index(key)] = part.initial[name]
+    return points

@@ -1,0 +1,1 @@
+"""Several rows in one graph, where they share frames."""

@@ -1,0 +1,186 @@
+"""Measured pixels of landmarks as arrays: what the projection factors are made of."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Floats, Ints, RowFacts, Track, Trajectory, ViewSpec
+
+
+@dataclass(frozen=True, eq=False)
+class Biases:
+    """k unknown biases, px, of which each of n measurements has up to s: `indices` (n, s) of the biases, and `slopes`
+    (n, 2, s), the pixel's derivative to each, 0 where there is none.
+
+    `prior` (k,): their standard deviations; `free` (k,): which are estimated. The others are taken for 0, and sigmas allow
+    for them.
+    """
+
+    indices: Ints
+    slopes: Floats
+    prior: Floats
+    free: NDArray[np.bool_]
+
+    def take(self, chosen: NDArray[np.bool_]) -> "Biases":
+        """Of the measurements where a mask (n,) is true."""
+        return replace(self, indices=self.indices[chosen], slopes=self.slopes[chosen])
+
+    def moved(self, values: Floats) -> Floats:
+        """How far (n, 2) px biases (k,) move the measurements."""
+        if not len(values):
+            return np.zeros((len(self.indices), 2))
+        return np.asarray(np.einsum("nis,ns->ni", self.slopes, values[self.indices]))
+
+
+def no_biases(count: int) -> Biases:
+    """Measurements (count,) without biases."""
+    none = np.zeros(0)
+    return Biases(np.zeros((count, 0), np.int64), np.zeros((count, 2, 0)), none, none.astype(np.bool_))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMeasurements:
+    """Landmarks with `keys` (n,), seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
+
+    `dof` (n,) is how many equations a measurement is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
+    `biases`: those that measurements have in common.
+    """
+
+    frames: Ints
+    keys: Ints
+    view: Ints
+    pixels: Floats
+    covariances: Floats
+    dof: Floats
+    views: tuple[ViewSpec, ...]
+    biases: Biases
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def take(self, chosen: NDArray[np.bool_]) -> "ImageMeasurements":
+        """The measurements where a mask (n,) is true."""
+        return ImageMeasurements(
+            self.frames[chosen],
+            self.keys[chosen],
+            self.view[chosen],
+            self.pixels[chosen],
+            self.covariances[chosen],
+            self.dof[chosen],
+            self.views,
+            self.biases.take(chosen),
+        )
+
+    def without(self, bias: Floats) -> "ImageMeasurements":
+        """The measurements corrected for biases (k,) px."""
+        return replace(self, pixels=self.pixels - self.biases.moved(bias))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearForms:
+    """Measurements as linear forms: whitened pixel error = (forms @ (point - camera)) / depth, exact for a pinhole.
+
+    forms (n, 2, 3) and axes (n, 3), the view's optical axis in the rig or world frame, so that depth = axes . (point - camera).
+    """
+
+    forms: Floats
+    axes: Floats
+
+    def rotated(self, world_from_rig: Floats) -> "LinearForms":
+        """The same in the world frame, for attitudes (n, 3, 3)."""
+        return LinearForms(
+            self.forms @ np.swapaxes(world_from_rig, 1, 2), np.einsum("nij,nj->ni", world_from_rig, self.axes)
+        )
+
+    def residuals(self, offsets: Floats) -> tuple[Floats, Floats]:
+        """Whitened errors (n, 2) and depths (n,) of points at `offsets` (n, 3) m from the camera; behind it: error 1e6."""
+        depths = np.einsum("ni,ni->n", self.axes, offsets)
+        safe = np.where(depths > 1e-6, depths, 1.0)
+        errors = np.einsum("nij,nj->ni", self.forms, offsets) / safe[:, None]
+        return np.where((depths > 1e-6)[:, None], errors, 1e6), depths
+
+
+def image_measurements(
+    tracks: Sequence[Track],
+    keys: Mapping[str, int],
+    views: Mapping[str, ViewSpec],
+    weights: Mapping[str, float] | None = None,
+    dof: Mapping[str, Floats] | None = None,
+    biases: Biases | None = None,
+) -> ImageMeasurements:
+    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
+    `dof` (by track, one each measurement) need only be given where the covariance does not show it; `biases`: in the tracks' order."""
+    number = {name: index for index, name in enumerate(views)}
+    return ImageMeasurements(
+        np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
+        np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
+        np.array([number[view] for track in tracks for view in track.views], np.int64),
+        np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
+        np.concatenate(
+            [np.zeros((0, 2, 2)), *(track.covariances / (weights or {}).get(track.name, 1.0) for track in tracks)]
+        ),
+        np.concatenate([np.zeros(0), *((dof or {}).get(track.name, plain_dof(track.covariances)) for track in tracks)]),
+        tuple(views.values()),
+        biases or no_biases(sum(len(track.frames) for track in tracks)),
+    )
+
+
+def plain_dof(covariances: Floats) -> Floats:
+    """2 for round covariances (n, 2, 2), 1 for those more than 30 times as long as wide."""
+    spread = np.linalg.eigvalsh(covariances)
+    return np.where(spread[:, 1] > 900 * spread[:, 0], 1.0, 2.0)
+
+
+def join(parts: Sequence[ImageMeasurements]) -> ImageMeasurements:
+    """Measurements of several plugins in one record, plugin after plugin."""
+    offsets = np.cumsum([0, *(len(part.views) for part in parts)]).tolist()
+    return ImageMeasurements(
+        np.concatenate([part.frames for part in parts]),
+        np.concatenate([part.keys for part in parts]),
+        np.concatenate([part.view + offset for part, offset in zip(parts, offsets, strict=False)]),
+        np.concatenate([part.pixels for part in parts]),
+        np.concatenate([part.covariances for part in parts]),
+        np.concatenate([part.dof for part in parts]),
+        tuple(spec for part in parts for spec in part.views),
+        _joined_biases([part.biases for part in parts]),
+    )
+
+
+def _joined_biases(parts: Sequence[Biases]) -> Biases:
+    """Biases of several plugins in one record: no two plugins share a bias."""
+    slots = max((part.indices.shape[1] for part in parts), default=0)
+    first = np.cumsum([0, *(len(part.prior) for part in parts)]).tolist()
+    wider = [slots - part.indices.shape[1] for part in parts]
+    return Biases(
+        np.concatenate(
+            [np.pad(p.indices + at, ((0, 0), (0, more))) for p, at, more in zip(parts, first, wider, strict=False)]
+        ),
+        np.concatenate([np.pad(p.slopes, ((0, 0), (0, 0), (0, more))) for p, more in zip(parts, wider, strict=True)]),
+        np.concatenate([part.prior for part in parts]),
+        np.concatenate([part.free for part in parts]),
+    )
+
+
+def linear_forms(measurements: ImageMeasurements) -> LinearForms:
+    """The measurements' linear forms in the rig frame."""
+    cameras = np.array([spec.camera for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
+    rotations = np.array([spec.rig_from_view for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
+    forms = np.zeros((len(measurements), 2, 3))
+    forms[:, 0, 0], forms[:, 1, 1] = cameras[:, 0, 0], cameras[:, 1, 1]
+    forms[:, :, 2] = cameras[:, :2, 2] - measurements.pixels
+    whiten = np.linalg.inv(np.linalg.cholesky(measurements.covariances))
+    return LinearForms(whiten @ forms @ np.swapaxes(rotations, 1, 2), rotations[:, :, 2])
+
+
+def sight_lines(track: Track, facts: RowFacts, start: Trajectory) -> tuple[Floats, Floats]:
+    """Origins (n, 3) m and unit rays (n, 3) in the row's frame of a track of points, seen from the poses of `start`. Frames
+    without a pose are left out. `savmap.geometry.triangulate` gives the points nearest to such rays."""
+    poses = dict(zip(start.frames.tolist(), start.world_from_rig, strict=True))
+    seen = [
+        (poses[frame], facts.views[view].rig_rays(pixel))
+        for frame, view, pixel in zip(track.frames.tolist(), track.views, track.pixels, strict=True)
+        if frame in poses
+    ]
+    return np.array([pose[:3, 3] for pose, _ in seen]), np.array([pose[:3, :3] @ ray for pose, ray in seen])

@@ -1,0 +1,238 @@
+"""The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+
+from savmap.errors import SolveError
+from savmap.graph.calibration.report import calibration_report
+from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
+from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
+from savmap.graph.initial.start import Start, starts
+from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.measurements import ImageMeasurements
+from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.reference_tests import tested_keys
+from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
+from savmap.graph.solver.solution import Solution, build_solution, trajectory
+from savmap.types import Floats, Trajectory
+
+Mask = NDArray[np.bool_]
+SETTLED = 1e-4
+SETTLED_BIAS = 0.1
+ROUGH, FINE = 1e-4, 1e-6
+OUTLIER_COST, CLEARLY = 12.5, 12.5
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
+    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+
+    start: Literal["linear", "published"] = "linear"
+    loss: Literal["huber", "none"] = "huber"
+    reject_sigma: float = 4.0
+    rounds: int = 5
+    max_iterations: int = 50
+
+
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100)
+"""Plain least squares from the published start, no measurement rejected (paper, section III.E)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit, and how
+    errors persist; `notes` of the start for the user, and the residuals' scale of the first round."""
+
+    problem: Problem
+    bias: Floats
+    estimate: Estimate
+    fit: Fit
+    persistence: Persistence
+    notes: tuple[str, ...] = ()
+    first_scale: float = 0.0
+
+    @property
+    def inflation(self) -> float:
+        """The factor by which measurements' variances are larger than given, in the solve and its tests."""
+        return self.fit.scale**2 * self.persistence.solved
+
+    @property
+    def reported(self) -> "Iterate":
+        """With the factor for the standard deviations that are reported instead."""
+        return replace(self, persistence=replace(self.persistence, solved=self.persistence.reported))
+
+    @property
+    def kept(self) -> ImageMeasurements:
+        """The measurements that fit."""
+        return self.problem.measurements.take(self.fit.kept)
+
+
+def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
+    """Solve, reject, repeat; then covariances. Raises SolveError if scale or place are not observable, if references
+    contradict one another, or if the graph cannot be solved."""
+    return solution_of(converged(problem, options))
+
+
+@dataclass(frozen=True, eq=False)
+class LocatedCamera:
+    """A first path of the camera, and what of its scale and place was assumed for want of references (see `Problem`)."""
+
+    path: Trajectory
+    assumed: tuple[str, ...] = ()
+
+
+def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
+    """The camera's path by one round, good enough to track other structures. With `sigmas` its standard deviations come with it,
+    and references are tested. Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
+    place are not observable."""
+    iterate = converged(problem, SolveOptions(rounds=1))
+    path = solution_of(iterate).trajectory if sigmas else trajectory(iterate.problem, iterate.estimate)
+    return LocatedCamera(path, iterate.problem.assumed)
+
+
+def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
+    """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
+    chosen = options or SolveOptions()
+    begin = _likeliest(starts(problem, chosen.start), chosen)
+    first, *later = _rounds(begin.problem, begin.estimate, chosen)
+    last = later[-1] if later else first
+    if len(last.fit.kept) and not last.fit.kept.any():
+        raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
+    return replace(last, notes=begin.notes, first_scale=first.fit.scale)
+
+
+def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
+    """The solution at an optimum, with its covariances or the `joint` ones of several rows. Raises SolveError if references
+    contradict one another grossly."""
+    if joint is None:
+        tested = _covariance(iterate, None, tested_keys(iterate.problem))
+        joint = Covariances(tested, _covariance(iterate.reported, None))
+    term = iterate.problem.camera.calibration
+    calibration = calibration_report(term, iterate.bias, joint.reported, iterate.first_scale, iterate.fit.scale)
+    notes = (*iterate.notes, *calibration.notes)
+    inflation = iterate.reported.inflation
+    problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
+    return build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+
+
+def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
+    """The start that leads to the best fit of pictures and references together. Raises SolveError where that is not clear, unless
+    the problem is partial."""
+    if len(begins) == 1:
+        return begins[0]
+    firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]
+    inflation = min(iterate.inflation for iterate in firsts)
+    costs = [
+        _cost(iterate, inflation) + OUTLIER_COST * len(start.outlier_notes)
+        for iterate, start in zip(firsts, begins, strict=True)
+    ]
+    best, second = (int(k) for k in np.argsort(costs, kind="stable")[:2])
+    if costs[second] - costs[best] < CLEARLY and not begins[best].problem.partial:
+        part, other = (" and ".join(begins[k].alternatives) for k in (best, second))
+        raise SolveError(
+            f"row {begins[0].problem.camera.facts.name}: only a part of the row was found, and it is not clear whether that is"
+            f" {part} or {other}: give only the references of the part that the footage shows"
+        )
+    return begins[best]
+
+
+def _cost(iterate: Iterate, inflation: float) -> float:
+    """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's loss."""
+    graph = whole_graph(iterate.problem, iterate.estimate, iterate.problem.measurements, inflation, HUBER)
+    return float(graph.error(values_of(iterate.problem, iterate.estimate)))
+
+
+def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[Iterate]:
+    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases."""
+    huber = HUBER if options.loss == "huber" else None
+    kept: Mask = np.ones(len(problem.measurements), dtype=bool)
+    bias, weight = np.zeros(len(problem.measurements.biases.prior)), 1.0
+    row = f"row {problem.camera.facts.name}"
+    for number in range(options.rounds):
+        corrected = problem.without(bias, estimate.poses, estimate.points)
+        graph = whole_graph(corrected, estimate, corrected.measurements.take(kept), weight, huber)
+        settings = LevenbergMarquardt(
+            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if number else ROUGH
+        )
+        values = settings.minimum(graph, values_of(corrected, estimate))
+        estimate = estimate_of(corrected, values, estimate)
+        corrected = problem.without(bias, estimate.poses, estimate.points)
+        fit = fit_of(corrected, estimate, kept, options.reject_sigma)
+        iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit))
+        weight = iterate.inflation
+        yield iterate
+        huber = None if huber is None else HUBER / float(np.sqrt(iterate.persistence.solved))
+        step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
+        if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
+            return
+        kept, bias = fit.kept, bias + step
+
+
+def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
+    """The step that brings the free biases (k,) to their optimum; zeros where that is near."""
+    if not iterate.problem.measurements.biases.free.any():
+        return np.zeros(len(iterate.bias))
+    joint = _covariance(iterate, huber, ())
+    near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
+    return np.zeros(len(iterate.bias)) if near.all() else joint.step
+
+
+@dataclass(frozen=True)
+class LevenbergMarquardt:
+    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more than a
+    share of it, `change`."""
+
+    row: str
+    ordering: gtsam.Ordering
+    iterations: int = 50
+    change: float = FINE
+
+    def minimum(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
+        """The minimum near some values. Raises SolveError if the graph cannot be solved."""
+        settings = gtsam.LevenbergMarquardtParams()
+        settings.setMaxIterations(self.iterations)
+        settings.setRelativeErrorTol(self.change)
+        settings.setOrdering(self.ordering)
+        try:
+            return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
+        except Exception as error:  # GTSAM's own are RuntimeErrors; a plugin's factor may raise any
+            reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+            raise SolveError(f"{self.row}: the graph cannot be solved ({reason})") from error
+
+
+def _covariance(iterate: Iterate, huber: float | None, only: Collection[int] | None = None) -> Covariance:
+    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, iterate.inflation, huber)
+    used = iterate.problem.used.tolist()
+    frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
+    values = values_of(iterate.problem, iterate.estimate)
+    return covariance(graph, values, frames, centres, bias_unknowns(iterate, huber), only)
+
+
+def bias_unknowns(iterate: Iterate, huber: float | None) -> SharedUnknowns:
+    """The biases of the kept measurements."""
+    inflation = iterate.inflation
+    errors = iterate.fit.errors[iterate.fit.kept] / np.sqrt(inflation)
+    columns = _bias_columns(iterate.kept, errors, inflation, huber)
+    biases = iterate.problem.measurements.biases
+    return SharedUnknowns(columns, iterate.bias, biases.prior, biases.free)
+
+
+def _bias_columns(measurements: ImageMeasurements, errors: Floats, inflation: float, huber: float | None) -> csc_array:
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
+    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * measurements.covariances)), 1, 2)
+    size = np.linalg.norm(errors, axis=1)
+    weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
+    biases = measurements.biases
+    values = np.sqrt(weight)[:, None, None] * (whiten @ biases.slopes)
+    rows = np.broadcast_to(np.arange(2 * len(values)).reshape(-1, 2, 1), values.shape)
+    columns = np.broadcast_to(biases.indices[:, None, :], values.shape)
+    shape = (2 * len(values), len(biases.prior))
+    return csc_array(coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))

@@ -1,0 +1,212 @@
+"""What the solve gives back: landmarks, trajectory and references' tests, from an estimate and its covariance."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from savmap.graph.covariance import Covariance, Covariances
+from savmap.graph.initial.observability import require_known
+from savmap.graph.initial.start import rotations_at
+from savmap.graph.keys import Variable
+from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.reference_tests import (
+    ReferenceTest,
+    reference_tests,
+    refuse_contradiction,
+    refuse_unseen,
+)
+from savmap.graph.solver.residuals import Fit
+from savmap.types import Floats, Ints, ReferenceUse, Trajectory
+
+WARN_SIGMA = 3.0
+VAGUE_SCALE = 0.015
+MANY_REJECTED = 0.25
+DRIFT_M = 0.05
+LEAST_APART_M = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Landmark:
+    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, measurements that were used and rejected."""
+
+    position: Floats
+    covariance: Floats
+    observations: int
+    rejected: int
+
+
+@dataclass(frozen=True)
+class RejectedMeasurement:
+    """A measurement that did not fit."""
+
+    plugin: str
+    track: str
+    frame: int
+    view: str
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
+
+    `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
+    variables by key (see `Constraints`); `variable_covariance` has their covariances."""
+
+    trajectory: Trajectory
+    landmarks: Mapping[str, Mapping[str, Landmark]]
+    references: tuple[ReferenceUse, ...]
+    rejected: tuple[RejectedMeasurement, ...]
+    warnings: tuple[str, ...]
+    report: Mapping[str, float | int | str]
+    keys: Mapping[str, Mapping[str, int]]
+    covariance: Covariance
+    deviations: Mapping[str, float]
+    variables: Mapping[int, Variable] = field(default_factory=dict)
+
+    def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
+        """Landmarks of a plugin by name; none of one that has none."""
+        return self.landmarks.get(plugin, {})
+
+    def variable_covariance(self, key: int) -> Floats:
+        """Covariance (3, 3) of a plugin's variable, in GTSAM's tangent: of a Pose2 x, y in its own axes (m) and its turn
+        (rad)."""
+        return self.covariance.of([key])
+
+    def joint(self, plugin: str, names: Sequence[str]) -> Floats:
+        """Joint covariance (3n, 3n) m^2 of some landmarks of a plugin, x y z of each in turn."""
+        return self.covariance.of([self.keys[plugin][name] for name in names])
+
+    def difference_sigma(self, plugin: str, first: str, second: str, axis: int) -> float:
+        """Standard deviation in m of the distance between two landmarks along an axis: a width, a height."""
+        joint = self.joint(plugin, [first, second])
+        other = 3 + axis
+        return float(np.sqrt(max(joint[axis, axis] + joint[other, other] - 2 * joint[axis, other], 0.0)))
+
+
+def build_solution(
+    problem: Problem,
+    estimate: Estimate,
+    fit: Fit,
+    covariances: Covariances,
+    inflation: float,
+    bias: Floats,
+    notes: tuple[str, ...] = (),
+    figures: Mapping[str, float | str] | None = None,
+) -> Solution:
+    """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
+    contradict one another grossly, or if they leave the scale open."""
+    refuse_unseen(problem, fit)
+    tested, covariance = covariances.tested, covariances.reported
+    tests = reference_tests(problem, estimate, tested)
+    refuse_contradiction(problem, tests)
+    share = 1.0 - float(fit.kept.mean()) if len(fit.kept) else 0.0
+    scale_sigma = _scale_sigma(problem, estimate, covariance)
+    if problem.camera.fixed is None:
+        require_known(problem, scale_sigma)
+    return Solution(
+        trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
+        landmarks=_landmarks(problem, estimate, fit, covariance),
+        references=tuple(test.use for test in tests),
+        rejected=tuple(_rejected(problem, fit)),
+        warnings=(*notes, *_warnings(tests, share, scale_sigma)),
+        report={
+            "observations": len(fit.kept),
+            "rejected": int((~fit.kept).sum()),
+            "rejected_share": share,
+            "residual_scale": fit.scale,
+            "scale_sigma": scale_sigma,
+            "variance_inflation": inflation,
+            "frames": len(problem.used),
+            "landmarks": len(problem.keys),
+            **dict(_biases(problem, bias, covariance)),
+            **(figures or {}),
+        },
+        keys={part.plugin: part.keys for part in problem.parts},
+        covariance=covariance,
+        deviations={test.use.name: test.deviation for test in tests},
+        variables=estimate.variables,
+    )
+
+
+def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
+    """The plugins' biases that were estimated, with their standard deviations."""
+    count = len(bias) - (len(problem.camera.calibration.names) if problem.camera.calibration else 0)
+    for number in np.flatnonzero(problem.measurements.biases.free[:count]).tolist():
+        yield f"bias {number + 1}, px", float(bias[number])
+        yield f"bias {number + 1}, sigma px", float(np.sqrt(covariance.shared[number, number]))
+
+
+def _landmarks(
+    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance
+) -> dict[str, dict[str, Landmark]]:
+    seen = np.bincount(problem.at_key, minlength=len(problem.keys))
+    used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
+    slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
+
+    def landmark(key: int) -> Landmark:
+        index, first = problem.index(key), slot[key]
+        block = covariance.points[first : first + 3, first : first + 3]
+        return Landmark(estimate.points[index], block, int(used[index]), int(seen[index] - used[index]))
+
+    return {part.plugin: {name: landmark(key) for name, key in part.keys.items()} for part in problem.parts}
+
+
+def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None) -> Trajectory:
+    """Solved frames, whose positions have standard deviations `sigma` (f, 3), and those between them: interpolated within a pass,
+    with a sigma that grows with the gap."""
+    table = problem.camera.facts.frames
+    frames, poses, sigmas = [], [], []
+    for of_pass in problem.passes():
+        if not len(of_pass):
+            continue
+        known = problem.used[of_pass]
+        numbers = table.of_pass(table.passes[int(known[0])])
+        wanted = numbers[(numbers >= known[0]) & (numbers <= known[-1])]
+        frames.append(wanted)
+        poses.append(_between(wanted, known, estimate.poses[of_pass]))
+        if sigma is not None:
+            gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
+            sigmas.append(_columns(wanted, known, sigma[of_pass]) + DRIFT_M * gap)
+    order = np.argsort(np.concatenate(frames), kind="stable")
+    spread = np.concatenate(sigmas)[order] if sigma is not None else None
+    return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], spread)
+
+
+def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:
+    filled = np.tile(np.eye(4), (len(wanted), 1, 1))
+    filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
+    filled[:, :3, 3] = _columns(wanted, known, poses[:, :3, 3])
+    exact = np.isin(wanted, known)
+    filled[exact] = poses
+    return filled
+
+
+def _columns(wanted: Ints, known: Ints, values: Floats) -> Floats:
+    return np.stack([np.interp(wanted, known, column) for column in values.T], axis=1)
+
+
+def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
+    """Relative standard deviation of the scale: that of the best known distance along the aisle from the row's origin."""
+    slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
+    order = [slots[int(key)] for key in problem.keys]
+    sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))
+    distance = np.abs(estimate.points[:, 0])
+    apart = distance > LEAST_APART_M
+    return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
+
+
+def _warnings(tests: list[ReferenceTest], share: float, scale_sigma: float) -> Iterator[str]:
+    if scale_sigma > VAGUE_SCALE:
+        yield f"the references give the scale to +-{scale_sigma:.1%} only: a known length would help"
+    yield from (test.line for test in tests if test.deviation > WARN_SIGMA)
+    if share > MANY_REJECTED:
+        yield f"{share:.0%} of the measurements did not fit and were left out"
+
+
+def _rejected(problem: Problem, fit: Fit) -> Iterator[RejectedMeasurement]:
+    measurements = problem.measurements
+    for number in np.flatnonzero(~fit.kept).tolist():
+        plugin, name = problem.name_of(int(measurements.keys[number]))
+        view = measurements.views[measurements.view[number]].name
+        yield RejectedMeasurement(plugin, name, int(measurements.frames[number]), view)

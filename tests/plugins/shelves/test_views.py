@@ -1,0 +1,107 @@
+"""The face's view: widened where it would show one upright at a time, two views where one cannot hold the height."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from savmap.geometry import pinhole
+from savmap.types import Detection, Feature, Panorama, View, ViewSpec
+from savmap.vision.travel import parallax_rad
+from savmap.vision.view_planning import Face, Manual, PassPreview
+from savmap.vision.views import Renderer
+from savmap_shelves.views import cached, count_uprights, frame_interval, halves, widened
+
+SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
+
+
+@pytest.fixture
+def pass_preview() -> PassPreview:
+    keys = tuple(Panorama(k, k / 10, np.zeros((32, 64, 3), dtype=np.uint8)) for k in range(5))
+    return PassPreview(keys, (), Renderer(), np.eye(3))
+
+
+def turned_pair(angle_rad: float) -> tuple[Panorama, Panorama]:
+    """Two panoramas of spots, between which all of them move by an angle along the horizon."""
+    spots = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
+    image = cv2.resize(spots, (1024, 512), interpolation=cv2.INTER_CUBIC)
+    return Panorama(0, 0.0, image), Panorama(1, 0.1, np.roll(image, round(angle_rad / (2 * np.pi) * 1024), axis=1))
+
+
+@pytest.mark.parametrize(
+    ("angle_rad", "frames", "every"),
+    [(0.024, 855, 4), (0.024, 250, 2), (0.024, 150, 1), (0.045, 855, 2), (0.15, 855, 1)],
+)
+def test_a_slow_pass_is_looked_at_less_often(
+    pass_preview: PassPreview, angle_rad: float, frames: int, every: int
+) -> None:
+    slow = replace(pass_preview, pairs=(turned_pair(angle_rad),), frames=frames)
+    assert angle_rad * 0.9 < parallax_rad(slow.pairs, SPEC, slow.renderer) < angle_rad * 1.4
+    assert frame_interval(slow, SPEC) == every
+
+
+def test_a_pass_whose_motion_is_not_seen_is_looked_at_in_every_frame(pass_preview: PassPreview) -> None:
+    assert frame_interval(replace(pass_preview, frames=855), SPEC) == 1
+    assert frame_interval(replace(pass_preview, pairs=(pass_preview.keys[:2],), frames=855), SPEC) == 1  # type: ignore[arg-type]
+
+
+def two_from(hfov_deg: float, view: View) -> int:
+    return 2 if view.spec.hfov_deg >= hfov_deg else 1
+
+
+def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(pass_preview: PassPreview) -> None:
+    looked = []
+
+    def see(view: View) -> list[Detection]:
+        looked.append(view.spec.hfov_deg)
+        return []
+
+    seen = cached(see)
+    for hfov in (70.0, 80.0, 70.0, 90.0, 100.0, 110.0, 70.0):
+        for view in pass_preview.views(replace(SPEC, hfov_deg=hfov)):
+            assert seen(view) == []
+    assert looked == [hfov for hfov in (70, 80, 90, 100, 110, 70) for _ in pass_preview.keys]
+
+
+def test_a_view_that_shows_one_upright_at_a_time_is_widened(pass_preview: PassPreview) -> None:
+    fitted = widened(pass_preview, SPEC, lambda view: two_from(100.0, view), Manual())
+    assert fitted.warning is None
+    assert 100.0 <= fitted.spec.hfov_deg <= 106.0
+    assert (fitted.spec.yaw_deg, fitted.spec.pitch_deg) == (SPEC.yaw_deg, SPEC.pitch_deg)
+
+
+def test_a_view_that_mostly_shows_two_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 1 + (view.frame != 2), Manual()).spec == SPEC
+
+
+def test_a_field_of_view_given_by_hand_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 0, Manual(hfov_deg=70.0)).spec == SPEC
+
+
+def test_no_view_is_wide_enough(pass_preview: PassPreview) -> None:
+    assert "fewer than 2" in (widened(pass_preview, SPEC, lambda view: 0, Manual()).warning or "")
+
+
+def test_two_views_reach_from_80_below_to_80_above_and_neither_sees_the_zenith_or_nadir() -> None:
+    face = Face(ViewSpec("face", *pinhole.angles_from_rotation(pinhole.rig_from_view(30, 10, 5)), 100.0), 1, 1.0)
+    reach = []
+    for spec in halves(face):
+        columns = np.array([[319.5, -0.5], [319.5, 479.5]])
+        rays = spec.rig_rays(columns) @ (face.world_from_rig.T)
+        reach += np.degrees(np.arcsin(rays[:, 1])).tolist()
+        up = spec.rig_from_view.T @ face.world_from_rig.T @ np.array([0.0, 1.0, 0.0])
+        for pole in (up, -up):
+            pixel = pinhole.project(pole, spec.camera)
+            assert pole[2] <= 0 or not 0 <= pixel[1] < spec.height
+    assert np.isclose(max(reach), 80.0, atol=1.0)
+    assert np.isclose(min(reach), -80.0, atol=1.0)
+
+
+def test_uprights_are_counted_once() -> None:
+    line = np.array([[10.0, 0.0], [10.0, 479.0]])
+    edges = [
+        Feature(0, "face", label, part, number, line, np.stack([np.eye(2)] * 2), "y")
+        for label, part, number in (("upright", "left", 0), ("upright", "right", 0), ("upright", "left", 1))
+    ]
+    assert count_uprights(edges) == 2

@@ -1,0 +1,91 @@
+"""What counts as a beam level: support over the frames, and the floor."""
+
+import numpy as np
+import pytest
+import synth
+from tracking_truth import counted
+
+from savmap.geometry import pinhole
+from savmap.types import Feature
+from savmap_shelves.tracking import track_structures
+from savmap_shelves.tracking.levels import _support, _unlike
+
+CLEAN = synth.Faults(
+    noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
+)
+SHORT = synth.Pass(rate=4, speed=0.9, distance=1.7)
+
+
+def footage_with(level: tuple[float, float]) -> synth.Footage:
+    """A row whose second section shows one more level, of edges at these heights, in every frame."""
+    rng = np.random.default_rng(3)
+    rack = synth.random_rack(rng, 3, bridge=False)
+    marked = np.vstack([level, rack.beams[1]])
+    rack = synth.Rack(rack.uprights, (rack.beams[0], marked, rack.beams[2]), rack.height)
+    return synth.footage(rack, rng, (SHORT,), CLEAN)
+
+
+def feet(footage: synth.Footage, height: float = 0.0) -> list[Feature]:
+    """Where uprights end below, in every frame that shows it."""
+    (name, view), found = next(iter(footage.facts.views.items())), []
+    for frame, pose in enumerate(footage.world_from_rig):
+        for number, x in enumerate(footage.rack.uprights.mean(axis=1)):
+            place = (np.array([x, height, 0.0]) - pose[:3, 3]) @ pose[:3, :3] @ view.rig_from_view
+            pixel = pinhole.project(place, view.camera)
+            if place[2] > 0 and (pixel > 0).all() and (pixel < [view.width, view.height]).all():
+                found.append(Feature(frame, name, "upright", "foot", number, pixel[None], np.eye(2)[None] * 4.0))
+    return found
+
+
+def levels_of(footage: synth.Footage, *more: Feature) -> list[int]:
+    return counted(track_structures([*footage.features, *more], footage.facts, attitudes=footage.attitudes))[1]
+
+
+def counts(footage: synth.Footage, less: int) -> list[int]:
+    """How many levels each section has, if `less` of those of the second section do not count."""
+    return [count - less * (section == 1) for section, count in enumerate(footage.rack.counts)]
+
+
+MARKINGS = {"far below": (-0.75, -0.65), "thin": (-0.25, -0.21), "wide": (-0.4, -0.2)}
+
+
+@pytest.mark.parametrize("marking", MARKINGS.values(), ids=MARKINGS)
+def test_markings_on_the_floor_are_no_beams(marking: tuple[float, float]) -> None:
+    footage = footage_with(marking)
+    assert levels_of(footage, *feet(footage)) == counts(footage, 1)
+
+
+def test_nothing_says_where_the_floor_is() -> None:
+    footage = footage_with(MARKINGS["far below"])
+    assert levels_of(footage) == counts(footage, 0)
+
+
+def test_guards_hide_the_feet_to_above_the_lowest_beam() -> None:
+    rng = np.random.default_rng(3)
+    thickness = float(
+        np.median([np.diff(beams, axis=1) for beams in synth.random_rack(rng, 3, bridge=False).beams[1:2]])
+    )
+    footage = footage_with((-0.05 - thickness, -0.05))
+    assert levels_of(footage, *feet(footage, 0.05)) == counts(footage, 0)
+
+
+def test_support_of_a_beam_hidden_in_part_is_more_than_of_one_that_comes_and_goes() -> None:
+    shown = np.ones((2, 20), dtype=np.bool_)
+    hits = np.array([np.ones(20), np.arange(20) % 4 == 0], dtype=np.bool_)
+    cover = hits * np.array([[0.25], [1.0]])
+    hidden, passing = _support(hits, cover, shown)
+    assert np.isclose(hidden, np.cbrt(0.25))
+    assert np.isclose(passing, np.cbrt(0.25**3))
+    assert np.allclose(_support(np.ones((1, 4), dtype=np.bool_), np.ones((1, 4)), shown[:1, :4]), 1.0)
+
+
+def test_girders_and_goods_are_thicker_than_beams_wherever_they_are_seen() -> None:
+    levels = np.array([[0, 0.0], [0, 1.0], [0, 2.0], [0, 3.0]])
+    support = np.array([1.0, 1.0, 0.5, 0.5])
+    which = np.repeat(np.arange(4), 10)
+    thickness = np.full(40, 0.1)
+    thickness[which == 2] = 0.4
+    thickness[which == 3] = [0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1, 0.1]
+    edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
+    assert _unlike(levels, edges, which, support, -np.inf).tolist() == [False, False, True, False]
+    assert not _unlike(levels, edges, which, np.ones(4), -np.inf).any()
