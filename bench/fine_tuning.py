@@ -16,11 +16,11 @@ import numpy as np
 
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.sim.dataset import CLASSES, samples, write
+from savmap.sim.dataset import samples, write
 from savmap.sim.random_scene import random_scene
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.scene.files import Scene, parse_scene
 
-LABELLED = CLASSES[:2]
+LABELLED = ("upright", "beam")
 
 
 def dark_scene(seed: int) -> Scene:
@@ -59,7 +59,8 @@ def main() -> None:
     if given.exact:
         write(given.output, given.seed, given.count, "face", scene_of=dark_scene)
     else:
-        print(*write_set(given.output, LABELLED, labelled(given.seed, given.count)), sep="\n")
+        written = write_set(given.output, LABELLED, labelled(given.seed, given.count))
+        print(f"wrote {written.pictures} pictures with {written.outlines} outlines into {written.folder}")
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from savmap.pipeline.initial_poses import initial_path
 from savmap.pipeline.measure import RowMeasurements, observe
 from savmap.plugin.manager import open_plugin
 from savmap.report.evaluation import mean_absolute_error
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Score, Track

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from savmap.sim.optics import Optics
 
 from savmap.graph import (
     Calibration,
@@ -24,18 +25,17 @@ from savmap.graph import (
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.row import Row
-from savmap.sim.build import Built, build
-from savmap.sim.camera import Drive, drive
+from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.observations import MaskErrors, observe
-from savmap.sim.optics import Optics
-from savmap.sim.scene import parse_scene
+from savmap.sim.scene.build import Built, build
+from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import Marks
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.bias import BiasSettings
 from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
-from savmap_shelves.observed import observed_features
+from savmap_shelves.simulation.observed import observed_features
 from savmap_shelves.tracking import track_structures
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)

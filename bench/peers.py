@@ -26,7 +26,7 @@ from savmap.files.atomic import write_text
 from savmap.jobs import run, tasks
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.run_record import RunLog
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for, prepare
 from savmap.site.model import Pass

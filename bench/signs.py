@@ -21,16 +21,16 @@ from savmap.files.atomic import write_text
 from savmap.jobs import run
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
-from savmap.sim.build import build
-from savmap.sim.camera import Drive, drive
+from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.random_row import random_row
-from savmap.sim.raycast import Caster
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.render.raycast import Caster
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Floats, Structure
+from savmap_shelves.simulation.random_racks import starts
 from savmap_signs.evaluate import match, said
-from savmap_signs.random_plates import starts
 from savmap_signs.survey import SurveyedSign, read_row
 
 LETTER_PX, FRAMES = 8.0, 3

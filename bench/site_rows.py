@@ -11,14 +11,14 @@ import numpy as np
 from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, Made, Mapped, given, mapped, rack
 
 from savmap.pipeline.measure import RowMeasurements
-from savmap.sim.build import build
-from savmap.sim.camera import drive
-from savmap.sim.observations import PAPER, observe
-from savmap.sim.scene import parse_scene
+from savmap.sim.drive.cart import drive
+from savmap.sim.observations import PAPER
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, Placement, RowFacts, RowMap, Structure, ViewSpec
 from savmap.vision.markers import Marks
 from savmap_shelves.constraints import GridSettings
-from savmap_shelves.observed import observed_features
+from savmap_shelves.simulation.observed import observe, observed_features
 
 AISLE_M, PITCH_M = 3.0, 4.2
 UPRIGHT_M = 0.1

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "plugins/shelves"), str(ROOT / "tests/graph")]
+sys.path[:0] = [str(ROOT), str(ROOT / "plugins/shelves"), str(ROOT / "tests/integration/racks")]
 
 
 def main() -> None:

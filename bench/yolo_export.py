@@ -28,9 +28,9 @@ from savmap.label.polygons import outlines
 from savmap.sim.dataset import write
 from savmap.sim.random_row import random_row
 from savmap.sim.random_scene import random_scene
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
-from savmap.train.dataset import read_dataset, split
+from savmap.train.data.dataset import read_dataset, split
 from savmap.vision.networks.segmenter import Segmenter
 
 CLASSES = ("upright", "beam")

@@ -1,14 +1,12 @@
 """What the commands beside mapping do: what is installed, footage of made-up places, new networks; lines to print."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from savmap.errors import ModelError, SiteError
 from savmap.plugin.manager import exporters, installed, lacking, load_class
-from savmap.site.job import prepare
-from savmap.types import ViewSpec
 
 
 def plugin_lines() -> Iterator[str]:
@@ -80,26 +78,3 @@ def split(recording: Path, output: Path, into: Path | None = None, sheet: Path |
 
     with Console(Path(os.devnull)) as console:
         yield from find_and_write(recording, output, into, sheet, monitor=console)
-
-
-def simulate(scene: Path, output: Path, masks: Sequence[str] = ()) -> Iterator[str]:
-    """Footage of a made-up place; `masks` are views "yaw,pitch,hfov" in degrees whose classes are written too."""
-    from savmap.cli.console import Console
-    from savmap.sim.scene import load_scene
-    from savmap.sim.simulate import simulate as make
-
-    loaded = load_scene(scene)
-    specs = [mask_view(number, text) for number, text in enumerate(masks, start=1)]
-    prepare(output)
-    with Console(output / "savmap.log") as console:
-        for path in make(loaded, output, console, masks=specs):
-            yield f"wrote {path}"
-
-
-def mask_view(number: int, text: str) -> ViewSpec:
-    """The view that "yaw,pitch,hfov" means. Raises SiteError where it is not three angles of a possible view."""
-    try:
-        yaw, pitch, hfov = (float(part) for part in text.split(","))
-        return ViewSpec(f"view-{number}", yaw, pitch, hfov_deg=hfov)
-    except ValueError:
-        raise SiteError(f"--mask {text}: give YAW,PITCH,HFOV in degrees, HFOV between 0 and 175") from None

@@ -23,7 +23,7 @@ COCO, YOLO, IMAGES, LABELS = "coco.json", "data.yaml", "images", "labels"
 QUALITY = 95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelledPicture:
     """A picture (h, w, 3) uint8 RGB with the polygons of each class."""
 
@@ -37,6 +37,30 @@ class LabelledPicture:
         return self.image.shape[1], self.image.shape[0]
 
 
+@dataclass(frozen=True)
+class LabelledSet:
+    """A set that was written: how many pictures and outlines, in three formats."""
+
+    folder: Path
+    pictures: int
+    outlines: int
+
+    @property
+    def coco(self) -> Path:
+        """The COCO instances."""
+        return self.folder / COCO
+
+    @property
+    def yolo(self) -> Path:
+        """The YOLO segments' data.yaml."""
+        return self.folder / YOLO
+
+    @property
+    def images(self) -> Path:
+        """The folder of the pictures and LabelMe's files."""
+        return self.folder / IMAGES
+
+
 def require_unused(folder: Path) -> None:
     """Raise OutputError where a folder holds labels already: someone may have corrected them."""
     there = next((name for name in (COCO, YOLO, IMAGES, LABELS) if (folder / name).exists()), None)
@@ -44,9 +68,10 @@ def require_unused(folder: Path) -> None:
         raise OutputError(f"{folder}: holds {there} already, which may have been corrected; choose another -o")
 
 
-def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledPicture]) -> Iterator[str]:
-    """Write pictures and labels in all three formats, each file whole; those that name all pictures come last. Yields lines
-    for the user. Raises OutputError where something cannot be written, or where labels are there already."""
+def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledPicture]) -> LabelledSet:
+    """Write pictures and labels in all three formats, each file whole; those that name all pictures come last.
+
+    Raises OutputError where something cannot be written, or where labels are there already."""
     require_unused(folder)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
@@ -62,19 +87,15 @@ def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledP
     write_text(folder / YOLO, data_yaml(classes))
     whole = {"images": images, "annotations": annotations, "categories": categories}
     write_text(folder / COCO, json.dumps(whole) + "\n")
-    yield f"wrote {len(images)} pictures with {len(annotations)} outlines into {folder}"
-    yield (
-        f"wrote the same as {folder / COCO} (CVAT, Label Studio), {folder / YOLO} (YOLO) and {folder / IMAGES} (LabelMe): "
-        "correct one of them, and train on that one"
-    )
+    return LabelledSet(folder, len(images), len(annotations))
 
 
 def coco_annotations(
     picture: LabelledPicture, classes: Sequence[str], image: int, first: int
 ) -> Iterator[dict[str, Any]]:
     """An annotation for each polygon of a picture, numbered from `first`."""
-    found = [(classes.index(name) + 1, polygon) for name in classes for polygon in picture.shapes.get(name, ())]
-    for number, (category, polygon) in enumerate(found, start=first):
+    labelled = [(classes.index(name) + 1, polygon) for name in classes for polygon in picture.shapes.get(name, ())]
+    for number, (category, polygon) in enumerate(labelled, start=first):
         low, high = polygon.min(axis=0), polygon.max(axis=0)
         yield {
             "id": number,

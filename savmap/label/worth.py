@@ -1,4 +1,7 @@
-"""How much there is to learn from labelling a view: where the network is unsure, where it changes its mind, what it looks like."""
+"""Which of many views to label: those that promise most, unlike one another and spread over the recording.
+
+A view promises much where the network is unsure, and where it changes its mind from one frame to the next.
+"""
 
 from dataclasses import dataclass
 
@@ -9,27 +12,29 @@ from numpy.typing import NDArray
 Maps = NDArray[np.float32]
 Image = NDArray[np.uint8]
 Classes = NDArray[np.uint8]
+Floats = NDArray[np.float64]
 
 SMALL = (320, 240)
 NEAR_PX = 9
 UNSURE_MARGIN = 0.5
+LEAST_WORTH = 0.25
 GRID, THUMBNAIL = (4, 3), (8, 6)
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, eq=False)
+class SeenView:
     """What the network made of a view: its classes and brightness, at (240, 320)."""
 
     classes: Classes
     grey: Image
 
 
-def look_of(image: Image, maps: Maps) -> Look:
+def seen_view(image: Image, maps: Maps) -> SeenView:
     """Of a view (h, w, 3) RGB and its probabilities (1 + classes, h, w)."""
     classes = maps.argmax(axis=0).astype(np.uint8)
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), SMALL, interpolation=cv2.INTER_AREA)
     small = cv2.resize(classes, SMALL, interpolation=cv2.INTER_NEAREST)
-    return Look(np.asarray(small, np.uint8), np.asarray(grey, np.uint8))
+    return SeenView(np.asarray(small, np.uint8), np.asarray(grey, np.uint8))
 
 
 def borders(classes: Classes, width: int) -> NDArray[np.bool_]:
@@ -39,7 +44,7 @@ def borders(classes: Classes, width: int) -> NDArray[np.bool_]:
     return apart
 
 
-def doubt(maps: Maps) -> float:
+def uncertainty(maps: Maps) -> float:
     """Mean entropy, 0..1, of the pixels (1 + classes, h, w) near borders of classes and of those between two; 0 where there are none.
 
     Far from them a network is always sure, and a view with much background would seem well known.
@@ -52,7 +57,7 @@ def doubt(maps: Maps) -> float:
     return float(-(chosen * np.log(chosen)).sum(axis=0).mean() / np.log(len(maps)))
 
 
-def disagreement(before: Look, after: Look) -> float:
+def disagreement(before: SeenView, after: SeenView) -> float:
     """The share, 0..1, of pixels of any class that are of another in the next frame, once the frames are laid over one another by
     their optical flow (Kroeger et al., Fast Optical Flow using Dense Inverse Search, 2016); borders are left out."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST).calc(
@@ -80,3 +85,31 @@ def descriptor(image: Image, maps: Maps) -> NDArray[np.float64]:
     shares = [cv2.resize(plane, GRID, interpolation=cv2.INTER_AREA) for plane in maps[1:]]
     parts = (colours.ravel(), np.sqrt(np.clip(np.array(shares).ravel(), 0, 1)))
     return np.concatenate([part / np.sqrt(max(len(part), 1)) for part in parts]).astype(np.float64)
+
+
+def ranks(values: Floats) -> Floats:
+    """Each value's rank (n,) as a share, 0 for the least and 1 for the greatest; equal ones share theirs."""
+    distinct, place = np.unique(values, return_inverse=True)
+    shares: Floats = place / max(len(distinct) - 1, 1)
+    return shares
+
+
+def chosen(worth: Floats, features: Floats, count: int) -> list[int]:
+    """Up to `count` indices, in order, of views with what each promises (n,), 0..1, and what it looks like (n, d).
+
+    Farthest-point sampling, weighted: first the one that promises most, then again and again the one that is farthest from all taken,
+    times what it promises (but not less than a quarter, so that what the network is wrongly sure of has a chance). Equal to one
+    that was taken: not taken.
+    """
+    if not len(worth):
+        return []
+    taken = [int(np.argmax(worth))]
+    apart = np.linalg.norm(features - features[taken[0]], axis=1)
+    while len(taken) < count:
+        gain = apart * np.maximum(worth, LEAST_WORTH)
+        best = int(np.argmax(gain))
+        if gain[best] <= 0:
+            break
+        taken.append(best)
+        apart = np.minimum(apart, np.linalg.norm(features - features[best], axis=1))
+    return sorted(taken)

@@ -28,12 +28,12 @@ from savmap.types import (
     View,
     ViewPlan,
 )
+from savmap.types.scenes import RandomSection, SceneParts, Site
 
 if TYPE_CHECKING:
     import typer
 
     from savmap.graph import Constraints, Solution
-    from savmap.sim.scene import SceneParts, Site
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview
 
@@ -117,8 +117,23 @@ def draw(
 
 
 @hookspec(firstresult=True)
-def scene(section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts | None":
-    """What a simulator should build for this plugin's section of a scene file."""
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts | None:
+    """What a simulator should build for this plugin's section of a scene file.
+
+    `site` is the building, the rows' frames, and what the plugins before this one in the file have built: the rows' sizes and
+    their labelled fronts.
+    """
+
+
+@hookspec(firstresult=True)
+def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
+    """What a random scene should hold of this plugin's structure. Default: None, nothing.
+
+    A plugin that sets `furnishes = True` is asked for every random place: first of an aisle without rows (`site.frames` is empty), where those
+    that make the rows' faces give them; those that gave None then are asked again, with rows, hall and goods known. Any other plugin is asked
+    for by name, of the furnished place. `drawn` is what the plugin gave for this place before: row A of it is wanted again, short
+    enough to be driven past (None: it is short enough).
+    """
 
 
 @hookspec

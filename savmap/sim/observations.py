@@ -5,18 +5,17 @@ is missed, given twice, incomplete in its length, or its mask is wider than the 
 Occlusion by goods is ignored; what lies outside the view is cut off.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from savmap.geometry.pinhole import project
-from savmap.sim.build import Built
-from savmap.sim.camera import Drive, row_fronts
-from savmap.sim.optics import Optics, seen_edges
-from savmap.sim.primitives import Floats
-from savmap.types import ViewSpec
+from savmap.sim.drive.cart import Drive
+from savmap.sim.drive.optics import Optics, seen_edges
+from savmap.types import Floats, ViewSpec
+from savmap.types.scenes import Front, RowFrame
 
 Side = Literal["left", "right", "lower", "upper"]
 
@@ -24,20 +23,11 @@ _NEAREST_M = 0.05
 _LEAST_PX = 12.0
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Which structure: its `label`, and its number, or its section and level in that; both count from 0."""
-
-    label: str
-    section: int
-    level: int = -1
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ObservedEdge:
     """One edge of one mask: `pixels` (2, 2) are its ends. `instance` numbers the masks of a frame; both sides share it.
 
-    `truth` is None for an outlier; for checking only.
+    `truth` says which structure, for checking only; None for an outlier.
     """
 
     frame: int
@@ -45,7 +35,7 @@ class ObservedEdge:
     side: Side
     instance: int
     pixels: Floats
-    truth: Truth | None
+    truth: Hashable | None
 
 
 @dataclass(frozen=True)
@@ -78,56 +68,54 @@ to 4.8 cm with widths over- and gaps under-estimated by about as much: an edge 1
 are a guess."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Strip:
-    """A structure's front in the row's frame: its edges' ends (2, 2, 3) m, lower or left edge first."""
+    """A structure's front in the row's frame: its class, which one it is (`truth`), its two `edges`' ends (2, 2, 3) m, and on which
+    `sides` of it they are."""
 
-    truth: Truth
+    label: str
+    truth: Hashable
+    sides: tuple[Side, Side]
     edges: Floats
 
 
-def strips(built: Built, row: str) -> list[Strip]:
-    """The fronts of a mapped row's uprights, left to right, then of its beams, by section from the bottom up."""
-    fronts = row_fronts(built, row)
-    uprights = sorted((low, high) for label, low, high in fronts if label == "upright")
-    found = [Strip(Truth("upright", number), _tall(low, high)) for number, (low, high) in enumerate(uprights)]
-    starts = np.array([low[0] for low, _ in uprights])
-    beams = sorted(
-        (int((starts < low[0]).sum()) - 1, low[1], low, high) for label, low, high in fronts if label == "beam"
-    )
-    sections = [section for section, *_ in beams]
-    levels = [index - sections.index(section) for index, section in enumerate(sections)]
-    for level, (section, _, low, high) in zip(levels, beams, strict=True):
-        found.append(Strip(Truth("beam", section, level), _long(low, high)))
-    return found
+def tall_strip(front: Front, truth: Hashable) -> Strip:
+    """The left and the right edge of an upright front."""
+    low, high = front.low, front.high
+    edges = np.array([[[x, y, high[2]] for y in (low[1], high[1])] for x in (low[0], high[0])])
+    return Strip(front.label, truth, ("left", "right"), edges)
 
 
-def observe(
-    built: Built,
-    row: str,
+def long_strip(front: Front, truth: Hashable) -> Strip:
+    """The lower and the upper edge of a front that lies along the row."""
+    low, high = front.low, front.high
+    edges = np.array([[[x, y, high[2]] for x in (low[0], high[0])] for y in (low[1], high[1])])
+    return Strip(front.label, truth, ("lower", "upper"), edges)
+
+
+def observe_strips(
+    strips: Sequence[Strip],
+    frame: RowFrame,
     path: Drive,
     spec: ViewSpec,
     errors: MaskErrors,
     seed: int,
     optics: Optics | None = None,
 ) -> Iterator[list[ObservedEdge]]:
-    """The edges of every frame of a drive in the view `spec`, cut from a panorama that `optics` may have spoilt; the same
-    seed gives the same."""
-    known = strips(built, row)
-    frame = built.frames[row]
-    offsets = _offsets(len(known), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
+    """The edges of a row's strips in every frame of a drive in the view `spec`, cut from a panorama that `optics` may have
+    spoilt; the same seed gives the same."""
+    offsets = _offsets(len(strips), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
     for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
         rng = np.random.default_rng([seed, index])
         view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
         camera = frame.to_row(origin)
         if optics is None:
-            shown = [_visible((s.edges - camera) @ view_from_row.T, spec) for s in known]
+            shown = [_visible((strip.edges - camera) @ view_from_row.T, spec) for strip in strips]
         else:
-            shown = seen_edges(np.array([s.edges for s in known]), frame, path, index, spec, optics)
-        seen = [(s.truth, edges) for s, edges in zip(known, shown, strict=True)]
+            shown = seen_edges(np.array([strip.edges for strip in strips]), frame, path, index, spec, optics)
         masks = [
-            (truth, _grown(edges, amounts))
-            for (truth, edges), amounts in zip(seen, offsets[index], strict=True)
+            (strip, _grown(edges, amounts))
+            for strip, edges, amounts in zip(strips, shown, offsets[index], strict=True)
             if edges is not None
         ]
         yield _edges(index, list(_masks(masks, errors, spec, rng)), errors, rng)
@@ -154,14 +142,6 @@ def _grown(edges: Floats, amounts: Floats) -> Floats:
     outwards = np.array([-1.0, 1.0]) * np.sign(across @ (edges[1].mean(0) - edges[0].mean(0)))
     moved: Floats = edges + (amounts * outwards)[:, None, None] * across[:, None]
     return moved
-
-
-def _tall(low: tuple[float, ...], high: tuple[float, ...]) -> Floats:
-    return np.array([[[x, y, high[2]] for y in (low[1], high[1])] for x in (low[0], high[0])])
-
-
-def _long(low: tuple[float, ...], high: tuple[float, ...]) -> Floats:
-    return np.array([[[x, y, high[2]] for x in (low[0], high[0])] for y in (low[1], high[1])])
 
 
 def _visible(edges: Floats, spec: ViewSpec) -> Floats | None:
@@ -196,15 +176,16 @@ def _cut(edge: Floats, spec: ViewSpec) -> Floats | None:
 
 
 def _masks(
-    seen: Sequence[tuple[Truth, Floats]], errors: MaskErrors, spec: ViewSpec, rng: np.random.Generator
-) -> Iterator[tuple[Truth | None, str, Floats]]:
-    for truth, edges in seen:
+    seen: Sequence[tuple[Strip, Floats]], errors: MaskErrors, spec: ViewSpec, rng: np.random.Generator
+) -> Iterator[tuple[Strip, bool, Floats]]:
+    """The masks of what is seen, and whether each is of its strip: an outlier only looks like one."""
+    for strip, edges in seen:
         if rng.random() < errors.missed:
             continue
         for _ in range(2 if rng.random() < errors.duplicated else 1):
-            yield truth, truth.label, _spoilt(edges, errors, rng)
+            yield strip, True, _spoilt(edges, errors, rng)
         if rng.random() < errors.outliers:
-            yield None, truth.label, _outlier(edges, spec, rng)
+            yield strip, False, _outlier(edges, spec, rng)
 
 
 def _spoilt(edges: Floats, errors: MaskErrors, rng: np.random.Generator) -> Floats:
@@ -231,12 +212,12 @@ def _outlier(edges: Floats, spec: ViewSpec, rng: np.random.Generator) -> Floats:
 
 
 def _edges(
-    frame: int, masks: Sequence[tuple[Truth | None, str, Floats]], errors: MaskErrors, rng: np.random.Generator
+    frame: int, masks: Sequence[tuple[Strip, bool, Floats]], errors: MaskErrors, rng: np.random.Generator
 ) -> list[ObservedEdge]:
-    found = []
-    for instance, (truth, label, edges) in enumerate(masks):
-        names: tuple[Side, Side] = ("left", "right") if label == "upright" else ("lower", "upper")
-        for side, pixels in zip(names, edges, strict=True):
+    observed = []
+    for instance, (strip, genuine, edges) in enumerate(masks):
+        for side, pixels in zip(strip.sides, edges, strict=True):
             noisy = pixels + rng.normal(0, errors.sigma_px, (2, 2))
-            found.append(ObservedEdge(frame, label, side, instance, noisy, truth))
-    return found
+            truth = strip.truth if genuine else None
+            observed.append(ObservedEdge(frame, strip.label, side, instance, noisy, truth))
+    return observed

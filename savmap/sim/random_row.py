@@ -4,43 +4,32 @@ from typing import Any
 
 import numpy as np
 
-from savmap.sim.random_scene import random_scene
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.random_scene import furnished
+from savmap.sim.scene.build import random_section
+from savmap.sim.scene.files import Scene, parse_scene
 
-RACK = "shelves"
+ROW = "A"
 
 
 def random_row(seed: int, frames: int = 60, width: int = 2048) -> Scene:
-    """A place as `random_scene` makes it, whose row A has three to five sections of common widths, all driven past.
+    """A place as `random_scene` makes it, with row A made short by its plugin, and driven past as a whole.
 
-    One row in four has a bridge section. The camera is turned any way and sways; its speed changes by up to 40 %.
+    The camera is turned any way and sways; its speed changes by up to 40 %.
     """
     rng = np.random.default_rng([seed, 78])
-    content = random_scene(seed).model_dump(mode="json")
-    rack = content["structures"][RACK]["rows"]["A"]
-    rack["bays"] = _bays(rng, rack)
-    length = sum(bay["width"] + rack["upright_width"] for bay in rack["bays"]) + rack["upright_width"]
+    place = furnished(seed)
+    content = place.scene.model_dump(mode="json")
+    size = place.site.sizes[ROW]
+    for name, drawn in place.sections.items():
+        short = random_section(name, rng, place.site, drawn)
+        if short is not None:
+            content["structures"][name] = dict(short.section)
+            size = short.sizes.get(ROW, size)
     aisle = content["rows"].get("B", {}).get("z", 2.6)
-    content["cart"] = _cart(rng, float(length), float(aisle), float(rack["height"]))
+    content["cart"] = _cart(rng, size.length, float(aisle), size.height)
     content["cart"] |= {"frames": frames, "width": width, "fps": 6.0}
-    content["hall"]["x"] = [min(content["hall"]["x"][0], -6.0), max(content["hall"]["x"][1], length + 8.0)]
+    content["hall"]["x"] = [min(content["hall"]["x"][0], -6.0), max(content["hall"]["x"][1], size.length + 8.0)]
     return parse_scene(content, f"random row {seed}")
-
-
-def _bays(rng: np.random.Generator, rack: dict[str, Any]) -> list[dict[str, Any]]:
-    top = float(rack["height"]) - rack["beam_height"] - 0.1
-    bays = [_bay(rng, top, rack["beam_height"]) for _ in range(int(rng.integers(3, 6)))]
-    if rng.random() < 0.25 and top > 4.5:
-        bridge = bays[int(rng.integers(1, len(bays)))]
-        bridge["beams"] = [y for y in bridge["beams"] if y > 2.6] or [top - 0.5]
-    return bays
-
-
-def _bay(rng: np.random.Generator, top: float, beam_height: float) -> dict[str, Any]:
-    pitch = max(float(rng.uniform(0.7, 1.5)), beam_height + 0.35)
-    levels = np.arange(float(rng.uniform(0.1, 0.4)), top, pitch)
-    levels[1:] += rng.uniform(-0.08, 0.08, len(levels) - 1)
-    return {"width": float(rng.uniform(2.2, 3.7)), "beams": levels.round(4).tolist(), "empty": bool(rng.random() < 0.1)}
 
 
 def _cart(rng: np.random.Generator, length: float, aisle: float, height: float) -> dict[str, Any]:

@@ -1,10 +1,15 @@
-"""An endless variety of made-up places for training: colours, racks, goods, lamps, building and light, by a seed."""
+"""An endless variety of made-up places for training: building, goods and light, furnished by plugins, by a seed."""
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from savmap.sim.scene import Scene, parse_scene
+from savmap.plugin.manager import installed, load_class
+from savmap.sim.scene.build import build, random_section
+from savmap.sim.scene.files import Scene, parse_scene, row_frame
+from savmap.types.scenes import Goods, Hall, Look, RandomSection, Rgb, SceneError, Site
 
 _PAINTS = np.array(
     [
@@ -17,113 +22,88 @@ _CARTONS = [[0.48, 0.33, 0.2], [0.42, 0.28, 0.16], [0.55, 0.42, 0.28], [0.35, 0.
 _BINS = [[0.6, 0.6, 0.6], [0.7, 0.7, 0.68], [0.03, 0.1, 0.4], [0.5, 0.05, 0.03], [0.04, 0.25, 0.08], [0.1, 0.1, 0.11]]
 
 
-def random_scene(seed: int) -> Scene:
-    """A place with one to three rows on either side of an aisle; the same seed gives the same scene."""
+@dataclass(frozen=True, eq=False)
+class FurnishedScene:
+    """A random scene, what each plugin gave for it, and what a plugin may know of the place."""
+
+    scene: Scene
+    sections: Mapping[str, RandomSection]
+    site: Site
+
+
+def random_scene(seed: int, plugins: Sequence[str] = ()) -> Scene:
+    """A place with rows on either side of an aisle; the same seed gives the same scene.
+
+    It holds the structures of the plugins that furnish every place, and those of `plugins`, which change nothing else in it.
+    Raises SceneError for a plugin that makes up none, or where no installed plugin furnishes places.
+    """
+    scene = furnished(seed).scene
+    added = [name for name in plugins if name not in scene.structures]
+    if not added:
+        return scene
+    site, sections = build(scene).site, {}
+    for name in added:
+        section = random_section(name, np.random.default_rng([seed, 79, *name.encode()]), site, None)
+        if section is None:
+            raise SceneError(f"--plugin {name}: its `random_section` makes up nothing for a random place")
+        sections[name] = section.section
+    return scene.model_copy(update={"structures": {**scene.structures, **sections}})
+
+
+def classes_of(scene: Scene) -> tuple[str, ...]:
+    """The classes of a scene's structures: those of each installed plugin, in the order of the scene file."""
+    known = installed()
+    return tuple(dict.fromkeys(c for name in scene.structures if name in known for c in load_class(name).classes))
+
+
+def furnished(seed: int) -> FurnishedScene:
+    """A place with the structures of the plugins that furnish every place.
+
+    First those that make the rows' faces are asked, of an empty aisle; then, with rows, hall and goods known, the others.
+    """
     rng = np.random.default_rng([seed, 77])
     aisle = float(rng.uniform(1.8, 4.5))
-    rack, other = _rack(rng), _rack(rng)
-    if rng.random() < 0.6:
-        other = {
-            **other,
-            **{key: rack[key] for key in ("upright_color", "beam_color", "deck", "upright_width") if key in rack},
-        }
-    rows, racks = _rows(rng, aisle, rack, other)
-    tallest = max(_top(rack) for rack in racks.values())
-    hall = _hall(rng, tallest, aisle)
-    content = {
+    names = [name for name in installed() if getattr(load_class(name), "furnishes", False)]
+    empty = Site(Hall(), Goods(), Look(), {}, aisle=aisle)
+    sections = dict(_answers(names, rng, empty))
+    if not any(section.rows for section in sections.values()):
+        raise SceneError("a random place needs a plugin that makes up rows (`random_section`); none is installed")
+    rows = {name: place for section in sections.values() for name, place in section.rows.items()}
+    sizes = {name: size for section in sections.values() for name, size in section.sizes.items()}
+    tallest = max(size.height for size in sizes.values())
+    content: dict[str, Any] = {
         "seed": seed,
-        "hall": hall,
-        "goods": _goods(rng, rack),
+        "hall": _hall(rng, tallest, aisle),
+        "goods": _goods(rng, [color for section in sections.values() for color in section.colors]),
         "look": _look(rng),
         "cart": {"start": [0.5, aisle / 2], "end": [8.0, aisle / 2], "height": min(3.0, tallest)},
-        "rows": rows,
-        "structures": {"shelves": {"rows": racks}, "lights": {"lines": _lamps(rng, hall["height"], aisle, tallest)}},
+        "rows": {name: place.model_dump(mode="json") for name, place in rows.items()},
     }
-    return parse_scene(content, f"random scene {seed}")
+    plain = parse_scene(content, f"random scene {seed}")
+    frames = {name: row_frame(place) for name, place in rows.items()}
+    site = replace(empty, hall=plain.hall, goods=plain.goods, look=plain.look, frames=frames, sizes=sizes)
+    sections |= _answers([name for name in names if name not in sections], rng, site)
+    structures = {name: dict(section.section) for name, section in sections.items()}
+    return FurnishedScene(plain.model_copy(update={"structures": structures}), sections, site)
 
 
-def _top(rack: dict[str, Any]) -> float:
-    return float(rack["height"])
+def _answers(names: Sequence[str], rng: np.random.Generator, site: Site) -> Iterator[tuple[str, RandomSection]]:
+    for name in names:
+        section = random_section(name, rng, site, None)
+        if section is not None:
+            yield name, section
 
 
 def _chance(rng: np.random.Generator, share: float) -> bool:
     return bool(rng.random() < share)
 
 
-def _color(rng: np.random.Generator) -> list[float]:
+def random_color(rng: np.random.Generator) -> list[float]:
+    """A paint of industrial steel, or now and then any colour: linear RGB."""
     base = _PAINTS[int(rng.integers(len(_PAINTS)))]
     if _chance(rng, 0.15):
         base = rng.uniform(0.02, 0.8, 3)
     return [float(c) for c in np.clip(base * rng.uniform(0.7, 1.3) * rng.uniform(0.9, 1.1, 3), 0.01, 0.9)]
-
-
-def _rack(rng: np.random.Generator) -> dict[str, Any]:
-    upright = _color(rng)
-    beam = upright if _chance(rng, 0.15) else _color(rng)
-    metal = _chance(rng, 0.2)
-    beam_height = float(rng.uniform(0.05, 0.1) if _chance(rng, 0.4) else rng.uniform(0.08, 0.18))
-    top = float(rng.uniform(2.2, 4.0) if _chance(rng, 0.3) else rng.uniform(4.0, 7.5))
-    bays = [_bay(rng, beam_height, top) for _ in range(int(rng.integers(3, 9)))]
-    return {
-        "bays": bays,
-        "height": top + float(rng.uniform(-0.02, 0.4)) + beam_height + 0.05,
-        "depth": float(rng.uniform(0.5, 1.3)),
-        "upright_width": float(rng.uniform(0.06, 0.14)),
-        "upright_depth": float(rng.uniform(0.05, 0.12)),
-        "beam_height": beam_height,
-        "beam_thickness": float(rng.uniform(0.03, 0.06)),
-        "setback": float(rng.choice([0.0, 0.005, 0.01, 0.02])),
-        "upright_color": upright,
-        "upright_texture": str(rng.choice(["holes", "holes", "holes", "plain", "scratches", "noise"])),
-        "hole_pitch": float(rng.choice([0.04, 0.05, 0.075, 0.1])),
-        "beam_color": beam,
-        "beam_texture": str(rng.choice(["plain", "plain", "scratches", "noise"])),
-        "deck": str(rng.choice(["none", "steel", "steel", "wire", "wood"])),
-        "deck_color": beam if _chance(rng, 0.4) else [float(rng.uniform(0.1, 0.6))] * 3,
-        "rear_color": _color(rng) if _chance(rng, 0.1) else None,
-        "bracing": _chance(rng, 0.8),
-        "guards": float(rng.choice([0.0, 0.0, 0.5, 1.0])),
-        "labels": float(rng.choice([0.0, 0.2, 0.6])),
-        "signs": float(rng.choice([0.0, 0.0, 0.3])),
-        "metallic": 0.7 if metal else 0.0,
-        "roughness": float(rng.uniform(0.25, 0.8)),
-    }
-
-
-def _bay(rng: np.random.Generator, beam_height: float, top: float) -> dict[str, Any]:
-    pitch = float(rng.uniform(0.45, 0.9) if _chance(rng, 0.25) else rng.uniform(0.8, 1.8))
-    bottom = float(rng.uniform(0.05, 0.4) if _chance(rng, 0.75) else rng.uniform(0.8, 1.6))
-    if _chance(rng, 0.12) and top > 4.2:
-        bottom = float(rng.uniform(2.6, 3.6))
-    levels = np.arange(bottom, top, max(pitch, beam_height + 0.25))
-    beams = [float(y) for y in np.sort(levels + rng.uniform(-0.05, 0.05, len(levels)) * (len(levels) > 1))]
-    return {
-        "width": float(rng.uniform(0.9, 1.8) if _chance(rng, 0.25) else rng.uniform(1.8, 3.7)),
-        "beams": [max(y, 0.0) for y in beams],
-        "empty": _chance(rng, 0.12),
-    }
-
-
-def _length(rack: dict[str, Any]) -> float:
-    return float(sum(bay["width"] + rack["upright_width"] for bay in rack["bays"]) + rack["upright_width"])
-
-
-def _rows(
-    rng: np.random.Generator, aisle: float, rack: dict[str, Any], other: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    rows: dict[str, Any] = {"A": {"x": 0.0, "z": 0.0}}
-    racks = {"A": rack}
-    gap = float(rng.uniform(0.05, 0.4))
-    if _chance(rng, 0.85):
-        rows["B"] = {"x": _length(other) + float(rng.uniform(-2, 1)), "z": aisle, "facing": "-z"}
-        racks["B"] = other
-    if _chance(rng, 0.65):
-        rows["A2"] = {"x": _length(rack), "z": -2 * rack["depth"] - gap, "facing": "-z", "mapped": False}
-        racks["A2"] = rack
-    if _chance(rng, 0.65):
-        rows["B2"] = {"x": 0.0, "z": aisle + 2 * other["depth"] + gap, "mapped": False}
-        racks["B2"] = other
-    return rows, racks
 
 
 def _hall(rng: np.random.Generator, tallest: float, aisle: float) -> dict[str, Any]:
@@ -133,7 +113,7 @@ def _hall(rng: np.random.Generator, tallest: float, aisle: float) -> dict[str, A
     floor, wall, ceiling, steel = (
         np.clip(level * row, 0, 0.85).tolist() for level, row in zip(levels, tint, strict=True)
     )
-    painted = {"floor_color": _color(rng)} if _chance(rng, 0.15) else {"floor_color": floor}
+    painted = {"floor_color": random_color(rng)} if _chance(rng, 0.15) else {"floor_color": floor}
     return {
         "x": [-float(rng.uniform(3, 15)), float(rng.uniform(16, 32))],
         "z": [-float(rng.uniform(5, 14)), aisle + float(rng.uniform(5, 14))],
@@ -153,12 +133,12 @@ def _hall(rng: np.random.Generator, tallest: float, aisle: float) -> dict[str, A
     }
 
 
-def _goods(rng: np.random.Generator, rack: dict[str, Any]) -> dict[str, Any]:
+def _goods(rng: np.random.Generator, matching: Sequence[Rgb]) -> dict[str, Any]:
     colors = list(_CARTONS) + [color for color in _BINS if _chance(rng, 0.4)]
     if _chance(rng, 0.25):
-        colors += [rack["upright_color"], rack["beam_color"]]
+        colors += [list(color) for color in matching]
     if _chance(rng, 0.15):
-        colors = [_color(rng) for _ in range(4)]
+        colors = [random_color(rng) for _ in range(4)]
     return {
         "density": float(rng.uniform(0.2, 0.9)),
         "overhang": float(rng.choice([0.0, 0.04, 0.1, 0.2])),
@@ -181,25 +161,3 @@ def _look(rng: np.random.Generator) -> dict[str, Any]:
         "noise": float(rng.uniform(0.0, 0.02)),
         "texel": float(rng.uniform(0.18, 0.4)),
     }
-
-
-def _lamps(rng: np.random.Generator, ceiling: float, aisle: float, tallest: float) -> list[dict[str, Any]]:
-    middle = aisle * float(rng.uniform(0.3, 0.7))
-    strip = _chance(rng, 0.6)
-    length = float(rng.uniform(0.6, 2.4))
-    drop = float(rng.uniform(0.02, min(1.6, ceiling - tallest - 0.4)))
-    line = {
-        "height": ceiling - drop - 0.05,
-        "pitch": float(rng.uniform(length + 0.3, length + 4.0)) if _chance(rng, 0.85) else length + 0.04,
-        "kind": "strip" if strip else "compact",
-        "across": _chance(rng, 0.2),
-        "length": length,
-        "width": float(rng.uniform(0.05, 0.25)) if strip else float(rng.uniform(0.2, 0.7)),
-        "thickness": float(rng.uniform(0.03, 0.15)),
-        "housing": _chance(rng, 0.35),
-        "hangers": _chance(rng, 0.5),
-        "emission": float(rng.uniform(4, 30)),
-        "broken": float(rng.choice([0.0, 0.1, 0.3])),
-    }
-    places = [middle] + [float(z) for z in (middle - aisle - 2, middle + aisle + 2) if _chance(rng, 0.6)]
-    return [{**line, "z": z} for z in places]

@@ -1,14 +1,20 @@
-"""Random variation of labelled pictures, so that a network learns shapes and not the colours of one renderer."""
+"""Random variation of labelled pictures, so that a network learns shapes and not the colours of one renderer.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+Endless batches of them are prepared by a thread while the network computes.
+"""
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from queue import Full, Queue
 
 import cv2
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from savmap.train.dataset import IGNORE
+from savmap.train.data.dataset import IGNORE, Sample
 
 Bytes = NDArray[np.uint8]
 Image = NDArray[np.float32]
@@ -72,10 +78,7 @@ def luminance(image: Image) -> Image:
 
 def turned_hue(image: Image, degrees: float, saturation: float) -> Image:
     """The picture with its hue turned (a rotation about the grey axis) and its saturation changed."""
-    angle = np.radians(degrees)
-    axis = np.full(3, 1 / np.sqrt(3))
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    rotation = Rotation.from_rotvec(np.radians(degrees) * np.full(3, 1 / np.sqrt(3))).as_matrix()
     grey = np.full((3, 3), 1 / 3)
     matrix = (grey + saturation * (rotation - grey)).astype(np.float32)
     return np.asarray(image @ matrix.T, np.float32)
@@ -219,3 +222,59 @@ def augment(rng: Generator, image: Bytes, mask: Bytes, crop: Crop, classes: int)
             varied = change(rng, np.clip(varied, 0, 1))
     final = (np.clip(varied, 0, 1) * 255 + 0.5).astype(np.uint8)
     return (compressed(rng, final) if rng.random() < COMPRESS_CHANCE else final), labels
+
+
+Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+"""Pictures (n, h, w, 3) and masks (n, h, w)."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchSource:
+    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes and seed. A run that goes
+    on after `start` batches draws others than it began with."""
+
+    samples: Sequence[Sample]
+    weights: NDArray[np.float64]
+    classes: int
+    size: int
+    seed: int
+    crop: Crop = field(default_factory=Crop)
+    start: int = 0
+
+    def __iter__(self) -> Iterator[Batch]:
+        rng = np.random.default_rng([self.seed, self.start] if self.start else self.seed)
+        while True:
+            drawn = rng.choice(len(self.samples), self.size, p=self.weights)
+            variants = []
+            for index in drawn:
+                image, mask = self.samples[index].load()
+                variants.append(augment(rng, image, mask, self.crop, self.classes))
+            yield np.stack([image for image, _ in variants]), np.stack([mask for _, mask in variants])
+
+
+def prefetched(source: BatchSource, stop: threading.Event, depth: int = 4) -> Iterator[Batch]:
+    """The batches of `source` in order, made ahead by a thread until `stop` is set; its errors are raised here."""
+    queue: Queue[Batch | Exception] = Queue(depth)
+
+    def put(item: Batch | Exception) -> None:
+        while not stop.is_set():
+            try:
+                return queue.put(item, timeout=0.2)
+            except Full:
+                continue
+
+    def work() -> None:
+        try:
+            for batch in source:
+                put(batch)
+                if stop.is_set():
+                    return
+        except Exception as error:
+            put(error)
+
+    threading.Thread(target=work, daemon=True).start()
+    while True:
+        item = queue.get()
+        if isinstance(item, Exception):
+            raise item
+        yield item

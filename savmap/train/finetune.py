@@ -1,110 +1,126 @@
-"""From an exported network and a few hundred pictures of another style to a network that knows that style too."""
+"""From an exported network and a few hundred pictures of another style to a network that knows that style too.
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+Its confidence is calibrated by one temperature for all logits, fitted to pictures that were not trained on (Guo et al., On
+Calibration of Modern Neural Networks, 2017). That changes no decision between classes, only how sure they are.
+"""
+
+import copy
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from torch import Tensor
+from torch.nn import functional
 
 from savmap.errors import OutputError
-from savmap.train.calibrate import logits_of, softmax, temperature_for, with_temperature
-from savmap.train.checkpoint import save_checkpoint
-from savmap.train.dataset import Sample, held_out, set_name
-from savmap.train.export import export, with_recipe
-from savmap.train.from_onnx import load_onnx
-from savmap.train.judge import Reliability, judge, judge_file
+from savmap.train.checkpoint import SUFFIX, ResumeFile, run_key, save_checkpoint
+from savmap.train.data.dataset import IGNORE, Sample, held_out, set_name
+from savmap.train.data.sets import read_sets, samples_of
+from savmap.train.export import export, load_onnx, with_recipe
 from savmap.train.loop import described, fit, resumed, source_of
+from savmap.train.measure import Reliability, score_file, score_network
 from savmap.train.network import SegmentationNetwork
+from savmap.train.plan import LEAST_TO_CALIBRATE, VALIDATION, Progress, TrainedNetwork, TrainingPlan, warning_of
 from savmap.train.quantise import write_quantised
-from savmap.train.resume import SUFFIX, Resumption, run_print
-from savmap.train.sets import read_sets, samples_of
-from savmap.train.task import Progress, Task
-from savmap.train.trainer import Settings, Trainer, predictor
+from savmap.train.trainer import Hyperparameters, Trainer, predictor
 
-VALIDATION = "validation"
 SHARE = 0.2
 """How many of the pictures are kept to choose, calibrate and measure by."""
-LEAST_TO_CALIBRATE = 5
+EVERY_PX = 5
+LEAST, MOST = 0.25, 4.0
+"""Range of temperatures that are tried."""
 
 
-def fine_tune(task: Task, progress: Progress, settings: Settings) -> Mapping[str, Any]:
-    """Train on, take the best network by the validation pictures, calibrate, export, measure; returns the recipe.
+def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> TrainedNetwork:
+    """Train an exported network further, keep the best one by the validation pictures, calibrate, export and measure it.
 
     Raises OutputError for a data set, ModelError for a network that cannot be used.
     """
-    assert task.init is not None
-    torch.manual_seed(task.seed)
-    datasets = read_sets(task.data, task.classes, task.mapping)
+    assert plan.init is not None
+    torch.manual_seed(plan.seed)
+    datasets = read_sets(plan.data, plan.classes, plan.mapping)
     samples = samples_of(datasets)
-    tests = named_tests(task, samples)
+    tests = named_tests(plan, samples)
     training, validation = held_out(samples, SHARE)
-    network, history = load_onnx(task.init, task.classes)
+    network, history = load_onnx(plan.init, plan.classes)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to choose and measure by")
     trainer = Trainer(network, settings)
-    print_ = run_print(task.classes, samples, task.seed, task.init, settings)
-    kept = Resumption(task.output.with_suffix(SUFFIX), print_)
-    course = resumed(kept, trainer, progress)
-    recipe: dict[str, Any] = described(datasets, task.seed, task.minutes, settings) | {"from": task.init.name}
-    source = source_of(task, training, settings, course)
+    key = run_key(plan.classes, samples, plan.seed, plan.init, settings)
+    kept = ResumeFile(plan.output.with_suffix(SUFFIX), key)
+    state = resumed(kept, trainer, progress)
+    recipe: dict[str, Any] = described(datasets, plan.seed, plan.minutes, settings) | {"from": plan.init.name}
+    source = source_of(plan, training, settings, state)
 
-    def look() -> None:
+    def validate() -> None:
         averaged = trainer.average.network
-        found = judge(predictor(averaged), validation, task.classes, settings.validation_limit)
-        course.offer(found.mean, averaged.state_dict())
-        progress(task.done(course.steps, course.spent_s), f"validation IoU {found.mean:.3f}")
-        kept.save(trainer, course)
+        score = score_network(predictor(averaged), validation, plan.classes, settings.validation_limit)
+        state.record(score.mean, averaged.state_dict())
+        progress(plan.done(state.steps, state.spent_s), f"validation IoU {score.mean:.3f}")
+        kept.save(trainer, state)
 
-    fit(trainer, source, course, task, progress, lambda: kept.save(trainer, course), look)
+    fit(trainer, source, state, plan, progress, lambda: kept.save(trainer, state), validate)
     chosen = trainer.average.network
-    if course.best is not None:
-        chosen.load_state_dict(course.best)
-    recipe |= {"steps": course.steps, "minutes": round(course.spent_s / 60, 1)}
-    recipe |= {"validation IoU along the way": [round(one, 4) for one in course.scores]}
+    if state.best is not None:
+        chosen.load_state_dict(state.best)
+    recipe |= {"steps": state.steps, "minutes": round(state.spent_s / 60, 1)}
+    recipe |= {"validation IoU along the way": [round(score, 4) for score in state.scores]}
     progress(1.0, "calibrating")
     calibrated, recipe["calibration"] = calibration(chosen, validation)
-    save_checkpoint(task.checkpoint, chosen, task.classes, [*history, recipe])
-    export(calibrated, task.classes, recipe | {"earlier": history}, task.output)
-    files = {"before": task.init, "after": task.output}
-    if task.int8:
-        files["int8"] = task.integers
-        write_quantised(task.output, training, task.integers)
-    judged = {VALIDATION: validation, **tests}
-    recipe["scores"] = {
-        name: {when: verdict_of(file, own, task, progress) for when, file in files.items()}
-        for name, own in judged.items()
-    }
-    for file in files.values():
-        if file != task.init:
-            with_recipe(file, recipe | {"earlier": history})
+    save_checkpoint(plan.checkpoint, chosen, plan.classes, [*history, recipe])
+    export(calibrated, plan.classes, recipe | {"earlier": history}, plan.output)
+    if plan.int8:
+        write_quantised(plan.output, training, plan.integers)
+    recipe |= measured(plan, {VALIDATION: validation, **tests}, progress)
+    after = recipe["scores"][VALIDATION]["after"]["iou"].values()
+    recipe |= warning_of(plan, sum(after) / max(len(after), 1), state.steps)
+    files = (plan.output, plan.integers) if plan.int8 else (plan.output,)
+    for file in files:
+        with_recipe(file, recipe | {"earlier": history})
     kept.done()
-    return recipe
+    return TrainedNetwork(plan, files, recipe)
 
 
-def named_tests(task: Task, samples: Sequence[Sample]) -> dict[str, Sequence[Sample]]:
+def measured(plan: TrainingPlan, sets: Mapping[str, Sequence[Sample]], progress: Progress) -> dict[str, Any]:
+    """The recipe's entry `scores`: of each set, what the network was before, is after, and is in integers."""
+    assert plan.init is not None
+    files = {"before": plan.init, "after": plan.output} | ({"int8": plan.integers} if plan.int8 else {})
+    return {
+        "scores": {
+            name: {when: score_of_file(file, samples, plan, progress) for when, file in files.items()}
+            for name, samples in sets.items()
+        }
+    }
+
+
+def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequence[Sample]]:
     """The sets to be measured on by their names. Raises OutputError for one with pictures of `samples`, which are trained on, or two
     of one name."""
-    found: dict[str, Sequence[Sample]] = {}
-    trained = {one.image_digest for one in samples}
-    for source, dataset in zip(task.held_out, read_sets(task.held_out, task.classes, task.mapping), strict=True):
+    tests: dict[str, Sequence[Sample]] = {}
+    trained = {sample.image_digest for sample in samples}
+    for source, dataset in zip(plan.held_out, read_sets(plan.held_out, plan.classes, plan.mapping), strict=True):
         name = set_name(dataset.folder)
-        known = [one.image.name for one in dataset.samples if one.image_digest in trained]
+        known = [sample.image.name for sample in dataset.samples if sample.image_digest in trained]
         if known:
             raise OutputError(
                 f"--held-out {source}: {known[0]} is also trained on, {len(known)} of {len(dataset.samples)} pictures in all; "
                 "give another set, or leave it out"
             )
-        if name in found or name == VALIDATION:
+        if name in tests or name == VALIDATION:
             raise OutputError(f"--held-out {source}: two sets would be called {name}; rename its folder")
-        found[name] = dataset.samples
-    return found
+        tests[name] = dataset.samples
+    return tests
 
 
 def calibration(
     network: SegmentationNetwork, validation: Sequence[Sample]
 ) -> tuple[SegmentationNetwork, Mapping[str, float]]:
-    """The network with its temperature folded in, and what that is and does to the expected calibration error. Fewer pictures than
-    `LEAST_TO_CALIBRATE` tell none: it is 1."""
+    """The network with its temperature folded in; the temperature, and the expected calibration error without it and with it.
+
+    With fewer pictures than `LEAST_TO_CALIBRATE` the temperature is 1."""
     logits, labels = logits_of(network, validation)
     temperature = temperature_for(logits, labels) if len(validation) >= LEAST_TO_CALIBRATE else 1.0
     errors = []
@@ -116,43 +132,48 @@ def calibration(
     return with_temperature(network, temperature), {name: round(value, 5) for name, value in figures.items()}
 
 
-def verdict_of(file: Path, samples: Sequence[Sample], task: Task, progress: Progress) -> Mapping[str, object]:
-    """What a file makes of pictures."""
+def score_of_file(
+    file: Path, samples: Sequence[Sample], plan: TrainingPlan, progress: Progress
+) -> Mapping[str, object]:
+    """How well the network in a file does on pictures."""
     progress(1.0, f"measuring {file.name} on {len(samples)} pictures")
-    return judge_file(file, samples, task.classes).as_json()
+    return score_file(file, samples, plan.classes).as_json()
 
 
-def report_lines(recipe: Mapping[str, Any], classes: Sequence[str]) -> Iterator[str]:
-    """A table of intersection over union and calibration error, before and after, and what integers lose."""
-    first = f"{'pictures':24s} {'network':8s}"
-    yield first + "".join(f"{name:>12s}" for name in classes) + f"{'mean':>12s}{'calibration error':>20s}"
-    for name, files in recipe["scores"].items():
-        for when, verdict in files.items():
-            known = [verdict["iou"].get(one) for one in classes]
-            mean = sum(filter(None, known)) / max(sum(one is not None for one in known), 1)
-            cells = "".join(f"{'-':>12s}" if one is None else f"{one:12.3f}" for one in (*known, mean))
-            title = f"{name} ({verdict['pictures']})"
-            yield f"{title:24s} {when:8s}{cells}{verdict['calibration error']:20.4f}"
-    yield _calibrated(recipe)
-    if len(recipe["scores"]) == 1:
-        yield f"the network and its temperature were chosen by the {VALIDATION} pictures; --held-out SET measures on others"
-    lost = dict(chain.from_iterable(_lost(name, files) for name, files in recipe["scores"].items()))
-    if lost:
-        yield "8-bit integers lose " + ", ".join(f"{loss:+.4f} IoU on {name}" for name, loss in lost.items())
+def logits_of(network: SegmentationNetwork, samples: Sequence[Sample]) -> tuple[Tensor, Tensor]:
+    """Logits (n, classes) and labels (n,) of every fifth pixel in both directions that is judged."""
+    logits, labels = [], []
+    for sample in samples:
+        image, truth = sample.load()
+        with torch.inference_mode():
+            maps = network.eval()(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1))[None]).float())[0]
+        chosen = truth[::EVERY_PX, ::EVERY_PX]
+        judged = torch.from_numpy(chosen != IGNORE)
+        logits.append(maps[:, ::EVERY_PX, ::EVERY_PX].permute(1, 2, 0)[judged])
+        labels.append(torch.from_numpy(chosen.astype(np.int64))[judged])
+    return torch.cat(logits), torch.cat(labels)
 
 
-def _calibrated(recipe: Mapping[str, Any]) -> str:
-    figures, pictures = recipe["calibration"], recipe["scores"][VALIDATION]["before"]["pictures"]
-    if pictures < LEAST_TO_CALIBRATE:
-        return f"confidence is not calibrated: {pictures} validation pictures are too few, label more"
-    return (
-        f"temperature {figures['temperature']:.3f}, fitted to the validation pictures: calibration error on them "
-        f"{figures['error before']:.4f} without it, {figures['error after']:.4f} with it"
-    )
+def temperature_for(logits: Tensor, labels: Tensor) -> float:
+    """The temperature under which the labels (n,) are most likely, given logits (n, classes)."""
+
+    def cost(log_temperature: float) -> float:
+        return float(functional.cross_entropy(logits / float(np.exp(log_temperature)), labels))
+
+    optimum = minimize_scalar(cost, bounds=(np.log(LEAST), np.log(MOST)), method="bounded", options={"xatol": 1e-3})
+    return float(np.exp(optimum.x))
 
 
-def _lost(name: str, files: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    if "int8" in files:
-        after, integers = (files[when]["iou"] for when in ("after", "int8"))
-        both = [one for one in after if one in integers]
-        yield name, sum(after[one] - integers[one] for one in both) / max(len(both), 1)
+def with_temperature(network: SegmentationNetwork, temperature: float) -> SegmentationNetwork:
+    """A copy whose logits are divided by a temperature, in the weights of its last layer."""
+    cooled = copy.deepcopy(network)
+    with torch.no_grad():
+        cooled.finish.logits.weight /= temperature
+        assert cooled.finish.logits.bias is not None
+        cooled.finish.logits.bias /= temperature
+    return cooled
+
+
+def softmax(logits: Tensor) -> NDArray[np.float32]:
+    """Probabilities (classes, n) of logits (n, classes)."""
+    return np.asarray(torch.softmax(logits, dim=1).T.numpy(), np.float32)

@@ -13,16 +13,15 @@ import onnx
 import torch
 
 from savmap.train import augment
-from savmap.train.batches import BatchSource, prefetched
-from savmap.train.checkpoint import Recipe, load_checkpoint, save_checkpoint
-from savmap.train.dataset import Dataset, Sample, sampling_weights, set_name, split
+from savmap.train.augment import BatchSource, prefetched
+from savmap.train.checkpoint import SUFFIX, Recipe, ResumeFile, TrainingState, load_checkpoint, run_key, save_checkpoint
+from savmap.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
+from savmap.train.data.sets import read_sets, samples_of
 from savmap.train.export import export
 from savmap.train.measure import measure
 from savmap.train.network import SegmentationNetwork, build
-from savmap.train.resume import SUFFIX, Course, Resumption, run_print
-from savmap.train.sets import read_sets, samples_of
-from savmap.train.task import Progress, Task
-from savmap.train.trainer import Settings, Trainer, predictor
+from savmap.train.plan import Progress, TrainedNetwork, TrainingPlan, warning_of
+from savmap.train.trainer import Hyperparameters, Trainer, predictor
 
 LEAST_STEPS = 2
 
@@ -37,28 +36,28 @@ def imagenet_weights() -> Path:
 def fit(
     trainer: Trainer,
     source: BatchSource,
-    course: Course,
-    task: Task,
+    state: TrainingState,
+    plan: TrainingPlan,
     progress: Progress,
     save: Callable[[], None],
-    look: Callable[[], None] = lambda: None,
+    validate: Callable[[], None] = lambda: None,
 ) -> None:
-    """Train until the task's minutes are spent or its steps made, those of `course` included, and at least LEAST_STEPS; `save` is called now and then, and
-    when it is interrupted, `look` as often as the settings say and at the end."""
-    began = time.monotonic() - course.spent_s
+    """Train until the plan's minutes are spent or its steps made, those of `state` included, and at least LEAST_STEPS; `save` is called now and then, and
+    when it is interrupted, `validate` as often as the settings say and at the end."""
+    began = time.monotonic() - state.spent_s
     saved, stop = time.monotonic(), threading.Event()
     try:
         for batch in prefetched(source, stop):
-            course.spent_s = time.monotonic() - began
-            done = task.done(course.steps, course.spent_s)
-            if len(course.scores) <= done * trainer.settings.looks:
-                look()
-            if done == 1.0 and course.steps >= LEAST_STEPS:
+            state.spent_s = time.monotonic() - began
+            done = plan.done(state.steps, state.spent_s)
+            if len(state.scores) <= done * trainer.settings.validations:
+                validate()
+            if done == 1.0 and state.steps >= LEAST_STEPS:
                 break
             loss = trainer.step(batch, done)
-            course.steps += 1
-            course.loss = loss if course.steps == 1 else 0.98 * course.loss + 0.02 * loss
-            progress(done, f"step {course.steps}, loss {course.loss:.4f}")
+            state.steps += 1
+            state.loss = loss if state.steps == 1 else 0.98 * state.loss + 0.02 * loss
+            progress(done, f"step {state.steps}, loss {state.loss:.4f}")
             if time.monotonic() - saved > trainer.settings.checkpoint_s:
                 save()
                 saved = time.monotonic()
@@ -78,13 +77,13 @@ def start(classes: Sequence[str], init: Path | None) -> tuple[SegmentationNetwor
 
 def validation_scores(
     network: SegmentationNetwork, samples: Sequence[Sample], classes: Sequence[str], limit: int
-) -> Mapping[str, object]:
+) -> Mapping[str, Mapping[str, float]]:
     """IoU and edge offsets on up to `limit` of the samples, evenly chosen."""
     chosen = np.unique(np.linspace(0, len(samples) - 1, min(limit, len(samples))).astype(int))
     return measure(predictor(network), [samples[i] for i in chosen], classes)
 
 
-def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: Settings) -> dict[str, object]:
+def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: Hyperparameters) -> dict[str, object]:
     """What is known about a run before it begins."""
     return {
         "data": [{"name": set_name(d.folder), "renderer": d.renderer, "pictures": len(d.samples)} for d in datasets],
@@ -103,49 +102,53 @@ def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: 
     }
 
 
-def run(task: Task, progress: Progress, settings: Settings) -> Mapping[str, object]:
-    """Train, measure, export; returns the recipe that is written into the ONNX file. See `savmap.train.train`."""
-    torch.manual_seed(task.seed)
-    datasets = read_sets(task.data, task.classes, task.mapping)
-    network, history = start(task.classes, task.init)
+def run(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> TrainedNetwork:
+    """Train, measure, export. See `savmap.train.train`."""
+    torch.manual_seed(plan.seed)
+    datasets = read_sets(plan.data, plan.classes, plan.mapping)
+    network, history = start(plan.classes, plan.init)
     samples = samples_of(datasets)
     training, validation = split(samples)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to validate on")
     trainer = Trainer(network, settings)
-    kept = Resumption(task.output.with_suffix(SUFFIX), run_print(task.classes, samples, task.seed, task.init, settings))
-    course = resumed(kept, trainer, progress)
-    recipe = described(datasets, task.seed, task.minutes, settings)
+    kept = ResumeFile(plan.output.with_suffix(SUFFIX), run_key(plan.classes, samples, plan.seed, plan.init, settings))
+    state = resumed(kept, trainer, progress)
+    recipe = described(datasets, plan.seed, plan.minutes, settings)
     averaged = trainer.average.network
 
     def save() -> None:
-        save_checkpoint(task.checkpoint, averaged, task.classes, [*history, recipe])
-        kept.save(trainer, course)
+        save_checkpoint(plan.checkpoint, averaged, plan.classes, [*history, recipe])
+        kept.save(trainer, state)
 
-    fit(trainer, source_of(task, training, settings, course), course, task, progress, save)
-    recipe["steps"] = course.steps
+    fit(trainer, source_of(plan, training, settings, state), state, plan, progress, save)
+    recipe["steps"] = state.steps
     progress(1.0, "measuring")
-    recipe["validation"] = validation_scores(averaged, validation, task.classes, settings.validation_limit)
-    save_checkpoint(task.checkpoint, averaged, task.classes, [*history, recipe])
+    recipe["validation"] = scores = validation_scores(averaged, validation, plan.classes, settings.validation_limit)
+    known = [figures["iou"] for figures in scores.values() if "iou" in figures]
+    recipe |= warning_of(plan, float(np.mean(known)) if known else 0.0, state.steps)
+    save_checkpoint(plan.checkpoint, averaged, plan.classes, [*history, recipe])
     whole = recipe | {"earlier": history}
-    export(averaged, task.classes, whole, task.output)
+    export(averaged, plan.classes, whole, plan.output)
     kept.done()
-    return whole
+    return TrainedNetwork(plan, (plan.output,), whole)
 
 
-def resumed(kept: Resumption, trainer: Trainer, progress: Progress) -> Course:
-    """The course of a run that was killed, the trainer brought to where it was; a new one where there is none."""
-    course = kept.load(trainer)
-    if course is None:
+def resumed(kept: ResumeFile, trainer: Trainer, progress: Progress) -> TrainingState:
+    """The state of a run that was killed, the trainer brought to where it was; a new one where there is none."""
+    state = kept.load(trainer)
+    if state is None:
         if kept.path.exists():
             progress(0.0, f"beginning anew: {kept.path.name} is of other data or settings")
-        return Course()
-    progress(0.0, f"going on after step {course.steps}, {course.spent_s / 60:.1f} minutes")
-    return course
+        return TrainingState()
+    progress(0.0, f"going on after step {state.steps}, {state.spent_s / 60:.1f} minutes")
+    return state
 
 
-def source_of(task: Task, training: Sequence[Sample], settings: Settings, course: Course) -> BatchSource:
+def source_of(
+    plan: TrainingPlan, training: Sequence[Sample], settings: Hyperparameters, state: TrainingState
+) -> BatchSource:
     """Where a run's batches come from."""
     weights = sampling_weights(training)
     return BatchSource(
-        training, weights, len(task.classes), settings.batch, task.seed, settings.crop, start=course.steps
+        training, weights, len(plan.classes), settings.batch, plan.seed, settings.crop, start=state.steps
     )

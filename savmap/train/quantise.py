@@ -20,8 +20,8 @@ from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from savmap.errors import ModelError, ending_in_one_line
 from savmap.files.atomic import write_bytes
-from savmap.train.dataset import Sample, split
-from savmap.train.sets import read_sets
+from savmap.train.data.dataset import Sample, split
+from savmap.train.data.sets import read_sets
 from savmap.vision.networks.segmenter import Segmenter, network_input
 
 OPERATORS = ["Conv", "Add", "Clip", "Relu", "Resize", "DepthToSpace"]
@@ -45,7 +45,7 @@ def quantise(model: Path, data: Sequence[Path], output: Path, count: int = 32, s
     Raises ModelError for a model that is none of savmap's, OutputError for a data set that cannot be read.
     """
     classes = Segmenter(model, providers=("cpu",)).classes
-    training = [one for dataset in read_sets(data, classes) for one in split(dataset.samples)[0]]
+    training = [sample for dataset in read_sets(data, classes) for sample in split(dataset.samples)[0]]
     write_quantised(model, training, output, count, seed)
 
 

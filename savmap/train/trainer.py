@@ -1,4 +1,4 @@
-"""One network in training: optimiser, averaged weights, one update at a time."""
+"""One network in training: loss (cross entropy, heavier near edges, and the overlap of each class), optimiser, averaged weights."""
 
 import copy
 import math
@@ -10,20 +10,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn import functional
 
-from savmap.train.augment import Crop
-from savmap.train.batches import Batch
-from savmap.train.losses import segmentation_loss
+from savmap.train.augment import Batch, Crop
+from savmap.train.data.dataset import IGNORE
 from savmap.train.measure import Predictor
 from savmap.train.network import FIXED_BLOCKS, SegmentationNetwork
 
 
 @dataclass(frozen=True)
-class Settings:
+class Hyperparameters:
     """What is chosen about training beside its data. Rates are the largest of AdamW's; they rise, then fall as a cosine.
 
     `frozen_blocks`: how many of the encoder's blocks keep their weights; `frozen_statistics`: normalisations keep theirs;
-    `looks`: how often the validation pictures are looked at, and the best network of those is taken (0: the last one).
+    `validations`: how often the network is measured on the validation pictures; the best one is taken (0: the last one).
     """
 
     batch: int = 6
@@ -37,10 +37,10 @@ class Settings:
     crop: Crop = field(default_factory=Crop)
     frozen_blocks: int = FIXED_BLOCKS
     frozen_statistics: bool = False
-    looks: int = 0
+    validations: int = 0
 
 
-FINE_TUNING = Settings(
+FINE_TUNING = Hyperparameters(
     encoder_rate=1e-4,
     decoder_rate=4e-4,
     average_decay=0.99,
@@ -48,9 +48,46 @@ FINE_TUNING = Settings(
     validation_limit=40,
     frozen_blocks=5,
     frozen_statistics=True,
-    looks=5,
+    validations=5,
 )
 """For a network that knows its classes and a few hundred pictures of another style: small steps, the early blocks left alone."""
+
+
+EDGE_WEIGHT = 3.0
+DICE_SHARE = 0.4
+
+
+def edge_weights(labels: Tensor, reach: int = 2) -> Tensor:
+    """(N, H, W) float: `1 + EDGE_WEIGHT` within `reach` px of an edge between classes, on both sides alike, else 1.
+
+    Alike on both sides, because a heavier class or side would push the edge away from its true place.
+    """
+    values = labels.float()[:, None]
+    size = 2 * reach + 1
+    highest = functional.max_pool2d(values, size, 1, reach)
+    lowest = -functional.max_pool2d(-values, size, 1, reach)
+    return 1 + EDGE_WEIGHT * (highest != lowest).float()[:, 0]
+
+
+def dice(probabilities: Tensor, labels: Tensor, judged: Tensor) -> Tensor:
+    """One minus the soft overlap of each class but the background, averaged over the classes present in the batch."""
+    losses = []
+    for value in range(1, probabilities.shape[1]):
+        truth = (labels == value) & judged
+        if truth.any():
+            share = probabilities[:, value] * judged
+            overlap = (share * truth).sum()
+            losses.append(1 - 2 * overlap / (share.sum() + truth.sum()))
+    return torch.stack(losses).mean() if losses else probabilities.sum() * 0
+
+
+def segmentation_loss(logits: Tensor, labels: Tensor) -> Tensor:
+    """Scalar loss of logits (N, C, H, W) for labels (N, H, W) int64 with IGNORE where nothing is known."""
+    judged = labels != IGNORE
+    weights = edge_weights(labels) * judged
+    entropy = functional.cross_entropy(logits, labels, ignore_index=IGNORE, reduction="none")
+    mean = (entropy * weights).sum() / weights.sum().clamp(min=1)
+    return mean + DICE_SHARE * dice(torch.softmax(logits, dim=1), labels, judged)
 
 
 def learning_rate_factor(done: float, warm_up: float) -> float:
@@ -92,7 +129,7 @@ class Average:
 class Trainer:
     """A network in training: `step` improves it by one batch."""
 
-    def __init__(self, network: SegmentationNetwork, settings: Settings) -> None:
+    def __init__(self, network: SegmentationNetwork, settings: Hyperparameters) -> None:
         self.network = network.to(memory_format=torch.channels_last).train()
         network.encoder.blocks[: settings.frozen_blocks].requires_grad_(False)
         if settings.frozen_statistics:

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import gtsam
-import made_up_wall as made
 import numpy as np
 import pytest
 
@@ -22,9 +21,11 @@ from savmap.graph import (
     require_valid_constraints,
 )
 from savmap.plugin.hookspecs import hookimpl
-from savmap.plugin.isolation import contained
+from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import loaded_plugin
 from savmap.types import Floats
+
+from . import made_up_wall as made
 
 SPACE = KeySpace("stripes")
 CORNER, THING, SIZE = SPACE.point(0), SPACE.pose2(0), SPACE.vector3(0)
@@ -132,7 +133,7 @@ def test_valid_factors_pass() -> None:
     )
 
 
-def test_a_failing_factor_is_contained() -> None:
+def test_a_failing_factor_is_isolated() -> None:
     """With `on_plugin_error: skip` the plugin is left out, as after any other failure."""
 
     class Reaching(made.Stripes):
@@ -143,7 +144,7 @@ def test_a_failing_factor_is_contained() -> None:
     room = loaded_plugin("stripes", Reaching, made.Config())
     with pytest.raises(PluginFailedError, match="is not its own"):
         room.constrain(tracks=[], facts=made.FACTS, start=made.path())
-    (safe,) = contained([room])
+    (safe,) = isolated([room])
     nothing = safe.constrain(tracks=[], facts=made.FACTS, start=made.path())
     assert len(nothing.keys) == 0
     assert "is not its own" in str(safe.failure)

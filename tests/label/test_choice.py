@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from savmap.label.choose import chosen, ranks
-from savmap.label.worth import Look, descriptor, disagreement, doubt, look_of
+from savmap.label.worth import SeenView, chosen, descriptor, disagreement, ranks, seen_view, uncertainty
 
 HEIGHT, WIDTH = 240, 320
 
@@ -22,23 +21,23 @@ def textured() -> np.ndarray:
     return cv2.resize(coarse, (400, HEIGHT), interpolation=cv2.INTER_CUBIC)
 
 
-def test_doubt_is_of_borders_alone() -> None:
-    assert doubt(bar(100)) < 0.15
-    assert doubt(bar(100, soft=0.35)) > 2 * doubt(bar(100))
-    assert doubt(np.stack([np.ones((9, 9)), np.zeros((9, 9))]).astype(np.float32)) == 0
+def test_uncertainty_is_of_borders_alone() -> None:
+    assert uncertainty(bar(100)) < 0.15
+    assert uncertainty(bar(100, soft=0.35)) > 2 * uncertainty(bar(100))
+    assert uncertainty(np.stack([np.ones((9, 9)), np.zeros((9, 9))]).astype(np.float32)) == 0
 
 
 def test_a_bar_that_moves_with_the_picture_is_no_disagreement() -> None:
     scene = textured()
     here, there = scene[:, 20:340], scene[:, 26:346]
     before, with_it, without = (
-        look_of(here, bar(100)),
-        look_of(there, bar(94)),
-        look_of(there, np.roll(bar(0), 9, axis=2)),
+        seen_view(here, bar(100)),
+        seen_view(there, bar(94)),
+        seen_view(there, np.roll(bar(0), 9, axis=2)),
     )
     assert disagreement(before, with_it) < 0.1
     assert disagreement(before, without) > 0.5
-    assert disagreement(before, Look(np.zeros_like(before.classes), with_it.grey)) > 0.9
+    assert disagreement(before, SeenView(np.zeros_like(before.classes), with_it.grey)) > 0.9
 
 
 def test_descriptor_tells_views_apart() -> None:

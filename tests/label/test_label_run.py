@@ -14,20 +14,20 @@ import pytest
 import yaml
 
 from savmap.errors import OutputError
-from savmap.label.choose import chosen
-from savmap.label.formats import LabelledPicture, write_set
+from savmap.label.formats import LabelledPicture, LabelledSet, write_set
 from savmap.label.polygons import filled
 from savmap.label.run import (
     Candidate,
     Recording,
-    Watcher,
+    ViewPredictor,
     aimed_recordings,
-    looked,
+    candidates_of,
     picture_name,
     pictures,
-    watchers_of,
-    worth_and_looks,
+    predictors_of,
+    worth_and_features,
 )
+from savmap.label.worth import chosen
 from savmap.pipeline.measure import PassPlan
 from savmap.site.job import Job
 from savmap.site.model import Pass, Row, Site
@@ -66,13 +66,13 @@ def recording(tmp_path: Path) -> Recording:
     return Recording("A", ROOM, PassPlan("pass 1", Clip(folder, fps=30.0), {}), [SPEC], FRAMES, 2)
 
 
-def written(recording: Recording, folder: Path, count: int = 3) -> list[str]:
-    watcher = Watcher(Dark(), ["post"])  # type: ignore[arg-type]
-    candidates = list(looked(0, [recording], watcher, SilentMonitor()))
+def written(recording: Recording, folder: Path, count: int = 3) -> LabelledSet:
+    predictor = ViewPredictor(Dark(), ["post"])  # type: ignore[arg-type]
+    candidates = list(candidates_of(0, [recording], predictor, SilentMonitor()))
     assert [one.frame for one in candidates] == list(range(0, FRAMES, 2))
-    assert all(0 <= one.disagreement <= 1 and one.doubt >= 0 for one in candidates)
-    picked = [candidates[index] for index in chosen(*worth_and_looks(candidates, [recording]), count)]
-    return list(write_set(folder, ["post"], pictures(picked, [recording], [watcher], SilentMonitor())))
+    assert all(0 <= one.disagreement <= 1 and one.uncertainty >= 0 for one in candidates)
+    picked = [candidates[index] for index in chosen(*worth_and_features(candidates, [recording]), count)]
+    return write_set(folder, ["post"], pictures(picked, [recording], [predictor], SilentMonitor()))
 
 
 def digest(folder: Path) -> str:
@@ -81,8 +81,10 @@ def digest(folder: Path) -> str:
 
 
 def test_all_three_formats_say_the_same(recording: Recording, tmp_path: Path) -> None:
-    lines = written(recording, tmp_path / "out")
-    assert "wrote 3 pictures with 3 outlines" in lines[0]
+    labelled = written(recording, tmp_path / "out")
+    assert (labelled.pictures, labelled.outlines) == (3, 3)
+    assert labelled.coco.is_file()
+    assert labelled.yolo.is_file()
     coco = json.loads((tmp_path / "out" / "coco.json").read_text(encoding="utf-8"))
     assert [category["name"] for category in coco["categories"]] == ["post"]
     data = yaml.safe_load((tmp_path / "out" / "data.yaml").read_text(encoding="utf-8"))
@@ -123,7 +125,7 @@ def test_what_breaks_off_leaves_nothing_that_looks_finished(tmp_path: Path) -> N
         raise OutputError("full")
 
     with pytest.raises(OutputError, match="full"):
-        list(write_set(tmp_path, ["post"], breaks_off()))
+        write_set(tmp_path, ["post"], breaks_off())
     assert not list(tmp_path.glob("*.json"))
     assert not list(tmp_path.glob("*.yaml"))
     assert not list(tmp_path.rglob("*.part"))
@@ -139,15 +141,15 @@ def test_names_are_safe_and_tell_the_scene() -> None:
 
 def test_rows_whose_names_come_to_the_same_keep_their_own_pictures(recording: Recording) -> None:
     rows = [replace(recording, row=name) for name in ("3/A", "3-A", "3 A")]
-    watcher = Watcher(Dark(), ["post"])  # type: ignore[arg-type]
+    predictor = ViewPredictor(Dark(), ["post"])  # type: ignore[arg-type]
     picked = [Candidate(number, SPEC, 4, 0.0, np.zeros(1)) for number in range(3)]
-    names = [one.name for one in pictures(picked, rows, [watcher] * 3, SilentMonitor())]
+    names = [one.name for one in pictures(picked, rows, [predictor] * 3, SilentMonitor())]
     assert names == [f"{more}3-A-pass-1-face-00004" for more in ("", "x-", "x-x-")]
 
 
 def test_all_recordings_are_as_far_from_one_another(recording: Recording) -> None:
     rows = [replace(recording, row=name) for name in "ABCDE"]
-    _, features = worth_and_looks([Candidate(number, SPEC, 4, 0.0, np.zeros(2)) for number in range(5)], rows)
+    _, features = worth_and_features([Candidate(number, SPEC, 4, 0.0, np.zeros(2)) for number in range(5)], rows)
     apart = np.linalg.norm(features[:, None] - features[None], axis=2)[~np.eye(5, dtype=bool)]
     assert apart.min() == apart.max() > 0
 
@@ -180,6 +182,6 @@ def test_each_row_is_looked_at_with_its_own_network(recording: Recording, monkey
 
     monkeypatch.setattr("savmap.label.run.SegmenterPool", segmenters)
     rooms = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
-    watchers = watchers_of([replace(recording, room=room) for room in rooms])  # type: ignore[arg-type]
-    assert [str(one.segmenter) for one in watchers] == ["a", "b", "a"]
+    predictors = predictors_of([replace(recording, room=room) for room in rooms])  # type: ignore[arg-type]
+    assert [str(one.segmenter) for one in predictors] == ["a", "b", "a"]
     assert opened == [Path("a"), Path("b")]

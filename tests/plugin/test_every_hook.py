@@ -19,7 +19,6 @@ from savmap.graph import Constraints, image_measurements
 from savmap.plugin import hookspecs, manager
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.sim.scene import Goods, Hall, Look, SceneParts, Site
 from savmap.types import (
     CrossRowLandmark,
     Detection,
@@ -36,6 +35,7 @@ from savmap.types import (
     ViewPlan,
     ViewSpec,
 )
+from savmap.types.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
 
 HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
@@ -149,6 +149,17 @@ def ask_scene() -> dict[str, Any]:
     return given
 
 
+def ask_random_section() -> dict[str, Any]:
+    found = RandomSection({"x": 1.0})
+    room, given = asked("random_section", found)
+    rng, site = np.random.default_rng(0), Site(Hall(), Goods(), Look(), {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("savmap.sim.scene.build.installed", lambda: {"made_up": None})
+        patch.setattr("savmap.sim.scene.build.open_plugin", lambda *_: room)
+        assert random_section("made_up", rng, site, None) is found
+    return given
+
+
 def ask_exporters() -> dict[str, Any]:
     def write(site_map: SiteMap, path: Path) -> None: ...
 
@@ -177,6 +188,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "evaluate": ask_evaluate,
     "draw": ask_draw,
     "scene": ask_scene,
+    "random_section": ask_random_section,
     "exporters": ask_exporters,
     "register_commands": ask_register_commands,
 }

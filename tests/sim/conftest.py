@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from savmap.sim.build import Built, build
-from savmap.sim.scene import Scene, parse_scene
+from savmap.sim.scene.build import Built, build
+from savmap.sim.scene.files import Scene, parse_scene
 
 BAYS = [{"width": 2.0, "beams": [0.2, 1.2, 2.2]}, {"width": 1.5, "beams": [1.8, 2.4]}]
 

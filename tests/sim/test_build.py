@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.sim.build import Built, build
-from savmap.sim.camera import face_size, mapped_rows, row_fronts, sample_camera
-from savmap.sim.primitives import Floats
+from savmap.sim.drive.views import sample_camera
 from savmap.sim.random_scene import random_scene
-from savmap.sim.raycast import Caster
-from savmap.sim.scene import Scene, SceneError, load_scene, parse_scene
+from savmap.sim.render.raycast import Caster
+from savmap.sim.scene.build import Built, build, face_size, mapped_rows, row_fronts
+from savmap.sim.scene.files import Scene, load_scene, parse_scene
+from savmap.types import Floats
+from savmap.types.scenes import SceneError
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scenes"
 
@@ -20,11 +21,15 @@ def test_fronts_of_every_mapped_row_are_where_the_survey_says(built: Built) -> N
     assert mapped_rows(built) == ["A", "B"] == list(built.survey["rows"])
     for name, entry in built.survey["rows"].items():
         fronts = row_fronts(built, name)
-        uprights = sorted((low[0], high[0]) for label, low, high in fronts if label == "upright")
+        uprights = sorted((front.low[0], front.high[0]) for front in fronts if front.label == "upright")
         np.testing.assert_allclose(uprights, entry["uprights"], atol=1e-9)
         for index, section in enumerate(entry["sections"]):
             left, right = entry["uprights"][index][1], entry["uprights"][index + 1][0]
-            beams = [(lo, hi) for label, lo, hi in fronts if label == "beam" and left - 1e-9 <= lo[0] < right]
+            beams = [
+                (front.low, front.high)
+                for front in fronts
+                if front.label == "beam" and left - 1e-9 <= front.low[0] < right
+            ]
             np.testing.assert_allclose(sorted((lo[1], hi[1]) for lo, hi in beams), section["beams"], atol=1e-9)
             np.testing.assert_allclose([(lo[0], hi[0]) for lo, hi in beams], [(left, right)] * len(beams), atol=1e-9)
             np.testing.assert_allclose([hi[2] for _, hi in beams], -0.005, atol=1e-9)

@@ -5,13 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap.sim.build import build
-from savmap.sim.camera import drive
-from savmap.sim.course import course
-from savmap.sim.passes import true_passes
-from savmap.sim.scene import Cart, Scene, SceneError, parse_scene
-from savmap.sim.site import site_of
-from savmap.sim.truth import references
+from savmap.sim.drive.cart import course, drive
+from savmap.sim.drive.passes import true_passes
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import Cart, Scene, parse_scene
+from savmap.sim.simulate import references, site_of
+from savmap.types.scenes import SceneError
 
 BAYS = [{"width": 2.0, "beams": [0.2, 1.2]}, {"width": 2.0, "beams": [0.2, 1.2]}]
 
@@ -65,7 +64,7 @@ def test_passes_are_where_the_camera_is_alongside() -> None:
     assert (first.left, first.right) == (("A",), ("B",))
     assert (second.left, second.right) == ((), ("C",))
     assert (first.travel_deg, abs(second.travel_deg)) == pytest.approx((0, 180), abs=1)
-    rows = site_of(built.scene, references(built, path), [first, second])["rows"]
+    rows = site_of(built, references(built, path), [first, second])["rows"]
     assert [(name, row["passes"][0]["side"]) for name, row in rows.items()] == [("A", "left"), ("B", "right"), ("C", "right")]  # fmt: skip
     assert rows["C"]["passes"][0]["start_s"] == round(second.start_s, 2)
 

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from savmap.sim.primitives import FACES, Box, Material
-from savmap.sim.raycast import Caster, RayCasterMissingError
+from savmap.sim.render.raycast import Caster, RayCasterMissingError
+from savmap.types.scenes import FACES, Box, Material
 
 PAINT = Material((0.5, 0.5, 0.5))
 CLASSES = ("upright", "beam")

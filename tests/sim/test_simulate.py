@@ -13,15 +13,17 @@ import pytest
 
 from savmap.errors import OutputError
 from savmap.geometry.sphere import panorama_pixels_from_rays
-from savmap.sim.build import Built
-from savmap.sim.camera import sample_camera
-from savmap.sim.dataset import CLASSES, IGNORED, main, view_mask, write
-from savmap.sim.panorama import panorama
-from savmap.sim.raycast import Caster
-from savmap.sim.scene import Scene
-from savmap.sim.shade import Renderer, renderer
-from savmap.sim.simulate import classes_of, simulate
+from savmap.sim.dataset import IGNORED, main, view_mask, write
+from savmap.sim.drive.views import sample_camera
+from savmap.sim.render.panorama import panorama
+from savmap.sim.render.raycast import Caster
+from savmap.sim.render.shade import Renderer, renderer
+from savmap.sim.scene.build import Built
+from savmap.sim.scene.files import Scene
+from savmap.sim.simulate import classes_in, simulate
 from savmap.types import ViewSpec
+
+CLASSES = ("upright", "beam", "light")
 
 FACE = ViewSpec("face", yaw_deg=-90.0, hfov_deg=100.0, width=64, height=48)
 
@@ -103,24 +105,21 @@ def test_bands_join_without_a_seam(built: Built, scene: Renderer, monkeypatch: p
     look = built.scene.look.model_copy(update={"noise": 0.0})
     place = np.array([1.5, 1.5, 1.2])
     whole = panorama(scene, place, np.eye(3), 64, look)
-    monkeypatch.setattr("savmap.sim.panorama._BAND_PIXELS", 128 * 7)
+    monkeypatch.setattr("savmap.sim.render.panorama._BAND_PIXELS", 128 * 7)
     np.testing.assert_array_equal(panorama(scene, place, np.eye(3), 64, look), whole)
 
 
 def test_masks_have_the_classes_of_other_plugins_after_ours(built: Built, folder: Path) -> None:
     assert json.loads((folder / "masks" / "classes.json").read_text()) == {"classes": list(CLASSES)}
     crates = [replace(built.boxes[0], face_labels={"+z": name}) for name in ("crate", "bin", "beam")]
-    assert classes_of(replace(built, boxes=[*built.boxes, *crates])) == [*CLASSES, "bin", "crate"]
+    assert classes_in(replace(built, boxes=[*built.boxes, *crates])) == [*CLASSES, "bin", "crate"]
 
 
-def test_a_data_set_of_other_classes_is_not_mixed_in(
-    tmp_path: Path, scene_with: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("savmap.sim.dataset.random_scene", lambda seed: scene_with(seed=seed))
-    write(tmp_path, 4, 0, "shelf", ("light",))
-    write(tmp_path, 5, 0, "shelf", ("light",))
+def test_a_data_set_of_other_classes_is_not_mixed_in(tmp_path: Path, scene_with: Callable[..., Scene]) -> None:
+    write(tmp_path, 4, 0, "row", ("light",), lambda seed: scene_with(seed=seed))
+    write(tmp_path, 5, 0, "row", ("light",), lambda seed: scene_with(seed=seed))
     with pytest.raises(OutputError, match=r"dataset\.json: is of pictures with other classes"):
-        write(tmp_path, 4, 0, "shelf", ("upright", "light"))
+        write(tmp_path, 4, 0, "row", ("upright", "light"), lambda seed: scene_with(seed=seed))
     assert json.loads((tmp_path / "dataset.json").read_text())["classes"] == ["light"]
 
 
@@ -135,12 +134,9 @@ def test_numbers_that_a_data_set_cannot_have(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_data_set_is_labelled_and_repeats(
-    tmp_path: Path, scene_with: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("savmap.sim.dataset.random_scene", lambda seed: scene_with(seed=seed))
+def test_a_data_set_is_labelled_and_repeats(tmp_path: Path, scene_with: Callable[..., Scene]) -> None:
     for name in ("a", "b"):
-        write(tmp_path / name, 4, 1, "shelf")
+        write(tmp_path / name, 4, 1, "row", scene_of=lambda seed: scene_with(seed=seed))
     (picture,), (mask,) = (list((tmp_path / "a" / kind).iterdir()) for kind in ("images", "masks"))
     assert picture.stem == mask.stem
     assert cv2.imread(str(picture)).shape == (480, 640, 3)
@@ -155,7 +151,7 @@ def test_a_data_set_is_labelled_and_repeats(
 
 def test_fronts_too_far_away_are_not_judged(built: Built) -> None:
     camera = sample_camera(built, np.random.default_rng(2))
-    mask = view_mask(Caster(built.boxes), camera, 80, 60)
+    mask = view_mask(Caster(built.boxes), camera, CLASSES, 80, 60)
     assert mask.shape == (60, 80)
     far = type(camera)(
         built.frames["A"].to_world(np.array([1.0, 1.5, 16.0])),
@@ -163,4 +159,4 @@ def test_fronts_too_far_away_are_not_judged(built: Built) -> None:
         40.0,
     )
     racks = [box for box in built.boxes if set(box.face_labels) == {"+z"} and box.center[2] < 0]
-    assert set(np.unique(view_mask(Caster(racks), far, 80, 60))) == {0, IGNORED}
+    assert set(np.unique(view_mask(Caster(racks), far, CLASSES, 80, 60))) == {0, IGNORED}

@@ -8,8 +8,8 @@ import av
 import cv2
 import numpy as np
 
-from savmap.sim.camera import Drive, drive
-from savmap.sim.scene import Cart
+from savmap.sim.drive.cart import Drive, drive
+from savmap.sim.scene.files import Cart
 from savmap.split import Found, GlanceReport
 
 HEIGHT_M = 2.2

@@ -11,8 +11,8 @@ from drawn import Face, Woven, aisles, alongside, block, cart, pictures, recordi
 
 from savmap.cli.app import main
 from savmap.errors import OutputError, SiteError, StructureError, VideoError
-from savmap.sim.camera import drive
-from savmap.sim.scene import Cart
+from savmap.sim.drive.cart import drive
+from savmap.sim.scene.files import Cart
 from savmap.site.load import load_site
 from savmap.split import PassFound, Settings, find, split
 from savmap.split.glances import Glance, sample_stamps

@@ -10,7 +10,7 @@ import pytest
 
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.train.task import Task
+from savmap.train.plan import TrainingPlan
 
 ROOT = Path(__file__).parent.parent.parent
 MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}
@@ -56,7 +56,7 @@ def both(tmp_path: Path) -> Path:
         LabelledPicture(f"a-{20 * n:05d}", image, {"column": outlines(mask == 1), "crossbar": outlines(mask == 2)})
         for n, (image, mask) in enumerate(masks(2))
     ]
-    list(write_set(tmp_path / "set", ["column", "crossbar"], pictures))
+    write_set(tmp_path / "set", ["column", "crossbar"], pictures)
     return tmp_path / "set"
 
 
@@ -68,13 +68,13 @@ def edited(path: Path, edit: Callable[[Any], None]) -> Path:
 
 
 @pytest.fixture
-def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainingPlan:
     """Two steps from the shipped network on four pictures, in small crops."""
     from savmap.train import trainer
     from savmap.train.augment import Crop
 
-    quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), looks=1, validation_limit=1)
+    quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), validations=1, validation_limit=1)
     monkeypatch.setattr(trainer, "FINE_TUNING", quick)
     data = write_dataset(tmp_path / "data", 4)
     mapping = {"column": "upright", "crossbar": "beam"}
-    return Task(("upright", "beam"), [data], tmp_path / "m.onnx", 1e-6, 1, MODELS["shelves"], mapping)
+    return TrainingPlan(("upright", "beam"), [data], tmp_path / "m.onnx", 1e-6, 1, MODELS["shelves"], mapping)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from savmap.train.augment import CHANCES, Crop, augment, random_homography, recolour, turned_hue, warp
-from savmap.train.dataset import IGNORE
+from savmap.train.data.dataset import IGNORE
 
 from .conftest import bars
 

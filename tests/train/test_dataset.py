@@ -7,16 +7,8 @@ import pytest
 from PIL import Image
 
 from savmap.errors import OutputError
-from savmap.train.dataset import (
-    IGNORE,
-    Sample,
-    class_lookup,
-    group_of,
-    read_dataset,
-    sampling_weights,
-    split,
-)
-from savmap.train.shapes import Shapes
+from savmap.train.data.dataset import IGNORE, Sample, class_lookup, group_of, read_dataset, sampling_weights, split
+from savmap.train.data.shapes import Shapes
 
 from .conftest import write_dataset
 

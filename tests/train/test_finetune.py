@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from savmap.commands import training
+from savmap.commands.training import network_lines
 
 from savmap.errors import ModelError, OutputError, SiteError
 from savmap.train import train
-from savmap.train.dataset import MaskFile, Sample, held_out
-from savmap.train.judge import Reliability, judge, judge_file
-from savmap.train.task import Task
-from savmap.training import float_model, mapping_of, minutes_of
+from savmap.train.data.dataset import MaskFile, Sample, held_out
+from savmap.train.measure import Reliability, score_file, score_network
+from savmap.train.plan import TrainingPlan, float_model, mapping_of, minutes_of
 
 from .conftest import MODELS, write_dataset
 
@@ -54,7 +55,7 @@ def test_calibration_error_is_how_far_confidence_is_from_being_right() -> None:
 
 
 def test_a_perfect_and_an_empty_prediction(four_pictures: Path) -> None:
-    from savmap.train.sets import read_set
+    from savmap.train.data.sets import read_set
 
     samples = read_set(four_pictures, ["column", "crossbar"]).samples
     truths = iter([one.load()[1] for one in samples])
@@ -62,20 +63,20 @@ def test_a_perfect_and_an_empty_prediction(four_pictures: Path) -> None:
     def perfect(_: np.ndarray) -> np.ndarray:
         return np.eye(3, dtype=np.float32)[next(truths)].transpose(2, 0, 1)
 
-    verdict = judge(perfect, samples, ["column", "crossbar"])
-    assert (verdict.mean, verdict.calibration_error, verdict.pictures) == (1, 0, 4)
+    score = score_network(perfect, samples, ["column", "crossbar"])
+    assert (score.mean, score.calibration_error, score.pictures) == (1, 0, 4)
     nothing = np.stack([np.ones((480, 640)), np.zeros((480, 640)), np.zeros((480, 640))]).astype(np.float32)
-    assert judge(lambda _: nothing, samples, ["column", "crossbar"], limit=2).as_json()["iou"] == {
+    assert score_network(lambda _: nothing, samples, ["column", "crossbar"], limit=2).as_json()["iou"] == {
         "column": 0,
         "crossbar": 0,
     }
 
 
 def test_a_class_that_a_network_lacks_is_never_seen(four_pictures: Path) -> None:
-    from savmap.train.sets import read_set
+    from savmap.train.data.sets import read_set
 
     samples = read_set(four_pictures, ["column", "light"], {"crossbar": "light"}).samples[:1]
-    assert judge_file(MODELS["lights"], samples, ["column", "light"]).iou["column"] == 0
+    assert score_file(MODELS["lights"], samples, ["column", "light"]).iou["column"] == 0
 
 
 def test_names_of_classes() -> None:
@@ -96,9 +97,9 @@ def test_how_long() -> None:
 def test_what_a_run_begins_with_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.train.NEEDED", ())
     for name in ("m.onnx", "m.int8.onnx", "m.checkpoint.pt"):
-        task = Task(["column"], [tmp_path], tmp_path / "m.onnx", 1, init=tmp_path / "." / name)
+        plan = TrainingPlan(["column"], [tmp_path], tmp_path / "m.onnx", 1, init=tmp_path / "." / name)
         with pytest.raises(OutputError, match=rf"--init .*{name}: this run would write over it; choose another -o"):
-            train(task)
+            train(plan)
 
 
 def test_the_float_network_beside_the_one_in_use(tmp_path: Path) -> None:
@@ -109,9 +110,9 @@ def test_the_float_network_beside_the_one_in_use(tmp_path: Path) -> None:
 
 def test_options_of_fine_tuning_need_a_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.train.NEEDED", ())
-    task = Task(["column"], [tmp_path], tmp_path / "m.onnx", 1, int8=True)
+    plan = TrainingPlan(["column"], [tmp_path], tmp_path / "m.onnx", 1, int8=True)
     with pytest.raises(OutputError, match="--held-out and --int8 go with fine-tuning"):
-        train(task)
+        train(plan)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
@@ -123,7 +124,7 @@ class TestWithTorch:
 
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
         from savmap.train.trainer import predictor
         from savmap.vision.networks.segmenter import Segmenter
 
@@ -135,14 +136,14 @@ class TestWithTorch:
     def test_other_classes_get_a_new_last_layer_alone(self) -> None:
         import torch
 
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
 
         one, other = load_onnx(MODELS["lights"], ["light"])[0], load_onnx(MODELS["lights"], ["a", "b"])[0]
         assert other.finish.logits.weight.shape[0] == 12
         assert torch.equal(one.context.near[0].weight, other.context.near[0].weight)
 
     def test_what_cannot_be_trained_on(self, tmp_path: Path) -> None:
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
 
         (tmp_path / "text.onnx").write_text("no model", encoding="utf-8")
         integers = MODELS["lights"].with_name("lights.int8.onnx")
@@ -157,7 +158,7 @@ class TestWithTorch:
     def test_temperature_makes_confidence_honest(self) -> None:
         import torch
 
-        from savmap.train.calibrate import softmax, temperature_for, with_temperature
+        from savmap.train.finetune import softmax, temperature_for, with_temperature
         from savmap.train.network import build
 
         generator = torch.Generator().manual_seed(0)
@@ -178,7 +179,7 @@ class TestWithTorch:
     def test_frozen_is_frozen(self) -> None:
         import torch
 
-        from savmap.train.from_onnx import load_onnx
+        from savmap.train.export import load_onnx
         from savmap.train.trainer import FINE_TUNING, Trainer
 
         network, _ = load_onnx(MODELS["lights"], ["light"])
@@ -192,27 +193,27 @@ class TestWithTorch:
         assert not {name for name in changed if name.startswith(("encoder.stem", "encoder.blocks.4."))}
         assert not {name for name in changed if "running" in name}
 
-    def test_before_and_after_and_what_integers_lose(self, task: Task, tmp_path: Path) -> None:
+    def test_before_and_after_and_what_integers_lose(self, plan: TrainingPlan, tmp_path: Path) -> None:
         import onnx
 
-        from savmap.train.finetune import report_lines
         from savmap.vision.networks.segmenter import Segmenter
 
         other = write_dataset(tmp_path / "other", 5)
         for path in sorted((other / "images").iterdir())[:4]:
             path.unlink()
-        recipe = train(replace(task, held_out=[other], int8=True))
+        network = train(replace(plan, held_out=[other], int8=True))
+        recipe = network.recipe
         assert recipe["steps"] == 2
         assert set(recipe["scores"]) == {"validation", "other"}
         for figures in recipe["scores"].values():
             assert set(figures) == {"before", "after", "int8"}
-        text = "\n".join(report_lines(recipe, task.classes))
+        text = "\n".join(network_lines(network))
         for words in ("validation (1)", "other (1)", "1 validation pictures are too few", "8-bit integers lose"):
             assert words in text
         assert recipe["calibration"]["temperature"] == 1.0
         assert "--held-out SET" not in text
         alone = recipe | {"scores": {"validation": recipe["scores"]["validation"]}}
-        assert "--held-out SET measures on others" in "\n".join(report_lines(alone, task.classes))
+        assert "--held-out SET measures on others" in "\n".join(network_lines(replace(network, recipe=alone)))
         for name in ("m.onnx", "m.int8.onnx"):
             written = {entry.key: entry.value for entry in onnx.load(tmp_path / name).metadata_props}
             assert json.loads(written["savmap.recipe"])["scores"] == recipe["scores"]
@@ -220,24 +221,25 @@ class TestWithTorch:
         assert Segmenter(tmp_path / "m.int8.onnx").classes == ("upright", "beam")
         assert {path.name for path in tmp_path.glob("m.*")} == {"m.onnx", "m.int8.onnx", "m.checkpoint.pt"}
         with pytest.raises(OutputError, match="is also trained on, 4 of 4 pictures in all"):
-            train(replace(task, held_out=task.data))
+            train(replace(plan, held_out=plan.data))
 
     def test_enough_validation_pictures_calibrate(
-        self, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, plan: TrainingPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from savmap.train import finetune
 
         monkeypatch.setattr(finetune, "LEAST_TO_CALIBRATE", 1)
-        recipe = train(task)
-        assert recipe["calibration"]["temperature"] != 1.0
-        assert "fitted to the validation pictures" in "\n".join(finetune.report_lines(recipe, task.classes))
+        monkeypatch.setattr(training, "LEAST_TO_CALIBRATE", 1)
+        network = train(plan)
+        assert network.recipe["calibration"]["temperature"] != 1.0
+        assert "fitted to the validation pictures" in "\n".join(network_lines(network))
 
-    def test_copies_of_pictures_are_not_held_out(self, task: Task, tmp_path: Path) -> None:
-        copies = shutil.copytree(task.data[0], tmp_path / "copies")
+    def test_copies_of_pictures_are_not_held_out(self, plan: TrainingPlan, tmp_path: Path) -> None:
+        copies = shutil.copytree(plan.data[0], tmp_path / "copies")
         with pytest.raises(OutputError, match=r"--held-out .*copies: a-00000\.jpg is also trained on, 4 of 4"):
-            train(replace(task, held_out=[copies]))
+            train(replace(plan, held_out=[copies]))
         own = write_dataset(tmp_path / "validation", 5)
         for path in sorted((own / "images").iterdir())[:4]:
             path.unlink()
         with pytest.raises(OutputError, match="two sets would be called validation; rename its folder"):
-            train(replace(task, held_out=[own]))
+            train(replace(plan, held_out=[own]))

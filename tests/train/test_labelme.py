@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.train.sets import read_set
+from savmap.train.data.sets import read_set
 
 from .conftest import edited
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from savmap.train.dataset import IGNORE
+from savmap.train.data.dataset import IGNORE
 from savmap.train.measure import edge_offsets, intersection_and_union
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from savmap.train import train
-from savmap.train.dataset import Sample
-from savmap.train.task import Task
+from savmap.train.data.dataset import Sample
+from savmap.train.plan import TrainingPlan
 
 from .conftest import MODELS
 
@@ -23,7 +23,7 @@ pytestmark = [
 ]
 
 
-def test_a_run_that_was_stopped_goes_on(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_was_stopped_goes_on(plan: TrainingPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     from savmap.train.trainer import Trainer
 
     steps: list[int] = []
@@ -36,55 +36,55 @@ def test_a_run_that_was_stopped_goes_on(task: Task, monkeypatch: pytest.MonkeyPa
         return step(self, batch, done)
 
     monkeypatch.setattr(Trainer, "step", killed)
-    longer = replace(task, minutes=60.0)
+    longer = replace(plan, minutes=60.0)
     with pytest.raises(KeyboardInterrupt):
         train(longer)
-    assert task.output.with_suffix(".resume.pt").is_file()
-    assert not task.output.exists()
+    assert plan.output.with_suffix(".resume.pt").is_file()
+    assert not plan.output.exists()
     lines: list[str] = []
-    recipe = train(task, lambda _, line: lines.append(line))
+    recipe = train(plan, lambda _, line: lines.append(line)).recipe
     assert any(line.startswith("going on after step 3") for line in lines)
     assert recipe["steps"] == 3
     assert len(recipe["validation IoU along the way"]) == 2
-    assert not task.output.with_suffix(".resume.pt").exists()
+    assert not plan.output.with_suffix(".resume.pt").exists()
     assert json.loads(json.dumps(recipe)) == recipe
 
 
-def test_other_data_begin_anew(task: Task) -> None:
+def test_other_data_begin_anew(plan: TrainingPlan) -> None:
+    from savmap.train.checkpoint import ResumeFile, run_key
+    from savmap.train.data.sets import read_set
     from savmap.train.loop import resumed
-    from savmap.train.resume import Resumption, run_print
-    from savmap.train.sets import read_set
     from savmap.train.trainer import FINE_TUNING
 
     def named(**mapping: str) -> Sequence[Sample]:
-        return read_set(task.data[0], ["upright"], mapping).samples
+        return read_set(plan.data[0], ["upright"], mapping).samples
 
-    def print_of(samples: Sequence[Sample], seed: int = 0, init: Path | None = None) -> str:
-        return run_print(["upright"], samples, seed, init, FINE_TUNING)
+    def key_of(samples: Sequence[Sample], seed: int = 0, init: Path | None = None) -> str:
+        return run_key(["upright"], samples, seed, init, FINE_TUNING)
 
     samples = named(column="upright")
-    whole = print_of(samples)
-    assert print_of(named(column="upright")) == whole
-    assert print_of(named(crossbar="upright")) != whole
-    assert print_of(samples[:1]) != whole
-    assert print_of(samples, 1) != whole
-    assert print_of(samples, 0, MODELS["lights"]) != whole
-    picture, mask = (next((task.data[0] / kind).iterdir()) for kind in ("images", "masks"))
+    whole = key_of(samples)
+    assert key_of(named(column="upright")) == whole
+    assert key_of(named(crossbar="upright")) != whole
+    assert key_of(samples[:1]) != whole
+    assert key_of(samples, 1) != whole
+    assert key_of(samples, 0, MODELS["lights"]) != whole
+    picture, mask = (next((plan.data[0] / kind).iterdir()) for kind in ("images", "masks"))
     cv2.imwrite(str(mask), np.zeros((480, 640), np.uint8))
-    relabelled = print_of(named(column="upright"))
+    relabelled = key_of(named(column="upright"))
     assert relabelled != whole
     cv2.imwrite(str(picture), np.zeros((480, 640, 3), np.uint8))
-    assert print_of(named(column="upright")) not in {relabelled, whole}
-    path = task.output.with_suffix(".resume.pt")
+    assert key_of(named(column="upright")) not in {relabelled, whole}
+    path = plan.output.with_suffix(".resume.pt")
     path.write_bytes(b"nothing")
-    assert Resumption(path, whole).load(None) is None  # type: ignore[arg-type]
+    assert ResumeFile(path, whole).load(None) is None  # type: ignore[arg-type]
     lines: list[str] = []
-    assert resumed(Resumption(path, whole), None, lambda _, line: lines.append(line)).steps == 0  # type: ignore[arg-type]
+    assert resumed(ResumeFile(path, whole), None, lambda _, line: lines.append(line)).steps == 0  # type: ignore[arg-type]
     assert lines == ["beginning anew: m.resume.pt is of other data or settings"]
 
 
 def test_corrected_outlines_begin_anew() -> None:
-    from savmap.train.shapes import Shapes
+    from savmap.train.data.shapes import Shapes
 
     square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
     first = Shapes(8, 8, [(1, [square])])

@@ -14,9 +14,9 @@ from PIL import Image
 from savmap.errors import OutputError
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
-from savmap.train.dataset import IGNORE, group_of, held_out
-from savmap.train.runs import mask_of, unpacked
-from savmap.train.sets import read_set, samples_of
+from savmap.train.data.coco import mask_of, unpacked
+from savmap.train.data.dataset import IGNORE, group_of, held_out
+from savmap.train.data.sets import read_set, samples_of
 
 from .conftest import edited, masks, write_dataset
 
@@ -86,7 +86,7 @@ def test_classes_by_other_names(both: Path) -> None:
 def test_pictures_of_other_sizes_keep_their_shapes(both: Path) -> None:
     image, mask = masks(1)[0]
     wide = cv2.copyMakeBorder(image, 0, 0, 0, 640, cv2.BORDER_CONSTANT)
-    list(write_set(both.parent / "wide", ["column"], [LabelledPicture("w-1", wide, {"column": outlines(mask == 1)})]))
+    write_set(both.parent / "wide", ["column"], [LabelledPicture("w-1", wide, {"column": outlines(mask == 1)})])
     picture, labels = read_set(both.parent / "wide" / "coco.json", ["column"]).samples[0].load()
     assert picture.shape == (480, 640, 3)
     assert (labels[:120] == IGNORE).all()

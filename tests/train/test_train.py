@@ -1,14 +1,17 @@
 import importlib
+import re
 import resource
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from savmap.cli import app
 from savmap.errors import OutputError, SavmapError
 from savmap.train import check_extra, train
-from savmap.train.task import Task
+from savmap.train.plan import TrainedNetwork, TrainingPlan, warning_of
 
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,12 +35,15 @@ class TestWithTorch:
 
     @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
     def test_two_steps_give_a_model_that_the_segmenter_runs(self, four_pictures: Path, tmp_path: Path) -> None:
+        import onnx
+
         from savmap.vision.networks.segmenter import Segmenter
 
         output = tmp_path / "m.onnx"
         lines: list[str] = []
-        task = Task(["crossbar", "column"], [four_pictures], output, 1e-6, 1)
-        recipe = train(task, lambda _, line: lines.append(line))
+        plan = TrainingPlan(["crossbar", "column"], [four_pictures], output, 1e-6, 1)
+        network = train(plan, lambda _, line: lines.append(line))
+        recipe = network.recipe
         segmenter = Segmenter(output)
         maps = segmenter.probabilities(np.zeros((480, 640, 3), np.uint8))
         assert segmenter.classes == ("crossbar", "column")
@@ -45,11 +51,16 @@ class TestWithTorch:
         assert np.allclose(maps.sum(axis=0), 1, atol=1e-5)
         assert recipe["steps"] == 2
         assert "validation" in recipe
+        assert network.files == (output,)
+        assert network.warning is not None
+        assert re.search(r"m\.onnx is useless so far: IoU 0\.\d{3} .* after 2 steps .*--minutes 60", network.warning)
+        card = {entry.key: entry.value for entry in onnx.load(output).metadata_props}
+        assert card["savmap.warning"] == network.warning
         assert any("step 2" in line for line in lines)
         assert output.stat().st_size < 10e6
         beside = output.with_suffix(".checkpoint.pt")
         assert not output.with_suffix(".resume.pt").exists()
-        again = train(Task(["column"], [four_pictures], tmp_path / "n.onnx", 1e-6, 1, beside))
+        again = train(TrainingPlan(["column"], [four_pictures], tmp_path / "n.onnx", 1e-6, 1, beside)).recipe
         assert Segmenter(tmp_path / "n.onnx").classes == ("column",)
         assert len(again["earlier"]) == 1
 
@@ -65,7 +76,7 @@ class TestWithTorch:
     def test_loss_does_not_prefer_wide_or_narrow_masks(self) -> None:
         import torch
 
-        from savmap.train.losses import edge_weights
+        from savmap.train.trainer import edge_weights
 
         labels = torch.zeros(1, 20, 30, dtype=torch.int64)
         labels[:, :, 15:] = 1
@@ -153,7 +164,26 @@ class TestWithTorch:
         assert not list(tmp_path.iterdir())
 
 
+def test_a_network_that_sees_enough_has_no_warning(tmp_path: Path) -> None:
+    plan = TrainingPlan(["column"], [tmp_path], tmp_path / "m.onnx", 1)
+    assert warning_of(plan, 0.8, 900) == {}
+    assert set(warning_of(plan, 0.1, 17)) == {"warning"}
+
+
+def test_the_command_warns_of_a_useless_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def useless(plan: TrainingPlan, progress: object) -> TrainedNetwork:
+        return TrainedNetwork(plan, (plan.output,), warning_of(plan, 0.001, 17))
+
+    monkeypatch.setattr("savmap.train.check", lambda plan: None)
+    monkeypatch.setattr("savmap.train.train", useless)
+    output = tmp_path / "poor.onnx"
+    ended = CliRunner().invoke(app, ["train", "shelves", "--data", str(tmp_path), "-o", str(output)])
+    assert ended.exit_code == 0
+    assert f"wrote {output}" in ended.stdout
+    assert "WARNING: poor.onnx is useless so far: IoU 0.001" in ended.stderr
+
+
 def test_output_must_be_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.train.NEEDED", ())
     with pytest.raises(OutputError, match=r"must end in \.onnx"):
-        train(Task(["column"], [tmp_path], tmp_path / "m.bin", 1))
+        train(TrainingPlan(["column"], [tmp_path], tmp_path / "m.bin", 1))

@@ -16,7 +16,7 @@ from savmap.jobs import run
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
-from savmap.sim.scene import load_scene
+from savmap.sim.scene.files import load_scene
 from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap_pallets.evaluate import Match, matches

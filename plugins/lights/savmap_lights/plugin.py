@@ -48,6 +48,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
+    furnishes = True
     scale_settings = ()
     after_pixels = ("line",)
 
@@ -120,3 +121,9 @@ class Lights:
         from savmap_lights.scene import scene
 
         return scene(section, rng, site)
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_lights.scene import random_section
+
+        return random_section(rng, site, drawn)

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import FACES, Box, Floats, Material
-from savmap.sim.scene import Rgb, RowFrame, SceneParts, Site, Strict, validated
+from savmap.types import Floats
+from savmap.types.scenes import FACES, Box, Material, RandomSection, Rgb, RowFrame, SceneParts, Site, Strict, validated
 
 
 class LampLine(Strict):
@@ -51,6 +51,32 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
                 ends.append(_ends(line, x))
     survey = {name: _survey(ends, frame) for name, frame in site.frames.items() if frame.mapped}
     return SceneParts(boxes, survey)
+
+
+def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
+    """Lamps of one kind on one to three lines along a furnished aisle, below the ceiling and above the rows."""
+    if drawn is not None or site.aisle is None or not site.sizes:
+        return None
+    aisle, ceiling, tallest = site.aisle, site.hall.height, max(size.height for size in site.sizes.values())
+    middle = aisle * float(rng.uniform(0.3, 0.7))
+    strip = bool(rng.random() < 0.6)
+    length = float(rng.uniform(0.6, 2.4))
+    drop = float(rng.uniform(0.02, min(1.6, ceiling - tallest - 0.4)))
+    line = {
+        "height": ceiling - drop - 0.05,
+        "pitch": float(rng.uniform(length + 0.3, length + 4.0)) if bool(rng.random() < 0.85) else length + 0.04,
+        "kind": "strip" if strip else "compact",
+        "across": bool(rng.random() < 0.2),
+        "length": length,
+        "width": float(rng.uniform(0.05, 0.25)) if strip else float(rng.uniform(0.2, 0.7)),
+        "thickness": float(rng.uniform(0.03, 0.15)),
+        "housing": bool(rng.random() < 0.35),
+        "hangers": bool(rng.random() < 0.5),
+        "emission": float(rng.uniform(4, 30)),
+        "broken": float(rng.choice([0.0, 0.1, 0.3])),
+    }
+    places = [middle] + [float(z) for z in (middle - aisle - 2, middle + aisle + 2) if rng.random() < 0.6]
+    return RandomSection({"lines": [{**line, "z": z} for z in places]})
 
 
 def _positions(line: LampLine, site: Site) -> Floats:

@@ -28,8 +28,8 @@ from savmap_shelves.settings import ShelvesSettings
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
-    from savmap.sim.scene import SceneParts, Site
     from savmap.types import Drawing, Score
+    from savmap.types.scenes import SceneParts, Site
     from savmap.vision.view_planning import Manual, PassPreview
 
 
@@ -37,6 +37,7 @@ class Shelves:
     """Uprights and beams of the face of a rack."""
 
     name = "shelves"
+    furnishes = True
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     Config = ShelvesSettings
@@ -109,6 +110,12 @@ class Shelves:
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":
-        from savmap_shelves.scene import scene
+        from savmap_shelves.simulation.scene import scene
 
         return scene(section, rng, site)
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_shelves.simulation.random_racks import random_section
+
+        return random_section(rng, site, drawn)

@@ -17,7 +17,7 @@ from savmap.geometry.pinhole import rig_from_view
 from savmap.sim.dataset import write_samples
 from savmap.types import Floats
 from savmap_signs.artwork import Picture, artwork
-from savmap_signs.random_plates import code_of, looks, text_of
+from savmap_signs.random_plates import code_of, series_style, text_of
 from savmap_signs.scene import CORNERS, shown
 
 CLASSES = ("sign",)
@@ -29,11 +29,11 @@ HUNG_SHARE = 0.4
 def pasted(picture: Picture, fronts: NDArray[np.bool_], rng: np.random.Generator) -> tuple[Picture, Picture]:
     """A picture (h, w, 3) RGB with some plates, and their mask (h, w); most stand on `fronts` (h, w) where there are any."""
     mask = np.zeros(picture.shape[:2], np.uint8)
-    style = looks(rng)
+    style = series_style(rng)
     scale = float(np.exp(rng.uniform(*np.log(WIDTHS_PX))))
     places = np.argwhere(fronts)
     for number in range(int(rng.integers(0, MOST))):
-        style = looks(rng) if rng.random() < 0.3 else style
+        style = series_style(rng) if rng.random() < 0.3 else style
         on_front = len(places) and rng.random() > HUNG_SHARE
         row, column = places[rng.integers(len(places))] if on_front else rng.uniform(0, 1, 2) * mask.shape
         quad, plate = _plate(rng, style, number, scale * float(rng.uniform(0.7, 1.5)))
@@ -93,10 +93,10 @@ def _outline(quad: Floats, shape: tuple[int, int]) -> NDArray[np.float32]:
 
 def pictures_of(folder: Path) -> list[Path]:
     """The pictures of a data set. Raises OutputError where there are none."""
-    found = sorted((folder / "images").glob("*"))
-    if not found:
+    pictures = sorted((folder / "images").glob("*"))
+    if not pictures:
         raise OutputError(f"{folder}: no pictures in its folder images; give a data set (see docs/training.md)")
-    return found
+    return pictures
 
 
 def samples(images: Sequence[Path], count: int, seed: int) -> Iterator[tuple[str, Picture, Picture]]:

@@ -13,14 +13,14 @@ import numpy as np
 
 from savmap.errors import ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.sim.build import build
-from savmap.sim.camera import CameraSample, sample_camera, world_from_level
-from savmap.sim.dataset import CLASSES, IGNORED, view_mask, view_picture, write_samples
-from savmap.sim.random_scene import random_scene
-from savmap.sim.shade import Image, Mask, Renderer, renderer
-from savmap_signs.random_plates import dressed
+from savmap.sim.dataset import IGNORED, view_mask, view_picture, write_samples
+from savmap.sim.drive.cart import world_from_level
+from savmap.sim.drive.views import CameraSample, sample_camera
+from savmap.sim.random_scene import classes_of, random_scene
+from savmap.sim.render.shade import Image, Mask, Renderer, renderer
+from savmap.sim.scene.build import build
 
-NAME = "sign"
+PLUGIN, NAME = "signs", "sign"
 VIEWS_A_SCENE = 10
 ALONG_SHARE = 0.4
 LEAST_PX = 40
@@ -30,27 +30,27 @@ def samples(seed: int, count: int) -> Iterator[tuple[str, Image, Mask]]:
     """`count` named pictures with masks; the same seed gives the same."""
     for index in range(0, count, VIEWS_A_SCENE):
         rng = np.random.default_rng([seed, index])
-        built = build(dressed(random_scene(seed * 1_000_003 + index), index))
-        scene = renderer(built)
+        built = build(random_scene(seed * 1_000_003 + index, [PLUGIN]))
+        scene, classes = renderer(built), classes_of(built.scene)
         for view in range(index, min(index + VIEWS_A_SCENE, count)):
-            picture, mask = _worthwhile(scene, rng)
-            yield f"plate-{seed}-{view:05d}", picture, _judged(mask)
+            picture, mask = _worthwhile(scene, rng, classes)
+            yield f"plate-{seed}-{view:05d}", picture, _judged(mask, classes.index(NAME) + 1)
 
 
-def _worthwhile(scene: Renderer, rng: np.random.Generator) -> tuple[Image, Mask]:
+def _worthwhile(scene: Renderer, rng: np.random.Generator, classes: Sequence[str]) -> tuple[Image, Mask]:
     """A picture with a sign in it; nearly always, after a few tries."""
-    value = CLASSES.index(NAME) + 1
+    value = classes.index(NAME) + 1
     for _ in range(10):
         camera = _camera(scene, rng)
-        small = view_mask(scene.caster, camera, 80, 60)
+        small = view_mask(scene.caster, camera, classes, 80, 60)
         if (small == value).sum() > 3 or rng.random() < 0.04:
             break
-    return view_picture(scene, camera, scene.built.scene.look, rng)
+    return view_picture(scene, camera, scene.built.scene.look, rng, classes)
 
 
 def _camera(scene: Renderer, rng: np.random.Generator) -> CameraSample:
     """Towards a face as the simulator's other pictures are, or along the aisle."""
-    camera = sample_camera(scene.built, rng, "shelf")
+    camera = sample_camera(scene.built, rng)
     if rng.random() > ALONG_SHARE:
         return replace(camera, hfov_deg=float(rng.uniform(70, 130)))
     heading = np.array([rng.choice([-1.0, 1.0]), 0.0, 0.0])
@@ -58,9 +58,8 @@ def _camera(scene: Renderer, rng: np.random.Generator) -> CameraSample:
     return CameraSample(camera.origin, world_from_level(heading) @ turn, float(rng.uniform(60, 110)))
 
 
-def _judged(mask: Mask) -> Mask:
+def _judged(mask: Mask, value: int) -> Mask:
     """The mask with signs of fewer than `LEAST_PX` pixels left unjudged."""
-    value = CLASSES.index(NAME) + 1
     _, numbers, stats, _ = cv2.connectedComponentsWithStats((mask == value).astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < LEAST_PX
     small[0] = False
@@ -75,7 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
     with ending_in_one_line():
-        write_samples(options.output, CLASSES, "savmap.sim, ray cast", samples(options.seed, options.count))
+        classes = classes_of(random_scene(options.seed, [PLUGIN]))
+        write_samples(options.output, classes, "savmap.sim, ray cast", samples(options.seed, options.count))
 
 
 if __name__ == "__main__":

@@ -92,3 +92,9 @@ class Signs:
         from savmap_signs.scene import scene
 
         return scene(section, rng, site)
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_signs.random_plates import random_section
+
+        return random_section(rng, site, drawn)

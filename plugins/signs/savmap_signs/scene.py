@@ -6,8 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import Box, Face, Floats, Material
-from savmap.sim.scene import Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
+from savmap.types import Floats
+from savmap.types.scenes import Box, Face, Material, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
 from savmap_signs.artwork import Code, artwork
 
 Facing = Literal["+z", "+x", "-x", "x"]
@@ -64,8 +64,8 @@ def corners(plate: Plate, face: Face) -> Floats:
     right = np.cross([0.0, 1.0, 0.0], normal)
     middle = np.array(plate.at) + THICK_M / 2 * np.array(normal)
     spread = CORNERS * np.array(plate.size)
-    found: Floats = middle + spread[:, :1] * right + spread[:, 1:] * np.array([0.0, 1.0, 0.0])
-    return found
+    printed: Floats = middle + spread[:, :1] * right + spread[:, 1:] * np.array([0.0, 1.0, 0.0])
+    return printed
 
 
 def _boxes(plate: Plate, site: Site) -> Iterator[Box]:

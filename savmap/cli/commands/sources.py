@@ -29,10 +29,18 @@ def simulate(
     mask: Annotated[list[str] | None, typer.Option(help="YAW,PITCH,HFOV: also write class masks of this view.")] = None,
 ) -> None:
     """Make footage of a made-up place, with its truth."""
-    from savmap.cli import tools
+    from savmap.cli.console import Console
+    from savmap.sim.scene.files import load_scene
+    from savmap.sim.simulate import mask_view
+    from savmap.sim.simulate import simulate as render_footage
+    from savmap.site.job import prepare
 
-    for line in tools.simulate(scene, output, mask or []):
-        typer.echo(line)
+    loaded, views = load_scene(scene), [mask_view(number, text) for number, text in enumerate(mask or [], start=1)]
+    prepare(output)
+    with Console(output / "savmap.log") as console:
+        footage = render_footage(loaded, output, console, masks=views)
+    for path in footage.files:
+        typer.echo(f"wrote {path}")
 
 
 def train(
@@ -55,11 +63,23 @@ def train(
     int8: Annotated[bool, typer.Option("--int8", help="Fine-tuning: also write it in 8-bit integers.")] = False,
 ) -> None:
     """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
-    from savmap import training
+    from savmap.cli.commands.training import network_lines
+    from savmap.cli.console import Console
+    from savmap.site.job import prepare
+    from savmap.train import check
+    from savmap.train import train as train_network
+    from savmap.train.plan import TrainOptions, plan_of
 
-    wish = training.Wish(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
-    for line in training.train(plugin, wish):
+    options = TrainOptions(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
+    plan = plan_of(plugin, options)
+    check(plan)
+    prepare(output.parent)
+    with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
+        network = train_network(plan, progress)
+    for line in network_lines(network):
         typer.echo(line)
+    if network.warning is not None:
+        typer.secho(network.warning, fg=typer.colors.RED, bold=True, err=True)
 
 
 def label(
@@ -72,8 +92,14 @@ def label(
     sets: Sets = None,
 ) -> None:
     """Choose the views most worth labelling, and write them with the network's own masks to start from."""
+    from savmap.cli.console import Console
     from savmap.label.run import label as choose_and_write
     from savmap.site.overrides import overrides_of
 
-    for line in choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ)):
-        typer.echo(line)
+    with Console(Path(os.devnull)) as console:
+        labelled = choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ), console)
+    typer.echo(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
+    typer.echo(
+        f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} (LabelMe): "
+        "correct one of them, and train on that one"
+    )

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.train.dataset import group_of, read_dataset
+from savmap.train.data.dataset import group_of, read_dataset
 from savmap_signs import pasted
 
 

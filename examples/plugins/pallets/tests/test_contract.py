@@ -9,8 +9,9 @@ import pytest
 
 from savmap.plugin.contract import check_plugin
 from savmap.plugin.manager import load_class
-from savmap.sim.dataset import random_place
-from savmap.sim.scene import RowFrame, Site, load_scene
+from savmap.sim.random_scene import random_scene
+from savmap.sim.scene.files import load_scene
+from savmap.types.scenes import RowFrame, Site
 from savmap_pallets.plugin import Pallets
 
 ROW = Path(__file__).parents[1] / "row.yaml"
@@ -47,5 +48,5 @@ def test_the_scene_has_what_its_survey_says() -> None:
 
 
 def test_random_places_have_pallets() -> None:
-    scene = random_place(5, ["pallets"])
+    scene = random_scene(5, ["pallets"])
     assert sum(len(row) for row in scene.structures["pallets"]["rows"].values()) >= 3

@@ -11,9 +11,21 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import FACES, Box, Floats, Material
-from savmap.sim.scene import Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
-from savmap.sim.shapes import span
+from savmap.types import Floats
+from savmap.types.scenes import (
+    FACES,
+    Box,
+    Material,
+    RandomSection,
+    Rgb,
+    RowFrame,
+    SceneError,
+    SceneParts,
+    Site,
+    Strict,
+    span,
+    validated,
+)
 
 WOOD: Rgb = (0.46, 0.33, 0.2)
 PLASTICS: tuple[Rgb, ...] = ((0.03, 0.1, 0.4), (0.1, 0.1, 0.11), (0.4, 0.41, 0.42), (0.5, 0.05, 0.03))
@@ -56,13 +68,13 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
     return SceneParts(boxes, survey)
 
 
-def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
-    """The section of a random place: pallets before its mapped rows, none within another's reach. For `savmap.sim.dataset`."""
+def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
+    """The section of a random place: pallets before its mapped rows, none within another's reach."""
     rows: dict[str, Any] = {}
     for name, frame in site.frames.items():
         if frame.mapped:
             rows[name] = [_random(rng, x, z) for x, z in _places(rng, frame, site)]
-    return {"rows": rows}
+    return RandomSection({"rows": rows})
 
 
 def _places(rng: np.random.Generator, frame: RowFrame, site: Site) -> list[tuple[float, float]]:

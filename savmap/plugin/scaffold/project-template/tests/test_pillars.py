@@ -8,8 +8,8 @@ import pytest
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.pinhole import project
 from savmap.graph import CameraHeight, References, camera_priors, merge, solve
-from savmap.sim.scene import Goods, Hall, Look, RowFrame, Site
 from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, View, ViewSpec
+from savmap.types.scenes import Goods, Hall, Look, RowFrame, Site
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.view_planning import LEVEL
 from savmap_pillars.plugin import Known, Pillars, Settings
@@ -138,5 +138,6 @@ def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> 
 
 def test_a_random_place_has_some(plugin: Pillars) -> None:
     site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.zeros(3), True)})
-    section = random_section(np.random.default_rng(0), site)
-    assert 1 <= len(plugin.scene(section, np.random.default_rng(0), site).boxes) <= 4
+    section = random_section(np.random.default_rng(0), site, None)
+    assert section is not None
+    assert 1 <= len(plugin.scene(section.section, np.random.default_rng(0), site).boxes) <= 4

@@ -132,3 +132,9 @@ class Pillars:
         from savmap_pillars.scene import scene
 
         return scene(section, rng, site)
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_pillars.scene import random_section
+
+        return random_section(rng, site, drawn)

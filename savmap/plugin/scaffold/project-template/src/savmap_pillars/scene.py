@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from savmap.sim.primitives import FACES, Box, Floats, Material
-from savmap.sim.scene import Rgb, SceneParts, Site, Strict, validated
+from savmap.types import Floats
+from savmap.types.scenes import FACES, Box, Material, RandomSection, Rgb, SceneParts, Site, Strict, validated
 
 
 class Stand(Strict):
@@ -37,7 +37,7 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
     return SceneParts(boxes, survey)
 
 
-def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
+def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
     """Pillars of any size and colour in front of the mapped faces of a random place, to train a network on."""
     stands = []
     for frame in (frame for frame in site.frames.values() if frame.mapped):
@@ -45,7 +45,7 @@ def random_section(rng: np.random.Generator, site: Site) -> dict[str, Any]:
             at = frame.to_world(np.array([x, 0.0, rng.uniform(0.2, 0.8)]))
             height, width = rng.uniform(0.8, 3.5), rng.uniform(0.05, 0.2)
             stands.append({"x": float(at[0]), "z": float(at[2]), "height": float(height), "width": float(width)})
-    return {"stands": stands, "color": rng.uniform(0.02, 0.8, 3).tolist()}
+    return RandomSection({"stands": stands, "color": rng.uniform(0.02, 0.8, 3).tolist()})
 
 
 def _box(stand: Stand, color: Rgb) -> Box:

@@ -1,0 +1,1 @@
+"""Racks for the simulator, and what masks of them would show."""

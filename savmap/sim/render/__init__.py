@@ -1,0 +1,1 @@
+"""Pictures of a built scene by casting rays."""

@@ -1,0 +1,1 @@
+"""Scenes: their files, the plugins' structures in them, the building, the goods."""

@@ -1,0 +1,65 @@
+"""The pitch of the bays as a reference: it gives the scale alone, is reported section by section, and is contradicted aloud."""
+
+import made_up_rack as made
+import numpy as np
+import pytest
+
+from savmap.errors import SiteError
+from savmap.graph import References, Solution, camera_priors, merge, solve
+from savmap_shelves.constraints import GridSettings, constrain
+from savmap_shelves.constraints.constrain import assignments
+
+
+@pytest.fixture(scope="module")
+def small() -> made.World:
+    return made.world(6, sections=3, frames=40, bridge=None)
+
+
+def pitches(world: made.World) -> list[float]:
+    return np.diff(world.rack.uprights[:, 0]).tolist()
+
+
+def solved(world: made.World, pitch: list[float], given: References, heights: bool = True) -> Solution:
+    start = made.begin(world)
+    settings = GridSettings(world.rack.lowest if heights else None, bay_pitch_m=pitch, bay_pitch_sigma_m=0.003)
+    return solve(
+        merge(camera_priors(world.facts, start, given), constrain(world.tracks, world.facts, start, settings=settings))
+    )
+
+
+def test_pitches_alone_give_the_scale_and_are_reported(small: made.World) -> None:
+    """A camera height alone gives the place along y, but no scale (see test_references)."""
+    solution = solved(small, pitches(small), made.references(small, camera=True, length=False), heights=False)
+    x, y, _, _ = made.errors(small, solution)
+    assert np.abs(x).max() < 0.015
+    assert np.abs(y).max() < 0.03
+    used = {use.name: use for use in solution.references}
+    assert used["bay pitch of section 3"].solved == pytest.approx(pitches(small)[2], abs=0.005)
+    assert not solution.warnings
+
+
+def test_a_wrong_pitch_is_named(small: made.World) -> None:
+    first, second, third = pitches(small)
+    warnings = " ".join(solved(small, [first, second + 0.04, third], made.references(small)).warnings)
+    assert f"bay pitch of section 2 is given as {second + 0.04:.3f} m" in warnings
+
+
+def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
+    ways = assignments({"height": (0.1, 0.2, 0.3), "pitch": 2.7}, (1, 2), "A")
+    assert list(ways) == ["sections 1 to 2 of 3", "sections 2 to 3 of 3"]
+    assert list(ways.values()) == [
+        {"height": {1: 0.1, 2: 0.2}, "pitch": {1: 2.7, 2: 2.7}},
+        {"height": {1: 0.2, 2: 0.3}, "pitch": {1: 2.7, 2: 2.7}},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"pitch": (2.7,)}, "pitch gives 1 values, but 2 sections"),
+        ({"height": (0.1, 0.2), "pitch": (2.7, 2.7, 2.7)}, "2 of height and 3 of pitch"),
+    ],
+)
+def test_lists_that_do_not_fit_are_refused(given: dict[str, tuple[float, ...]], told: str) -> None:
+    with pytest.raises(SiteError, match=told):
+        assignments(given, (1, 2), "A")
