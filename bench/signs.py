@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from savmap_signs.survey import SurveyedSign, read_row
 
 from savmap.files.atomic import write_text
 from savmap.jobs import run
@@ -30,8 +31,7 @@ from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Floats, Structure
 from savmap_shelves.simulation.random_racks import starts
-from savmap_signs.evaluate import match, said
-from savmap_signs.survey import SurveyedSign, read_row
+from savmap_signs.evaluation import match_signs, same_text
 
 LETTER_PX, FRAMES = 8.0, 3
 LETTER_SHARE = 0.33
@@ -101,7 +101,7 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
     surveyed = read_row(built.survey["rows"]["A"])
     caster, path = Caster(built.boxes), drive(scene.cart, scene.seed)
     signs = [own for own in structures if own.label == "sign"]
-    partner = match(surveyed.corners(), np.array([own.vertices for own in signs]).reshape(-1, 4, 3))
+    partner = match_signs(surveyed.corners(), signs)
     readable = [i for i, sign in enumerate(surveyed.signs) if legible(scene, caster, path, sign)]
     off = {i: np.linalg.norm(surveyed.corners()[i] - signs[j].vertices, axis=1) for i, j in partner.items()}
     inside = [within(surveyed.corners()[i] - signs[j].vertices, signs[j].covariances) for i, j in partner.items()]
@@ -109,13 +109,13 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
     invented = [
         own.attributes["text"]
         for j, own in enumerate(signs)
-        if own.attributes["text"] and not (j in true and said(surveyed.signs[true[j]], own))
+        if own.attributes["text"] and not (j in true and same_text(surveyed.signs[true[j]], own))
     ]
     return {
         "signs": len(surveyed.signs),
         "legible": len(readable),
         "found": sum(i in partner for i in readable),
-        "read": sum(i in partner and said(surveyed.signs[i], signs[partner[i]]) for i in readable),
+        "read": sum(i in partner and same_text(surveyed.signs[i], signs[partner[i]]) for i in readable),
         "corners_m": np.concatenate([np.zeros(0), *(off[i] for i in readable if i in off)]).round(4).tolist(),
         "inside": round(float(np.mean(inside)), 4) if inside else None,
         "invented": invented,
@@ -123,7 +123,7 @@ def judged(scene: Scene, structures: Sequence[Structure]) -> dict[str, Any]:
         "not_read": [
             surveyed.signs[i].text
             for i in readable
-            if i not in partner or not said(surveyed.signs[i], signs[partner[i]])
+            if i not in partner or not same_text(surveyed.signs[i], signs[partner[i]])
         ],
     }
 

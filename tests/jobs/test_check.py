@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from savmap.errors import SavmapError
 from savmap.jobs import check as checking
-from savmap.jobs import resource_estimate as needing
+from savmap.jobs import resource_estimate
 from savmap.jobs.check import CheckError, check
 from savmap.jobs.resource_estimate import FRAMES, ResourceEstimate, duration
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.pipeline.measure import PassPlan, RowMeasurements
 from savmap.pipeline.preview import picture_name
+from savmap.pipeline.records import MeasuredRow, RowRequest
 from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
-from savmap.types.progress import Monitor
+from savmap.types.progress import Monitor, NoteCollector
 from savmap.video.clip import Clip
 from savmap.vision.markers import Marks
 from savmap.vision.view_planning import PassPreview
@@ -52,33 +54,33 @@ def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return tmp_path
 
 
-def told(folder: Path, text: str, pictures: bool = False, output: str = "out") -> tuple[list[str], int]:
-    """The lines of a check but for those of sound networks, places relative to the folder, and its exit code."""
+def checked(folder: Path, text: str, output: str = "out", pictures: bool = False) -> tuple[list[str], int]:
+    """What is told of a site file, without the lines about networks, and the exit code."""
     (folder / "site.yaml").write_text(text, encoding="utf-8")
-    lines: list[str] = []
-    code = 0
+    notes = NoteCollector()
     try:
-        for line in check(folder / "site.yaml", None, folder / output, pictures=pictures):
-            lines.append(line.replace(f"{folder}/", ""))
-    except CheckError as error:
-        code = error.exit_code
+        problems = check(folder / "site.yaml", None, folder / output, notes, pictures=pictures)
+    except SavmapError as error:
+        return [str(error)], error.exit_code
+    lines = [line.replace(f"{folder}/", "") for line in notes.lines]
+    code = CheckError(folder / "site.yaml", problems).exit_code if problems else 0
     return [line for line in lines if not line.startswith("network of ")], code
 
 
 def test_networks_are_told_with_their_kind_and_provider(folder: Path) -> None:
     (folder / "site.yaml").write_text("providers: [openvino, cpu]\n" + GOOD, encoding="utf-8")
-    lines = list(check(folder / "site.yaml", None, folder / "out", pictures=False))
-    (said,) = [line for line in lines if line.startswith("network of ")]
+    notes = NoteCollector()
+    check(folder / "site.yaml", None, folder / "out", notes, pictures=False)
+    (said,) = [line for line in notes.lines if line.startswith("network of ")]
     assert said.startswith("network of shelves: shelves.int8.onnx: semantic, 640x480, on ")
 
 
 def test_nothing_wrong(folder: Path) -> None:
     before = set(folder.iterdir())
-    lines, code = told(folder, GOOD)
+    lines, code = checked(folder, GOOD)
     assert code == 0
     assert lines[0] == "row A, pass 1: 40 frames"
-    assert lines[1] == "40 frames; looking at them will take about 2 min with one worker on this machine"
-    assert lines[-1] == "site.yaml: no problem found"
+    assert lines[1] == "40 frames; measuring them will take about 2 min with one worker on this machine"
     assert set(folder.iterdir()) - before == {folder / "site.yaml"}
 
 
@@ -115,14 +117,14 @@ def test_nothing_wrong(folder: Path) -> None:
     ],
 )
 def test_each_kind_of_problem_has_its_place_and_code(folder: Path, old: str, new: str, code: int, line: str) -> None:
-    lines, found = told(folder, GOOD.replace(old, new))
+    lines, found = checked(folder, GOOD.replace(old, new))
     assert found == code
     assert [one for one in lines if one.startswith(line)], lines
 
 
 def test_a_survey_that_plugins_cannot_read(folder: Path) -> None:
     (folder / "survey.json").write_text(SURVEY.replace('"X": {}', '"A": {"sections": 3}'), encoding="utf-8")
-    lines, code = told(folder, "survey: survey.json\n" + GOOD)
+    lines, code = checked(folder, "survey: survey.json\n" + GOOD)
     assert code == 9
     assert lines[0].startswith("site.yaml:1: survey.json: row A: ")
 
@@ -137,7 +139,7 @@ def test_everything_is_told_at_once_and_sound_rows_are_checked(folder: Path) -> 
 layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [A, B, X]}
 """
     (folder / "file").touch()
-    lines, code = told(folder, GOOD + more, output="file/out")
+    lines, code = checked(folder, GOOD + more, output="file/out")
     assert code == 3
     assert [line.split(" ")[0] for line in lines[:6]] == [
         "site.yaml:11:",
@@ -149,24 +151,26 @@ layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [A, B, X]}
     ]
 
 
-def test_the_same_face_under_two_names_is_told(folder: Path) -> None:
-    lines, code = told(folder, GOOD + "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}]}\n")
+def test_the_same_face_under_two_names_is_checked(folder: Path) -> None:
+    lines, code = checked(
+        folder, GOOD + "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}]}\n"
+    )
     assert code == 0
     assert lines[0] == "row B, pass 1: the same frames, side and views as row A, pass 1; is it the same face?"
     assert lines[1].startswith("row A, pass 1: 40")
 
 
 def test_what_concerns_all_rows_comes_first(folder: Path) -> None:
-    lines, code = told(folder, GOOD.replace("references:", "reference:"))
+    lines, code = checked(folder, GOOD.replace("references:", "reference:"))
     assert code == 3
     assert lines[0] == "site.yaml:3: unknown key `reference`: did you mean `references`?"
     assert lines[1] == "site.yaml: the rest is checked once this is put right"
 
 
-def test_a_video_that_is_cut_off_is_told(folder: Path) -> None:
+def test_a_video_that_is_cut_off_is_checked(folder: Path) -> None:
     whole = write_video(folder / "b.mkv", evenly(90, 10.0)).read_bytes()
     (folder / "b.mkv").write_bytes(whole[: len(whole) // 2])
-    lines, code = told(folder, GOOD.replace("a.mp4", "b.mkv"))
+    lines, code = checked(folder, GOOD.replace("a.mp4", "b.mkv"))
     assert code == 4
     assert "site.yaml:8: b.mkv: nothing can be decoded after" in lines[1]
 
@@ -179,7 +183,7 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
         )  # type: ignore[arg-type]
 
     monkeypatch.setattr("savmap.pipeline.preview.plan_pass", aimed)
-    lines, code = told(
+    lines, code = checked(
         folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
     )
     assert code == 0, lines
@@ -204,32 +208,32 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
             time.sleep(0.2 if number < 2 else 0.01)
             yield number
 
-    def look(row: Any, rooms: Any, monitor: Monitor) -> RowMeasurements:
-        seen = list(monitor.each(frames(), "looking"))
+    def measured(row: RowRequest, monitor: Monitor) -> MeasuredRow:
+        seen = list(monitor.each(frames(), "measuring"))
         facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
+        return MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {})))
 
     found: list[ResourceEstimate] = []
 
     def kept(job: Any, footage: Any) -> ResourceEstimate:
-        found.append(needing.needs(job, footage))
+        found.append(resource_estimate.resource_estimate(job, footage))
         return found[-1]
 
     (tmp_path / "a.mp4").symlink_to(video)
-    monkeypatch.setattr("savmap.pipeline.row.look", look)
-    monkeypatch.setattr(checking, "needs", kept)
+    monkeypatch.setattr(resource_estimate, "measure", measured)
+    monkeypatch.setattr(checking, "resource_estimate", kept)
     again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5}, {video: a.mp4}]}\n"
-    told(tmp_path, again)
+    checked(tmp_path, again)
     assert len(asked) == 2 * FRAMES  # one kind of footage at each rate
     assert found[0].frames == 100
-    assert 1.0 < found[0].look_s < 20
+    assert 1.0 < found[0].measure_s < 20
     assert found[0].solve_s is None
     assert found[0].disk_mb > 0
     assert found[0].memory_mb > 10
     write_log(
         RunLog(rows={"A": RowRun(status="mapped", used=40, seconds={"solved": 4.0})}), tmp_path / "out" / "run.json"
     )
-    told(tmp_path, again)
+    checked(tmp_path, again)
     assert found[1].solve_s == pytest.approx(10.0)
     assert "about 10 s, by the last run's rate" in list(found[1].lines())[1]
 

@@ -9,8 +9,9 @@ import pytest
 
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
+from savmap.jobs.cache import FolderCache
 from savmap.jobs.dask_executor import DaskExecutor
-from savmap.jobs.scheduler import RunOptions, mapped_rows
+from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
 
@@ -57,9 +58,13 @@ def test_a_worker_killed_in_mid_run_changes_nothing(
 ) -> None:
     address, workers = cluster
     path = site(tmp_path)
-    here = mapped_rows(job_for(path, None, tmp_path / "here"), RunOptions(jobs=0), SilentMonitor())
+    here = map_rows_of(
+        job_for(path, None, tmp_path / "here"), RunOptions(jobs=0), SilentMonitor(), FolderCache(tmp_path / "here")
+    )
     killer = Killer(workers[0])
-    there = mapped_rows(job_for(path, None, tmp_path / "there"), RunOptions(cluster=address), killer)
+    there = map_rows_of(
+        job_for(path, None, tmp_path / "there"), RunOptions(cluster=address), killer, FolderCache(tmp_path / "there")
+    )
     assert workers[0].wait(10) != 0
     assert killer.after == 1
     assert not there.failed

@@ -164,7 +164,7 @@ def test_networks_are_taken_from_the_files_folder(tmp_path: Path) -> None:
     own = GOOD + "    plugins: {shelves: {model: /nets/own.onnx}}\n"
     site = load_site(write(tmp_path, own.replace("threshold: 0.4", "model: nets/all.onnx")))
     assert site.plugins["shelves"]["model"] == str(tmp_path / "nets" / "all.onnx")
-    assert site.row_config("A", "shelves")["model"] == "/nets/own.onnx"
+    assert site.plugin_config("A", "shelves")["model"] == "/nets/own.onnx"
 
 
 def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> None:

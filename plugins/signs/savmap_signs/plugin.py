@@ -1,15 +1,43 @@
-"""Signs on racks and over the aisle, with what is written on them, as a plugin of savmap."""
+"""Signs on racks and over the aisle, with what is written on them, as a plugin of savmap.
 
-from collections.abc import Callable, Mapping, Sequence
+Hooks import their stage when they are called, so that a command that only asks for the plugin's name or settings starts fast.
+"""
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from savmap.errors import SolveError
+from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
 from savmap.plugin.hookspecs import hookimpl
-from savmap.types import Detection, Feature, Floats, Panorama, RowFacts, Structure, Track, Trajectory, View, ViewPlan
+from savmap.types import (
+    Detection,
+    Drawing,
+    Feature,
+    Floats,
+    Panorama,
+    RowFacts,
+    Score,
+    Structure,
+    Track,
+    Trajectory,
+    View,
+    ViewPlan,
+    ViewSpec,
+)
 from savmap_signs.settings import Settings
+
+if TYPE_CHECKING:
+    from savmap.graph import Constraints, Solution
+    from savmap.vision.view_planning import Manual, PassPreview
+
+HFOV_DEG = 90.0
+FACE_VIEWS_DEG = {"signs upper": (0.0, 25.0), "signs lower": (0.0, -25.0)}
+AISLE_VIEWS_DEG = {"signs ahead": (90.0, 25.0), "signs behind": (-90.0, 25.0)}
+"""Yaw to the right of straight at the face, and pitch upwards, of views by name. The cart's motion brings every sign of a face before
+a view; the views must cover the face's height, and have pixels enough for small signs."""
 
 
 class Signs:
@@ -28,21 +56,31 @@ class Signs:
 
     @hookimpl
     def render_views(
-        self,
-        pass_preview: Any,
-        see: Callable[[View], list[Detection]],
-        manual: Mapping[str, Any],
-        attitude: Floats | None,
+        self, pass_preview: "PassPreview", manual: "Mapping[str, Manual]", attitude: Floats | None
     ) -> ViewPlan:
-        from savmap_signs.aim import aim_at_signs
+        """The upper and the lower half of the face, and along the aisle both ways, where signs hang across it."""
+        from savmap.vision.view_planning import LEVEL
+        from savmap_signs.reading import missing_packages_note
 
-        return aim_at_signs(pass_preview, manual, attitude, self.config)
+        rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
+        interval = self.config.every or pass_preview.apart()
+        directions = FACE_VIEWS_DEG | (AISLE_VIEWS_DEG if self.config.along else {})
+        specs = [
+            _view_spec(name, rig_from_world @ LEVEL, yaw, pitch, interval) for name, (yaw, pitch) in directions.items()
+        ]
+        note = missing_packages_note() if self.config.read else None
+        return ViewPlan(
+            tuple(manual[spec.name].over(spec) if spec.name in manual else spec for spec in specs),
+            notes=(note,) if note else (),
+        )
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
         from savmap_signs.features import extract_features
+        from savmap_signs.reading import read
 
-        return extract_features(view, detections, panorama, self.config.read, self.config.read_every)
+        reads = self.config.read and (view.frame // view.spec.every) % self.config.read_every == 0
+        return extract_features(view, detections, panorama, read if reads else None)
 
     @hookimpl
     def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
@@ -56,45 +94,51 @@ class Signs:
         return track_signs(features, facts, start, self.config)
 
     @hookimpl
-    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> Any:
-        from savmap_signs.constraints import constrain
+    def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
+        from savmap_signs.mapping import constrain
 
         return constrain(tracks, facts, start, self.name, self.config)
 
     @hookimpl
-    def describe(self, tracks: Sequence[Track], solution: Any) -> list[Structure]:
-        from savmap_signs.describe import describe
+    def describe(self, tracks: Sequence[Track], solution: "Solution") -> list[Structure]:
+        from savmap_signs.mapping import describe
 
         return describe(tracks, solution, self.name)
 
     @hookimpl
     def relate(self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
-        from savmap_signs.bays import with_bays
+        from savmap_signs.mapping import with_bays
 
         return with_bays(structures, others)
 
     @hookimpl
-    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Any:
-        from savmap_signs.evaluate import evaluate
+    def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
+        from savmap_signs.evaluation import evaluate
 
         return evaluate(structures, survey)
 
     @hookimpl
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
-    ) -> Any:
-        from savmap_signs.sketch import draw
+    ) -> tuple[Drawing, ...]:
+        from savmap_signs.evaluation import draw
 
         return draw(structures, survey, deviations)
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        from savmap_signs.scene import scene
+        from savmap_signs.simulation.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_signs.random_plates import random_section
+        from savmap_signs.simulation.random_plates import random_section
 
         return random_section(rng, site, drawn)
+
+
+def _view_spec(name: str, rig_from_face: Floats, yaw_deg: float, pitch_deg: float, interval: int) -> ViewSpec:
+    """A view turned from the level view straight at the face."""
+    angles = angles_from_rotation(rig_from_face @ rig_from_view(yaw_deg, pitch_deg, 0.0))
+    return ViewSpec(name, *angles, hfov_deg=HFOV_DEG, every=interval)

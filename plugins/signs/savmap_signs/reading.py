@@ -1,37 +1,48 @@
-"""What is written on a sign: text by RapidOCR's networks, QR, Data Matrix and bar codes by ZXing, AprilTags by OpenCV.
+"""What is written on a sign: read in each view, and one text and code voted from all readings.
 
-A reading is "text:A21-03", "QRCode:..." or "tag36h11:7", with a confidence. Small prints are enlarged first.
+Text is read by RapidOCR's networks, QR, Data Matrix and bar codes by ZXing, AprilTags by OpenCV. A reading is "text:A21-03",
+"QRCode:..." or "tag36h11:7", with a confidence 0..1.
 """
 
 import importlib
 import importlib.util
-from collections.abc import Mapping
-from functools import lru_cache
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
 import numpy as np
 
 from savmap.types import Floats, Panorama, ViewSpec
-from savmap_signs.patches import Grey, patch_of, source_size
+from savmap_signs.features import Grey, rectify, size_in_panorama
 
-NEEDED = {"rapidocr": "rapidocr", "zxingcpp": "zxing-cpp"}
-TEXT = "text"
-TAGS = "tag36h11"
-LEAST_HEIGHT_PX = 14.0
-TALL_PX, WIDE_PX = 144, 640
-LEAST_CONFIDENCE = 0.75
-SURE = 1.0
-ROUND = 4
+PACKAGES = {"rapidocr": "rapidocr", "zxingcpp": "zxing-cpp"}
+TEXT, APRIL_TAG = "text", "tag36h11"
+
+# Reading in one view
+LEAST_SIZE_PX = 14.0  # of the sign's shorter side, in the panorama
+TALL_PX, WIDE_PX = 144, 640  # a small sign is enlarged until it has this height or width
+MARGIN_SHARE = 0.12  # of the sign's shorter side
+LEAST_LINE_CONFIDENCE = 0.75
+CODE_CONFIDENCE = 1.0
+
+# Voting
+LEAST_READINGS = 2
+NO_WEIGHT_CONFIDENCE = 0.5  # a text read with less than this does not count
+SELF_CHECKING = ("QRCode:", "DataMatrix:", "Aztec:")
+"""Codes that correct and check themselves: one reading is enough. Bar codes and tags are now and then read where there are none."""
 
 
 def missing_packages() -> tuple[str, ...]:
     """The packages of the extra `signs` that are not installed."""
-    return tuple(package for module, package in NEEDED.items() if importlib.util.find_spec(module) is None)
+    return tuple(package for module, package in PACKAGES.items() if importlib.util.find_spec(module) is None)
 
 
-def advice() -> str | None:
-    """A line for the user where nothing can be read; None where all is there."""
+def missing_packages_note() -> str | None:
+    """A line for the user if nothing can be read; None if all packages are installed."""
     missing = missing_packages()
     if not missing:
         return None
@@ -39,52 +50,55 @@ def advice() -> str | None:
 
 
 def read(panorama: Panorama, spec: ViewSpec, corners: Floats) -> Mapping[str, float]:
-    """What stands on the sign with these corners (4, 2) px of a view, with confidences 0..1; nothing where it is too small in
-    the panorama, or the packages that read are missing."""
-    size = source_size(corners, spec, panorama.height)
-    if missing_packages() or min(size) < LEAST_HEIGHT_PX:
+    """Readings, with their confidences, of the sign with these corners (4, 2) px of a view.
+
+    Empty if the sign is too small in the panorama, or if a package of the extra `signs` is missing. Small signs are enlarged.
+    """
+    size = size_in_panorama(corners, spec, panorama.height)
+    if missing_packages() or min(size) < LEAST_SIZE_PX:
         return {}
-    fineness = max(1.0, min(TALL_PX / size[1], WIDE_PX / size[0]))
-    image = patch_of(panorama, spec, corners, size, 0.12, fineness).image
-    return codes(image) | texts(image)
+    scale = max(1.0, min(TALL_PX / size[1], WIDE_PX / size[0]))
+    image = rectify(panorama, spec, corners, size, MARGIN_SHARE, scale).image
+    return read_codes(image) | read_text(image)
 
 
-def codes(image: Grey) -> dict[str, float]:
-    """Codes in a picture (h, w), grey."""
-    zxing = importlib.import_module("zxingcpp")
-    found = {f"{_name(one.format)}:{one.text}": SURE for one in zxing.read_barcodes(image) if one.valid and one.text}
-    _, numbers, _ = _tags().detectMarkers(image)
-    return found | {f"{TAGS}:{int(number)}": SURE for number in (numbers if numbers is not None else ())}
+def read_codes(image: Grey) -> dict[str, float]:
+    """Readings of the codes in a grey picture (h, w)."""
+    barcodes = importlib.import_module("zxingcpp").read_barcodes(image)
+    names = [f"{_format_name(barcode)}:{barcode.text}" for barcode in barcodes if barcode.valid and barcode.text]
+    _, tags, _ = _tag_detector().detectMarkers(image)
+    names += [f"{APRIL_TAG}:{int(number)}" for number in (tags if tags is not None else ())]
+    return dict.fromkeys(names, CODE_CONFIDENCE)
 
 
-def texts(image: Grey) -> dict[str, float]:
-    """The lines of text in a picture (h, w), grey, from the top down, as one text; its confidence is that of the least sure."""
-    said = _engine()(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
-    if said.txts is None or said.boxes is None:
+def read_text(image: Grey) -> dict[str, float]:
+    """The lines of text in a grey picture (h, w), from the top down, as one reading with the confidence of the least sure line."""
+    result = _text_reader()(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
+    if result.txts is None or result.boxes is None:
         return {}
     lines = [
         (float(box[:, 1].mean()), float(box[:, 0].mean()), text.strip(), float(score))
-        for box, text, score in zip(np.asarray(said.boxes), said.txts, said.scores, strict=True)
-        if score >= LEAST_CONFIDENCE and text.strip()
+        for box, text, score in zip(np.asarray(result.boxes), result.txts, result.scores, strict=True)
+        if score >= LEAST_LINE_CONFIDENCE and text.strip()
     ]
     if not lines:
         return {}
-    whole = " ".join(text for _, _, text, _ in sorted(lines))
-    return {f"{TEXT}:{whole}": round(min(score for *_, score in lines), ROUND)}
+    text = " ".join(text for _, _, text, _ in sorted(lines))
+    return {f"{TEXT}:{text}": round(min(score for *_, score in lines), 4)}
 
 
-def _name(form: Any) -> str:
-    return str(form).rpartition(".")[2].replace(" ", "")
+def _format_name(barcode: Any) -> str:
+    return str(barcode.format).rpartition(".")[2].replace(" ", "")
 
 
-@lru_cache(maxsize=1)
-def _tags() -> cv2.aruco.ArucoDetector:
+@cache
+def _tag_detector() -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36H11))
 
 
-@lru_cache(maxsize=1)
-def _engine() -> Any:
-    """RapidOCR with the networks in its wheel, one thread, the text's place looked for at the picture's own size."""
+@cache
+def _text_reader() -> Any:
+    """RapidOCR with the networks in its wheel, in one thread; it detects text at the picture's own size."""
     settings = {
         "Global.use_cls": False,
         "Global.log_level": "critical",
@@ -94,3 +108,59 @@ def _engine() -> Any:
         "Det.limit_side_len": 480,
     }
     return importlib.import_module("rapidocr").RapidOCR(params=settings)
+
+
+@dataclass(frozen=True)
+class Inscription:
+    """A sign's text with its confidence 0..1 ("" and 0 if it is not known), and its code's kind and content ("" if none)."""
+
+    text: str = ""
+    confidence: float = 0.0
+    code: str = ""
+
+
+def vote(readings: Iterable[Mapping[str, float]], pattern: str | None, least_confidence: float) -> Inscription:
+    """The text and the code that most readings of a sign give. Each text weighs as much as its confidence exceeds 0.5.
+
+    A text is taken if at least two readings agree on it, it matches the pattern, and its share of all weights, times its mean
+    weight, reaches `least_confidence`. A code is taken if it was read twice; one that checks itself also if it was read once
+    and no other code was.
+    """
+    weights: dict[str, list[float]] = defaultdict(list)
+    codes: Counter[str] = Counter()
+    for name, confidence in (item for reading in readings for item in reading.items()):
+        kind, _, content = name.partition(":")
+        if kind != TEXT:
+            codes[name] += 1
+        elif (text := _matching_text(content, pattern)) is not None:
+            weights[text].append(max(confidence - NO_WEIGHT_CONFIDENCE, 0.0) / (1 - NO_WEIGHT_CONFIDENCE))
+    return Inscription(*_heaviest_text(weights, least_confidence), _most_read_code(codes))
+
+
+def _matching_text(text: str, pattern: str | None) -> str | None:
+    """The part of a text that the pattern matches: the whole, the whole without spaces, or a word; None if there is none."""
+    if pattern is None:
+        return text
+    candidates = (text, text.replace(" ", ""), *text.split())
+    return next((candidate for candidate in candidates if re.fullmatch(pattern, candidate)), None)
+
+
+def _heaviest_text(weights: Mapping[str, list[float]], least_confidence: float) -> tuple[str, float]:
+    """The text of most weight and its confidence; "" and 0 if it is not sure enough."""
+    if not weights:
+        return "", 0.0
+    totals = {text: sum(values) for text, values in weights.items()}
+    text = min(totals, key=lambda candidate: (-totals[candidate], candidate))
+    share = totals[text] / max(sum(totals.values()), 1e-9)
+    confidence = round(share * totals[text] / len(weights[text]), 3)
+    if len(weights[text]) < LEAST_READINGS or confidence < least_confidence:
+        return "", 0.0
+    return text, confidence
+
+
+def _most_read_code(codes: Mapping[str, int]) -> str:
+    if not codes:
+        return ""
+    code = min(codes, key=lambda candidate: (-codes[candidate], candidate))
+    sure = len(codes) == 1 and code.startswith(SELF_CHECKING)
+    return code if sure or codes[code] >= LEAST_READINGS else ""

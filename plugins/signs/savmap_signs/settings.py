@@ -16,37 +16,37 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     model: Path | None = None
-    """Another network's ONNX file."""
+    """An ONNX file of another network."""
     class_names: ClassNames = {}
     """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
     along: bool = True
-    """Whether to look along the aisle too, both ways, for signs that hang across it."""
+    """Whether views along the aisle, both ways, are searched too, for signs that hang across it."""
     every: Annotated[int, Field(gt=0)] | None = None
-    """Signs are looked for in each so many of the frames used. Default: two in a pass of 200 frames, four from 400 on."""
+    """Signs are searched for in every n-th of the frames used. Default: 1; 2 in a pass of 200 frames, 4 from 400 on."""
     read: bool = True
-    """Whether texts and codes are read; needs the extra `signs`."""
+    """Whether texts and codes are read. Needs the extra `signs`."""
     read_every: Annotated[int, Field(gt=0)] = 1
-    """Texts are read in each so many of the frames in which signs are looked for."""
+    """Texts and codes are read in every n-th of the frames in which signs are searched for."""
     pattern: str | None = None
-    r"""A regular expression that every text must match as a whole, such as `[A-Z]\d{2}-\d{2}`; others are not believed."""
+    r"""A regular expression that every text must match as a whole, such as `[A-Z]\d{2}-\d{2}`. Other texts are ignored."""
     least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6
-    """A text in which all readings of a sign agree less than this is left out."""
+    """A text of less confidence, voted from all readings of a sign, is left out."""
     shape: Literal["rectangle", "flat"] = "rectangle"
-    """What the four corners are held to."""
+    """The shape that the four corners are constrained to."""
     shape_sigma_m: Annotated[float, Field(gt=0)] = 0.003
-    """How well signs keep to that, metres."""
+    """Standard deviation of that shape, metres."""
     sizes_m: tuple[Size, ...] = ()
-    """Known sizes, width and height in metres: a sign that is within 15 % of one of them has that size."""
+    """Known sizes, width and height in metres. A sign within 15 % of one of them gets that size."""
     size_sigma_m: Annotated[float, Field(gt=0)] = 0.002
-    """How well the sizes are known, metres."""
+    """Standard deviation of the known sizes, metres."""
     parallel: tuple[Literal["face", "across", "floor"], ...] = ()
-    """Planes that signs within 15 degrees of them are parallel to: the face, the plane across the aisle, the floor."""
+    """A sign within 15 degrees of one of these planes is parallel to it: the face, the plane across the aisle, the floor."""
 
     @field_validator("pattern")
     @classmethod
-    def _compiles(cls, pattern: str | None) -> str | None:
+    def _pattern_compiles(cls, pattern: str | None) -> str | None:
         try:
             re.compile(pattern or "")
         except re.error as error:

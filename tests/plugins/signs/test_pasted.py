@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from savmap.train.data.dataset import group_of, read_dataset
-from savmap_signs import pasted
+from savmap_signs.simulation import pasted
 
 
 def test_pasted_plates_are_a_set_whose_scenes_stay_together(tmp_path: Path) -> None:

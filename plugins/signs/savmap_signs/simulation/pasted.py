@@ -1,4 +1,4 @@
-"""Printed plates pasted into labelled pictures that have none: `python -m savmap_signs.pasted DIR... --count 600 -o OUT`.
+"""Printed plates pasted into labelled pictures that have none: `python -m savmap_signs.simulation.pasted DIR... --count 600 -o OUT`.
 
 Much quicker than casting rays, and of any renderer or camera: each plate is turned in space, lit as the place that it covers,
 and as sharp and noisy as the picture.
@@ -16,9 +16,9 @@ from savmap.errors import OutputError, ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
 from savmap.sim.dataset import write_samples
 from savmap.types import Floats
-from savmap_signs.artwork import Picture, artwork
-from savmap_signs.random_plates import code_of, series_style, text_of
-from savmap_signs.scene import CORNERS, shown
+from savmap_signs.simulation.artwork import Picture, artwork
+from savmap_signs.simulation.random_plates import code_of, series_style, text_of
+from savmap_signs.simulation.scene import CORNERS, shown
 
 CLASSES = ("sign",)
 MOST = 7

@@ -6,8 +6,7 @@ import pytest
 
 from savmap.geometry.pinhole import project
 from savmap.types import Floats, ViewSpec
-from savmap_signs.corners import refined
-from savmap_signs.quads import quad_of
+from savmap_signs.features import quad_of_mask, refine_corners
 
 from .drawn_signs import panorama_of, plate
 
@@ -20,40 +19,40 @@ def mask_of(quad: Floats) -> np.ndarray:
     return mask.astype(bool)
 
 
-def test_a_mask_becomes_its_corners_from_the_upper_left() -> None:
+def test_quad_of_a_mask_starts_at_the_upper_left() -> None:
     quad = np.array([[200.0, 100], [300, 110], [298, 170], [202, 150]])
-    found = quad_of(mask_of(quad))
-    assert found is not None
-    assert np.abs(found - quad).max() < 1.6
+    corners = quad_of_mask(mask_of(quad))
+    assert corners is not None
+    assert np.abs(corners - quad).max() < 1.6
 
 
 @pytest.mark.parametrize(
     "quad", [[[-5, 100], [80, 100], [80, 150], [-5, 150]], [[300, 200], [303, 200], [303, 203], [300, 203]]]
 )
-def test_what_the_border_cuts_and_what_is_tiny_is_left(quad: list[list[int]]) -> None:
-    assert quad_of(mask_of(np.array(quad, float))) is None
+def test_cut_or_tiny_masks_give_no_quad(quad: list[list[int]]) -> None:
+    assert quad_of_mask(mask_of(np.array(quad, float))) is None
 
 
-def test_a_ragged_mask_is_no_sign() -> None:
+def test_a_ragged_mask_gives_no_quad() -> None:
     mask = mask_of(np.array([[200.0, 100], [300, 100], [300, 106], [200, 106]]))
     mask |= mask_of(np.array([[200.0, 100], [206, 100], [206, 160], [200, 160]]))
-    assert quad_of(mask) is None
+    assert quad_of_mask(mask) is None
 
 
 @pytest.mark.parametrize("turn", [0.0, 35.0])
-def test_corners_are_found_to_a_part_of_a_pixel(turn: float) -> None:
+def test_refined_corners_are_exact_to_a_part_of_a_pixel(turn: float) -> None:
     corners = plate((0.2, -0.3, 1.5), (0.3, 0.15), turn)
     panorama = panorama_of(corners, "A21-03", 1024)
     truth = project(corners, SPEC.camera)
     shifted = truth + np.array([[1.0, -0.8], [0.7, 0.5], [-0.9, 0.6], [0.5, -1.0]])
-    found, covariances = refined(panorama, SPEC, shifted)
-    assert np.linalg.norm(found - truth, axis=1).max() < 0.3
+    measured, covariances = refine_corners(panorama, SPEC, shifted)
+    assert np.linalg.norm(measured - truth, axis=1).max() < 0.3
     assert (np.sqrt(np.linalg.eigvalsh(covariances)) < 0.6).all()
 
 
-def test_where_nothing_is_to_be_seen_the_mask_stands_and_is_less_sure() -> None:
+def test_corners_stay_with_a_larger_sigma_where_no_edge_is() -> None:
     panorama = panorama_of(plate((0.0, -1.0, 1.0), (0.1, 0.1)), "", 512)
     quad = project(plate((0.6, 0.5, 1.5), (0.3, 0.2)), SPEC.camera)
-    found, covariances = refined(panorama, SPEC, quad)
-    assert np.abs(found - quad).max() < 1.0
+    corners, covariances = refine_corners(panorama, SPEC, quad)
+    assert np.abs(corners - quad).max() < 1.0
     assert (np.sqrt(np.linalg.eigvalsh(covariances)) > 1.0).all()

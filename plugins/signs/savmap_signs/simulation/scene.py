@@ -8,7 +8,7 @@ from pydantic import Field
 
 from savmap.types import Floats
 from savmap.types.scenes import Box, Face, Material, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
-from savmap_signs.artwork import Code, artwork
+from savmap_signs.simulation.artwork import Code, artwork
 
 Facing = Literal["+z", "+x", "-x", "x"]
 THICK_M = 0.004

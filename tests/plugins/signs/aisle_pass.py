@@ -1,13 +1,13 @@
-"""Signs as a camera would see them that drives past a face and under signs across the aisle, without pictures."""
+"""Features of signs, without pictures, for a camera that drives past a face and under signs across the aisle."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from savmap.geometry.pinhole import project
-from savmap.types import Feature, Floats, FrameTable, RowFacts, Trajectory, ViewSpec
+from savmap.types import Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, ViewSpec
 from savmap_signs.features import PARTS
-from savmap_signs.scene import Plate, corners
+from savmap_signs.simulation.scene import Plate, corners
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 VIEWS = {
@@ -31,7 +31,7 @@ def drive(count: int = 16) -> tuple[RowFacts, Trajectory]:
     return RowFacts("A", table, VIEWS, {"pass 1": 1}), Trajectory(np.arange(count), poses)
 
 
-def seen(path: Trajectory, signs: Sequence[Floats], noise_px: float = 0.3) -> list[Feature]:
+def sign_features(path: Trajectory, signs: Sequence[Floats], noise_px: float = 0.3) -> list[Feature]:
     """Features of all signs in all frames that show them whole, from the front."""
     rng = np.random.default_rng(1)
     return [
@@ -52,5 +52,13 @@ def _features(frame: int, spec: ViewSpec, pose: Floats, number: int, sign: Float
         readings = {f"text:{PLATES[number % len(PLATES)].text}": 0.95}
         for index, part in enumerate(PARTS):
             pixel = (pixels + noise)[index][None]
-            said = readings if index == 0 else {}
-            yield Feature(frame, spec.name, "sign", part, number, pixel, 0.1 * np.eye(2)[None], readings=said)
+            first = readings if index == 0 else {}
+            yield Feature(frame, spec.name, "sign", part, number, pixel, 0.1 * np.eye(2)[None], readings=first)
+
+
+def structure(name: str, vertices: Floats, **attributes: float | int | str) -> Structure:
+    """A mapped structure "sign 1" with these vertices (n, 3) m."""
+    count = len(vertices)
+    covariances = np.tile(1e-6 * np.eye(3), (count, 1, 1))
+    edges = np.zeros((0, 2), int)
+    return Structure(name, name.split()[0], vertices, covariances, ("",) * count, edges, attributes)

@@ -1,4 +1,4 @@
-"""Labelled pictures of random scenes with signs: `python -m savmap_signs.pictures --count 500 --seed 1 -o DIR`.
+"""Labelled pictures of random scenes with signs: `python -m savmap_signs.simulation.pictures --count 500 --seed 1 -o DIR`.
 
 A data set as `savmap.sim.dataset` writes them; signs too small to be told are not judged.
 """

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from savmap.types.scenes import Front, RandomSection, Site
-from savmap_signs.artwork import FONTS
+from savmap_signs.simulation.artwork import FONTS
 
 PROUD_M = 0.004
 AISLE_M = 2.6

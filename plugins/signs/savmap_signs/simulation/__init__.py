@@ -1,0 +1,1 @@
+"""Signs for the simulator and for training pictures."""

@@ -1,0 +1,81 @@
+"""Reading of signs, where the extra is installed, and the vote of many readings."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from savmap.types import ViewSpec
+from savmap_signs import reading
+from savmap_signs.reading import Inscription, vote
+from savmap_signs.simulation.artwork import artwork
+
+from .drawn_signs import panorama_of, plate
+
+READS = pytest.mark.skipif(importlib.util.find_spec("rapidocr") is None, reason="the extra `signs` is not installed")
+SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0)
+
+
+def test_vote_takes_the_text_of_most_readings() -> None:
+    readings = [{"text:A21-03": 0.98}, {"text:A21-08": 0.8}, {"text:A21-03": 0.9}, {}]
+    inscription = vote(readings, None, 0.5)
+    assert inscription.text == "A21-03"
+    assert 0.6 < inscription.confidence < 0.9
+
+
+def test_vote_ignores_a_text_read_once() -> None:
+    assert vote([{"text:A21-03": 0.99}], None, 0.5) == Inscription()
+
+
+def test_vote_gives_no_text_where_readings_contradict() -> None:
+    readings = [{f"text:A2{number % 3}": 0.95} for number in range(6)]
+    assert vote(readings, None, 0.6).text == ""
+
+
+def test_vote_takes_only_texts_that_match_the_pattern() -> None:
+    readings = [
+        {"text:A21 - 03": 0.9},
+        {"text:A21-03": 0.9},
+        {"text:EXIT": 0.99},
+        {"text:EXIT": 0.99},
+        {"text:EXIT": 0.99},
+    ]
+    assert vote(readings, r"[A-Z]\d{2}-\d{2}", 0.5).text == "A21-03"
+    assert vote(readings[2:], r"[A-Z]\d{2}-\d{2}", 0.5).text == ""
+
+
+def test_vote_takes_a_code_read_once_unless_contradicted() -> None:
+    assert vote([{"QRCode:bay 7": 1.0}], None, 0.6).code == "QRCode:bay 7"
+    assert vote([{"QRCode:bay 7": 1.0}, {"QRCode:bay 8": 1.0}], None, 0.6).code == ""
+
+
+def test_read_gives_nothing_without_the_extra_and_notes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "PACKAGES", {"not_there_at_all": "rapidocr"})
+    panorama = panorama_of(plate((0.0, 0.0, 1.0), (0.3, 0.15)), "A21-03", 256)
+    assert reading.read(panorama, SPEC, np.array([[200.0, 200], [300, 200], [300, 250], [200, 250]])) == {}
+    assert "pip install 'savmap[signs]'" in str(reading.missing_packages_note())
+
+
+@READS
+def test_read_reads_a_sign_in_a_panorama() -> None:
+    from savmap.geometry.pinhole import project
+
+    corners = plate((0.2, -0.3, 1.5), (0.3, 0.15), 20.0)
+    readings = reading.read(panorama_of(corners, "A21-03", 2048), SPEC, project(corners, SPEC.camera))
+    assert list(readings) == ["text:A21-03"]
+    assert readings["text:A21-03"] > 0.9
+
+
+@pytest.mark.parametrize("code", ["tag36h11:7", "ITF:1234", "Codabar:12"])
+def test_vote_takes_bar_codes_and_tags_only_if_read_twice(code: str) -> None:
+    assert vote([{code: 1.0}], None, 0.6).code == ""
+    assert vote([{code: 1.0}, {code: 1.0}], None, 0.6).code == code
+
+
+@READS
+def test_read_codes_gives_the_kind_of_code() -> None:
+    style = ((230, 230, 230), (10, 10, 10), "DejaVuSans-Bold", False)
+    printed = artwork("", (0.2, 0.2), *style, "qr", "A21-03")
+    tag = artwork("", (0.2, 0.2), *style, "tag36h11", "7")
+    assert reading.read_codes(np.ascontiguousarray(printed[..., 0])) == {"QRCode:A21-03": 1.0}
+    assert reading.read_codes(np.ascontiguousarray(tag[..., 0])) == {"tag36h11:7": 1.0}
