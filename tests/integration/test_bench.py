@@ -43,6 +43,7 @@ def test_what_is_off_about_a_camera_is_found() -> None:
     assert calibration.line("both", found).startswith("both")
 
 
+@pytest.mark.slow
 def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.CaptureFixture[str]) -> None:
     import site46
     from site_rows import Task

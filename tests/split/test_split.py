@@ -19,6 +19,8 @@ from savmap.split.glances import Glance, sample_stamps
 from savmap.split.motion import motion_of
 from savmap.split.passes import Found, find_passes
 
+pytestmark = pytest.mark.slow
+
 ONE = PassFound(12.5, 70.25, 180.0, 40.0, ("left",), 0.9, 0.0)
 
 

@@ -122,6 +122,7 @@ class TestWithTorch:
         for name in ("torch", "onnx", "onnxscript"):
             pytest.importorskip(name)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
         from savmap.train.export import load_onnx

@@ -35,6 +35,7 @@ def test_recovers_truth() -> None:
     assert solution.warnings == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "published"])
 @pytest.mark.parametrize(("speed", "height", "distance"), [(1.3, 0.3, 1.3), (0.7, -0.3, 0.7)])
 def test_poor_start(small: made.World, kind: str, speed: float, height: float, distance: float) -> None:
@@ -54,6 +55,7 @@ def test_linear_start_is_the_better_one(small: made.World) -> None:
     assert linear < 0.1 < published
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, 0.1])
 def test_outliers_are_found(share: float) -> None:
     world = made.world(7, frames=60, outliers=share)
@@ -65,6 +67,7 @@ def test_outliers_are_found(share: float) -> None:
     assert len(solution.rejected) == solution.report["rejected"]
 
 
+@pytest.mark.slow
 def test_sigmas_are_honest() -> None:
     """Normalised errors over several racks, the references being off by their own sigmas too."""
     off: dict[int, list[np.ndarray]] = {0: [], 1: []}
