@@ -1,0 +1,61 @@
+"""The documentation: pages made from the code name everything, links between files hold, pictures stay small."""
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from savmap.cli.app import COMMANDS
+from savmap.site.schema import schema_text
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GENERATED = {ROOT / "docs/reference/settings.md", ROOT / "docs/reference/command-line.md"}
+
+
+@pytest.fixture(scope="module")
+def generated() -> ModuleType:
+    """docs/generated.py, which makes pages when the site is built."""
+    spec = importlib.util.spec_from_file_location("generated", ROOT / "docs" / "generated.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_settings_page_names_every_key(generated: ModuleType) -> None:
+    schema = json.loads(schema_text(generated.PLUGINS))
+    page = generated.settings_page()
+    for section in (schema, *schema["$defs"].values()):
+        for key in section["properties"]:
+            assert f"| `{key}` |" in page
+
+
+def test_settings_page_links_to_its_own_sections(generated: ModuleType) -> None:
+    page = generated.settings_page()
+    assert set(re.findall(r"\]\(#([^)]+)\)", page)) <= set(re.findall(r"\{#([^}]+)\}", page))
+    assert "| `threshold` | number, more than 0, less than 1 | `0.5` |" in page
+
+
+def test_command_line_page_names_every_command(generated: ModuleType) -> None:
+    page = generated.commands_page()
+    for name in (*COMMANDS, "plugin new"):
+        assert f"## savmap {name}\n" in page
+    assert "--camera-height" in page
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_to_files_hold(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        path = (page.parent / target).resolve()
+        assert path in GENERATED or path.exists(), target
+
+
+def test_pictures_are_small() -> None:
+    pictures = list((ROOT / "docs" / "pictures").iterdir())
+    assert pictures
+    assert [picture.name for picture in pictures if picture.stat().st_size > 300_000] == []
