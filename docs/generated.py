@@ -1,10 +1,9 @@
 """Pages of the documentation that are made from the code when the site is built: all settings of a site file, and all commands."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import click
 import typer
 
 from savmap.cli.app import app
@@ -87,8 +86,8 @@ def _prose(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-def _default(key: str, schema: Schema, required: object) -> str:
-    if key in required:  # type: ignore[operator]
+def _default(key: str, schema: Schema, required: Sequence[str]) -> str:
+    if key in required:
         return "required"
     value = schema.get("default")
     return "" if value in (None, {}, [], "") or isinstance(value, dict) else f"`{json.dumps(value)}`"
@@ -124,13 +123,13 @@ def _plain_kind(schema: Schema) -> str:
 
 def commands_page() -> str:
     """A section for every command."""
-    group = typer.main.get_command(app)
-    return "\n".join([COMMANDS, *_commands(group, click.Context(group, info_name="savmap"))])
+    group: Any = typer.main.get_command(app)
+    return "\n".join([COMMANDS, *_commands(group, group.context_class(group, info_name="savmap"))])
 
 
 def _commands(group: Any, context: Any) -> Iterator[str]:
     for name, command in group.commands.items():
-        inner = click.Context(command, info_name=name, parent=context)
+        inner = command.context_class(command, info_name=name, parent=context)
         if hasattr(command, "commands"):
             yield from _commands(command, inner)
         else:
