@@ -10,6 +10,8 @@ from savmap.errors import SiteError, SolveError
 from savmap.graph import Problem, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def four() -> made.World:
@@ -26,7 +28,6 @@ def blind(world: made.World, sections: set[int], camera: bool = True, length: bo
     return merge(camera_priors(world.facts, begin, made.references(world, camera, length)), own)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("camera", "length"), [(True, True), (True, False), (False, True)])
 @pytest.mark.parametrize("section", [1, 3])
 def test_a_missed_lowest_beam_is_told_and_does_no_harm(
