@@ -33,7 +33,7 @@ from savmap.site.job import job_for, plugins_for
 from savmap.types import Flow, Trajectory
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import panoramas
-from savmap.vision.flow import FlowWatch
+from savmap.vision.flow import FlowTracker
 from savmap.vision.views import Renderer
 
 ROOT = Path(__file__).parent.parent
@@ -118,11 +118,11 @@ def true_path(site: Path, row: str) -> Trajectory:
 def flows(case: Case) -> tuple[Flow, ...]:
     """Points followed in each view that the room looked at."""
     wanted = sorted({feature.view for feature in case.seen.features[case.room.name]})
-    renderer, watch = Renderer(), FlowWatch()
+    renderer, tracker = Renderer(), FlowTracker()
     for panorama in panoramas(clip_of(case.row.passes[0])):
         for name in wanted:
-            watch.look(renderer.render(panorama, case.seen.facts.views[name]))
-    return watch.flows
+            tracker.update(renderer.render(panorama, case.seen.facts.views[name]))
+    return tracker.flows
 
 
 def ways(case: Case, sigmas: Sequence[float]) -> Iterator[tuple[str, Figures]]:

@@ -30,7 +30,7 @@ from savmap.sim.observations import MaskErrors, observe
 from savmap.sim.scene.build import Built, build
 from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.bias import BiasSettings
 from savmap_shelves.evaluation import evaluate
@@ -135,7 +135,9 @@ def made(
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
     facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
-    seen = RowMeasurements(facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), Marks({}, {}))
+    seen = RowMeasurements(
+        facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), MarkerTracks({}, {})
+    )
     return Made(built, path, seen)
 
 

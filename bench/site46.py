@@ -227,8 +227,10 @@ def told(results: Sequence[Result], score: Score, assembly: Assembly, seconds: f
     )
     print(table(results, score))
     known = {own.task.name: prior(own.task) for own in results}
-    before, after = squareness(known, results), squareness(assembly.site_map.placed, results)
-    print(f"assembly of {len(assembly.site_map.placed)} rows: {seconds:.2f} s; errors (rms) as given, and assembled")
+    before, after = squareness(known, results), squareness(assembly.site_map.placements, results)
+    print(
+        f"assembly of {len(assembly.site_map.placements)} rows: {seconds:.2f} s; errors (rms) as given, and assembled"
+    )
     for name, value in after.items():
         print(f"  {name:<26}{before[name]:10.4f}{value:10.4f}")
     print("\n".join([*assembly.notes, *site_lines(assembly.site_map)]))

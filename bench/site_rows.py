@@ -16,7 +16,7 @@ from savmap.sim.observations import PAPER
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, Placement, RowFacts, RowMap, Structure, ViewSpec
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings
 from savmap_shelves.simulation.observed import observe, observed_features
 
@@ -109,7 +109,9 @@ def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any
     """What one pass saw of a row in which the camera went along x or back."""
     facts = RowFacts(name, FrameTable(stamps_s, ("pass 1",) * len(stamps_s)), {view.name: view}, {"pass 1": travel})
     facing = np.diag([travel, 1.0, travel]) @ FACING
-    return RowMeasurements(facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), Marks({}, {}))
+    return RowMeasurements(
+        facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), MarkerTracks({}, {})
+    )
 
 
 def cart(length: float, task: Task, seed: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from split_scenes import weaving_scene
 
 from savmap.files.atomic import write_text
 from savmap.sim.simulate import simulate
-from savmap.split import GlanceReport, PassFound, find
+from savmap.split import DetectedPass, find
 
 LIMIT_S = 1.0
 
@@ -33,16 +33,16 @@ def recording(folder: Path, seed: int, width: int, fps: float) -> Path:
 def scored(place: Path) -> dict[str, Any]:
     """What is found in a recording beside the truth."""
     truth = json.loads((place / "passes.json").read_text(encoding="utf-8"))["passes"]
-    report, begun = GlanceReport(), time.process_time()
-    found = find(place / "footage.mp4", report=report)
+    begun = time.process_time()
+    found = find(place / "footage.mp4")
     cost_s = time.process_time() - begun
     rows = [_row(true, found.passes) for true in truth]
     spurious = len(found.passes) - sum(row["start_s"] is not None for row in rows)
     seconds = float(found.stamps_s[-1])
-    return {"passes": rows, "spurious": spurious, "frames_decoded": report.decoded, "processor_s": cost_s, "length_s": seconds}  # fmt: skip
+    return {"passes": rows, "spurious": spurious, "frames_decoded": found.frames_decoded, "processor_s": cost_s, "length_s": seconds}  # fmt: skip
 
 
-def _row(true: dict[str, Any], found: tuple[PassFound, ...]) -> dict[str, Any]:
+def _row(true: dict[str, Any], found: tuple[DetectedPass, ...]) -> dict[str, Any]:
     """One true pass and the one found that shares most of its time."""
     sides = [side for side in ("left", "right") if true[side]]
     wanted = {"true_start_s": true["start_s"], "true_end_s": true["end_s"], "true_sides": sides}

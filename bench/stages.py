@@ -25,7 +25,7 @@ from savmap.jobs import run
 from savmap.pipeline import measure as observe
 from savmap.pipeline import row as engine
 from savmap.plugin.manager import LoadedPlugin
-from savmap.plugin.segmenters import OnceSegmenter
+from savmap.plugin.segmenters import CachedSegmenter
 from savmap.site.job import job_for
 from savmap.vision.views import Renderer
 
@@ -97,7 +97,7 @@ def main() -> None:
     timed_frames()
     timed(observe, "plan_pass", "aim")
     timed(Renderer, "render", "render (with the aim's)")
-    timed(OnceSegmenter, "see", "segment (with the aim's)")
+    timed(CachedSegmenter, "predict", "segment (with the aim's)")
     timed(LoadedPlugin, "extract", "extract (with the aim's)")
     timed(LoadedPlugin, "track", "track")
     timed(LoadedPlugin, "constrain", "constrain")

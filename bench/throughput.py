@@ -126,14 +126,14 @@ def map_here(site: Path, target: Path) -> None:
     from savmap.jobs.scheduler import RunOptions
     from savmap.maps.map_file import read_map
     from savmap.pipeline import measure
-    from savmap.plugin.segmenters import OnceSegmenter
+    from savmap.plugin.segmenters import CachedSegmenter
     from savmap.site.job import job_for
     from savmap.vision.views import Renderer
 
     timed(measure, "plan_pass", "aim", time.process_time)
     timed(measure.Walk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)
-    timed(OnceSegmenter, "see", "segment", time.thread_time)
+    timed(CachedSegmenter, "predict", "segment", time.thread_time)
     timed(measure.Walk, "_frame", "plugins", time.thread_time)
     timed(tasks, "solve", "solve", time.process_time)
     with tempfile.TemporaryDirectory() as folder:

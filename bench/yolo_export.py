@@ -126,14 +126,14 @@ def compare(export: Path, pictures: Sequence[Path]) -> None:
     for path in pictures:
         picture = cv2.imread(str(path))
         assert picture is not None
-        sight = ours.see(np.ascontiguousarray(picture[:, :, ::-1], np.uint8))
+        segmentation = ours.predict(np.ascontiguousarray(picture[:, :, ::-1], np.uint8))
         found = theirs.predict(picture, conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
         kinds = found.boxes.cls.numpy().astype(int)
         masks = np.zeros((0, *picture.shape[:2])) if found.masks is None else found.masks.data.numpy()
-        instances[0] += sum(int(owner.max()) for owner in sight.owners) if sight.owners is not None else 0
+        instances[0] += sum(int(owner.max()) for owner in segmentation.owners) if segmentation.owners is not None else 0
         instances[1] += len(kinds)
         for number in range(len(ours.classes)):
-            seen, told = sight.maps[number + 1] > 0.5, (masks[kinds == number] > 0.5).any(axis=0)
+            seen, told = segmentation.maps[number + 1] > 0.5, (masks[kinds == number] > 0.5).any(axis=0)
             both[number] += (seen & told).sum()
             either[number] += (seen | told).sum()
     for name, value in zip(ours.classes, both / np.maximum(either, 1), strict=True):

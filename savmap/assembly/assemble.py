@@ -1,7 +1,8 @@
 """Rows in one frame of the site: a final solve over rows, whose poses are the variables.
 
-Rows stand where the site file says, as well as it knows. Rows seen from one camera path are tied by it; things that two rows mapped
-are matched where these place them and no other reading comes near, tie the rows in turn, and are left out again where they do not fit.
+Rows stand where the site file says, as exactly as it says. Rows seen from one camera path have a relative pose by it. Landmarks that
+two rows mapped are matched where the rows' poses bring them together and no other reading fits nearly as well; the matches then
+constrain the rows in turn, and are left out again where they do not fit.
 """
 
 from collections import Counter
@@ -11,9 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
-from savmap.assembly.matching import match
+from savmap.assembly.matches import LandmarkMatch, overlap_record, worst_of_each
+from savmap.assembly.matching import match_landmarks
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
-from savmap.assembly.ties import Found, fits, path_tie, worst_of_each
 from savmap.graph.site_poses import SitePoses, solve_site_poses
 from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure
 
@@ -24,13 +25,14 @@ REACH_M = 10.0
 OFF_SIGMA = 4.0
 BACK_DEG, LEAST_DEPTH_M, MOST_UNSURE_M = 10.0, 0.2, 0.8
 
-Ask = Callable[[str, Sequence[Structure]], Sequence[CrossRowLandmark]]
-Things = Mapping[str, Mapping[str, Sequence[CrossRowLandmark]]]
+FindLandmarks = Callable[[str, Sequence[Structure]], Sequence[CrossRowLandmark]]
+Landmarks = Mapping[str, Sequence[CrossRowLandmark]]
+"""A row's landmarks by plugin and kind."""
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """The site map with rows placed and their ties, and a line for each thing that the user should know."""
+    """The site map with placements and matches, and notes for the user."""
 
     site_map: SiteMap
     notes: tuple[str, ...] = ()
@@ -40,187 +42,182 @@ def assembled(
     site_map: SiteMap,
     priors: Mapping[str, Placement],
     recordings: Recordings,
-    ask: Ask,
+    find_landmarks: FindLandmarks,
     square_deg: float | None = SQUARE_DEG,
 ) -> Assembly:
     """The site map with its rows placed.
 
-    `priors`: where rows are said to stand. `recordings`: in which recording the times of a row's passes are. `ask`: a plugin's
-    `shared` hook, by the plugin's name. `square_deg`: how far rows may turn from a common grid of right angles, or None. A row that is
-    tied to no other and has no place of its own stays without. Raises PluginError for a plugin that fails.
+    `priors`: placements from the site file. `recordings`: the recording that the times of a row's pass belong to. `find_landmarks`: a
+    plugin's `shared` hook, by the plugin's name. `square_deg`: how far rows may turn from a common grid of right angles, or None. A
+    row without a prior that has nothing in common with another row is not placed. Raises PluginError for a plugin that fails.
     """
     rows = site_map.rows
-    known = {name: _no_better(place) for name, place in priors.items() if name in rows}
-    found = list(overlaps(rows, recordings))
-    anchors = known or gauge_of(rows, found)
-    start = reached(rows, anchors, found)
+    known = {name: _with_gauge_sigma(prior) for name, prior in priors.items() if name in rows}
+    common = list(overlaps(rows, recordings))
+    anchors = known or gauge_of(rows, common)
+    start = first_placements(rows, anchors, common)
     if not start:
-        return Assembly(replace(site_map, placed={}, ties=()))
-    used = [one for one in found if one.tie.a in start]
+        return Assembly(replace(site_map, placements={}, matches=()))
+    used = [overlap for overlap in common if overlap.prior.a in start]
     solver = Solver(start, anchors, used, None if square_deg is None else float(np.radians(square_deg)))
-    things = {name: things_of(rows[name], ask) for name in start}
-    return _told(site_map, solver, *solver.settled(things), known)
+    landmarks = {name: landmarks_of(rows[name], find_landmarks) for name in start}
+    poses, matches, notes = solver.matched(landmarks)
+    return Assembly(_placed(site_map, used, poses, matches), (*notes, *_far_from_priors(known, poses)))
 
 
-def gauge_of(rows: Mapping[str, RowMap], found: Sequence[Overlap]) -> dict[str, Placement]:
-    """Where nothing is said of any row's place, the first row that hangs together with another is the site's frame."""
-    tied = {name for one in found for name in (one.tie.a, one.tie.b)}
-    first = next((name for name in rows if name in tied), None)
+def gauge_of(rows: Mapping[str, RowMap], common: Sequence[Overlap]) -> dict[str, Placement]:
+    """Without any prior, the first row that overlaps with another one is the site's frame."""
+    overlapping = {name for overlap in common for name in (overlap.prior.a, overlap.prior.b)}
+    first = next((name for name in rows if name in overlapping), None)
     return {} if first is None else {first: Placement(0.0, 0.0, 0.0, GAUGE_SIGMA**2 * np.eye(3))}
 
 
-def reached(
-    rows: Mapping[str, RowMap], anchors: Mapping[str, Placement], found: Sequence[Overlap]
+def first_placements(
+    rows: Mapping[str, RowMap], anchors: Mapping[str, Placement], common: Sequence[Overlap]
 ) -> dict[str, Placement]:
-    """First places, in the rows' order: the anchors', and from row to row along camera paths."""
-    places = dict(anchors)
+    """Where the solve starts, in the rows' order: the anchors, and from row to row along camera paths."""
+    start = dict(anchors)
     queue = list(anchors)
     for name in queue:
-        for one in found:
-            step = one.tie.a_from_b
-            if one.tie.a == name and one.tie.b not in places:
-                places[one.tie.b] = _chained(places[name].site_from_row @ step.site_from_row)
-                queue.append(one.tie.b)
-            elif one.tie.b == name and one.tie.a not in places:
-                places[one.tie.a] = _chained(places[name].site_from_row @ np.linalg.inv(step.site_from_row))
-                queue.append(one.tie.a)
-    return {name: places[name] for name in rows if name in places}
+        for prior in (overlap.prior for overlap in common):
+            step = prior.a_from_b.site_from_row
+            if prior.a == name and prior.b not in start:
+                start[prior.b] = _without_covariance(start[name].site_from_row @ step)
+                queue.append(prior.b)
+            elif prior.b == name and prior.a not in start:
+                start[prior.a] = _without_covariance(start[name].site_from_row @ np.linalg.inv(step))
+                queue.append(prior.a)
+    return {name: start[name] for name in rows if name in start}
 
 
-def things_of(row: RowMap, ask: Ask) -> dict[str, list[CrossRowLandmark]]:
-    """What a row shares with others, by plugin and kind."""
-    things: dict[str, list[CrossRowLandmark]] = {}
+def landmarks_of(row: RowMap, find_landmarks: FindLandmarks) -> dict[str, list[CrossRowLandmark]]:
+    """A row's landmarks by plugin and kind."""
+    landmarks: dict[str, list[CrossRowLandmark]] = {}
     for plugin, structures in row.structures.items():
-        for thing in ask(plugin, structures):
-            things.setdefault(f"{plugin} {thing.kind}", []).append(thing)
-    return things
+        for landmark in find_landmarks(plugin, structures):
+            landmarks.setdefault(f"{plugin} {landmark.kind}", []).append(landmark)
+    return landmarks
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solver:
-    """What is known of the rows' places beside the things they share."""
+    """What is known of the rows' poses without matches: where to start, anchors, overlaps and the grid of right angles."""
 
     start: Mapping[str, Placement]
     anchors: Mapping[str, Placement]
     overlaps: Sequence[Overlap]
     square_rad: float | None
 
-    def solve(self, found: Sequence[Found] = ()) -> SitePoses:
-        """SitePoses with these matches; those of rows on one camera path are told by it already."""
-        together = self.together
-        counts = Counter((own.rows, own.kind) for own in found)
-        points = [own.tie(counts[own.rows, own.kind]) for own in found if own.rows not in together]
-        return solve_site_poses(self.start, self.anchors, [one.tie for one in self.overlaps], points, self.square_rad)
+    def solve(self, matches: Sequence[LandmarkMatch] = ()) -> SitePoses:
+        """Poses with these matches, but for those of rows on one camera path, whose relative pose is known better from it."""
+        on_one_path = {(overlap.prior.a, overlap.prior.b) for overlap in self.overlaps}
+        counts = Counter((match.rows, match.kind) for match in matches)
+        points = [
+            match.constraint(counts[match.rows, match.kind]) for match in matches if match.rows not in on_one_path
+        ]
+        priors = [overlap.prior for overlap in self.overlaps]
+        return solve_site_poses(self.start, self.anchors, priors, points, self.square_rad)
 
-    @property
-    def together(self) -> set[tuple[str, str]]:
-        """Rows on one camera path."""
-        return {(one.tie.a, one.tie.b) for one in self.overlaps}
-
-    def settled(self, things: Things) -> tuple[SitePoses, list[Found], list[str]]:
-        """Matches of things are looked for until there are no more, and those that do not fit are left out one after the other."""
-        places, found, notes = self.solve(), list[Found](), list[str]()
+    def matched(self, landmarks: Mapping[str, Landmarks]) -> tuple[SitePoses, list[LandmarkMatch], list[str]]:
+        """Poses, matches and notes: landmarks are matched until no more are found, and matches that do not fit are left out."""
+        poses, matches, notes = self.solve(), list[LandmarkMatch](), list[str]()
         for _ in range(ROUNDS):
-            tried = {(own.rows, own.kind) for own in found}
-            new, doubtful = _matches(things, places, tried)
-            places, found, rejected = self._fitting([*found, *new])
+            done = {(match.rows, match.kind) for match in matches}
+            new, ambiguous = _new_matches(landmarks, poses, done)
+            poses, matches, rejected = self._without_outliers([*matches, *new])
             notes += rejected
             if not new:
                 break
-        return places, found, [*notes, *doubtful]
+        return poses, matches, [*notes, *ambiguous]
 
-    def _fitting(self, found: list[Found]) -> tuple[SitePoses, list[Found], list[str]]:
-        places, notes = self.solve(found), list[str]()
-        while wrong := worst_of_each([own for own in found if not fits(own, places)], places):
-            notes += [f"{own} is left out: it is {own.told(places)} off" for own in wrong]
-            found = [own for own in found if own not in wrong]
-            places = self.solve(found)
-        return places, found, notes
+    def _without_outliers(self, matches: list[LandmarkMatch]) -> tuple[SitePoses, list[LandmarkMatch], list[str]]:
+        poses, notes = self.solve(matches), list[str]()
+        while outliers := worst_of_each([match for match in matches if not match.fits(poses)], poses):
+            notes += [f"{match} is left out: it is {match.residual_text(poses)} off" for match in outliers]
+            matches = [match for match in matches if match not in outliers]
+            poses = self.solve(matches)
+        return poses, matches, notes
 
 
-def _matches(
-    things: Things, places: SitePoses, tried: set[tuple[tuple[str, str], str]]
-) -> tuple[list[Found], list[str]]:
-    found, doubtful = list[Found](), list[str]()
-    for a, b in combinations(things, 2):
-        kinds = [kind for kind in things[a] if kind in things[b] and ((a, b), kind) not in tried]
-        if not kinds or not _near(things[a], things[b], places.rows[a], places.rows[b]):
+def _new_matches(
+    landmarks: Mapping[str, Landmarks], poses: SitePoses, done: set[tuple[tuple[str, str], str]]
+) -> tuple[list[LandmarkMatch], list[str]]:
+    """Matches of pairs of rows and kinds that are not done yet, and a note for each pair that is ambiguous."""
+    matches, notes = list[LandmarkMatch](), list[str]()
+    for a, b in combinations(landmarks, 2):
+        kinds = [kind for kind in landmarks[a] if kind in landmarks[b] and ((a, b), kind) not in done]
+        if not kinds or not _are_near(landmarks[a], landmarks[b], poses.rows[a], poses.rows[b]):
             continue
-        a_from_b = places.relative(a, b)
+        a_from_b = poses.relative(a, b)
         for kind in kinds:
-            own_a, own_b = things[a][kind], things[b][kind]
-            if not _can_share(own_a[0], own_b[0], a_from_b):
+            of_a, of_b = landmarks[a][kind], landmarks[b][kind]
+            if not _can_share(of_a[0], of_b[0], a_from_b):
                 continue
-            result = match(own_a, own_b, a_from_b)
-            found += [Found(a, b, kind, own_a[i], own_b[j], a_from_b) for i, j in result.pairs]
+            result = match_landmarks(of_a, of_b, a_from_b)
+            matches += [LandmarkMatch(a, b, kind, of_a[i], of_b[j], a_from_b) for i, j in result.pairs]
             if result.ambiguous:
-                doubtful.append(f"rows {a} and {b}: which {own_a[0].kind} is which is not clear; none ties them")
-    return found, doubtful
+                notes.append(f"rows {a} and {b}: which {of_a[0].kind} is which is ambiguous; none of them is matched")
+    return matches, notes
 
 
-def _near(
-    things_a: Mapping[str, Sequence[CrossRowLandmark]],
-    things_b: Mapping[str, Sequence[CrossRowLandmark]],
-    a: Placement,
-    b: Placement,
-) -> bool:
-    """Whether two rows' things come near enough on the floor to be worth a look."""
-    low_a, high_a = _extent(things_a, a)
-    low_b, high_b = _extent(things_b, b)
-    unsure = OFF_SIGMA * np.sqrt(max(np.trace(own.covariance[:2, :2]) for own in (a, b)))
+def _are_near(of_a: Landmarks, of_b: Landmarks, a: Placement, b: Placement) -> bool:
+    """Whether the landmarks of two rows come so near on the floor that they may match."""
+    low_a, high_a = _extent(of_a, a)
+    low_b, high_b = _extent(of_b, b)
+    unsure = OFF_SIGMA * np.sqrt(max(np.trace(row.covariance[:2, :2]) for row in (a, b)))
     return bool((np.maximum(low_a, low_b) <= np.minimum(high_a, high_b) + REACH_M + unsure).all())
 
 
-def _extent(things: Mapping[str, Sequence[CrossRowLandmark]], place: Placement) -> tuple[Floats, Floats]:
-    points = place.points(np.array([thing.place for own in things.values() for thing in own]))[:, [0, 2]]
+def _extent(landmarks: Landmarks, placement: Placement) -> tuple[Floats, Floats]:
+    places = np.array([landmark.place for group in landmarks.values() for landmark in group])
+    points = placement.points(places)[:, [0, 2]]
     return points.min(axis=0), points.max(axis=0)
 
 
-def _can_share(one: CrossRowLandmark, other: CrossRowLandmark, a_from_b: Placement) -> bool:
-    """Whether rows that stand so can have things of this kind in common."""
+def _can_share(of_a: CrossRowLandmark, of_b: CrossRowLandmark, a_from_b: Placement) -> bool:
+    """Whether rows with this relative pose can have landmarks of this kind in common."""
     off = (a_from_b.heading_deg + 90) % 180 - 90
-    if not {"x", "z"} <= set(one.axes) & set(other.axes) and abs(off) > BACK_DEG:
+    if not {"x", "z"} <= set(of_a.axes) & set(of_b.axes) and abs(off) > BACK_DEG:
         return False
-    deepest = min((own.behind_m for own in (one, other) if own.behind_m is not None), default=None)
+    deepest = min((landmark.behind_m for landmark in (of_a, of_b) if landmark.behind_m is not None), default=None)
     if deepest is None:
         return True
-    depth = -a_from_b.points(other.place[None])[0, 2]
+    depth = -a_from_b.points(of_b.place[None])[0, 2]
     unsure = min(2 * float(np.sqrt(a_from_b.covariance[1, 1])), MOST_UNSURE_M)
     return abs(a_from_b.heading_deg) > 180 - BACK_DEG and LEAST_DEPTH_M - unsure < depth < deepest + unsure
 
 
-def _no_better(place: Placement) -> Placement:
-    """A place that is not known better than anything can be."""
-    return replace(place, covariance=place.covariance + GAUGE_SIGMA**2 * np.eye(3))
+def _with_gauge_sigma(prior: Placement) -> Placement:
+    """A prior no tighter than the solver can hold."""
+    return replace(prior, covariance=prior.covariance + GAUGE_SIGMA**2 * np.eye(3))
 
 
-def _chained(site_from_row: Floats) -> Placement:
+def _without_covariance(site_from_row: Floats) -> Placement:
+    """A first placement, of which the covariance is not used."""
     heading = float(np.degrees(np.arctan2(site_from_row[0, 2], site_from_row[0, 0])))
     return Placement(float(site_from_row[0, 3]), float(site_from_row[2, 3]), heading, np.eye(3))
 
 
-def _told(
-    site_map: SiteMap,
-    solver: Solver,
-    places: SitePoses,
-    found: Sequence[Found],
-    notes: Sequence[str],
-    known: Mapping[str, Placement],
-) -> Assembly:
-    ties = [path_tie(one, places) for one in solver.overlaps] + [own.shown(places) for own in found]
+def _placed(
+    site_map: SiteMap, common: Sequence[Overlap], poses: SitePoses, matches: Sequence[LandmarkMatch]
+) -> SiteMap:
+    """The site map with the rows' placements, and with matches in the rows' order."""
+    records = [overlap_record(overlap, poses) for overlap in common] + [match.record(poses) for match in matches]
     order = {name: number for number, name in enumerate(site_map.rows)}
-    ties.sort(key=lambda tie: (order[tie.row_a], order[tie.row_b]))
-    off = [line for name, prior in known.items() if (line := _off_prior(name, prior, places.rows[name]))]
-    return Assembly(replace(site_map, placed=dict(places.rows), ties=tuple(ties)), (*notes, *off))
+    records.sort(key=lambda record: (order[record.row_a], order[record.row_b]))
+    return replace(site_map, placements=dict(poses.rows), matches=tuple(records))
 
 
-def _off_prior(name: str, prior: Placement, place: Placement) -> str:
-    """A line where a row does not stand where it is said to."""
-    heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
-    off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
-    if off @ np.linalg.solve(prior.covariance, off) < OFF_SIGMA**2:
-        return ""
-    return (
-        f"row {name} stands {np.hypot(*off[:2]):.2f} m and {abs(heading):.2f} degrees from the place it was given, by what ties it to "
-        "other rows"
-    )
+def _far_from_priors(known: Mapping[str, Placement], poses: SitePoses) -> list[str]:
+    """A line for each row that does not stand where its prior says."""
+    lines = []
+    for name, prior in known.items():
+        place = poses.rows[name]
+        heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
+        off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
+        if off @ np.linalg.solve(prior.covariance, off) >= OFF_SIGMA**2:
+            lines.append(
+                f"row {name} stands {np.hypot(*off[:2]):.2f} m and {abs(heading):.2f} degrees from the place it was given, "
+                "by what it has in common with other rows"
+            )
+    return lines

@@ -1,8 +1,8 @@
-"""Which things of one row are which of another: by where they should be, and only where no other reading is nearly as good.
+"""Which landmarks of one row are which of another: by their places, and only where no other reading fits nearly as well.
 
-A line of like things fits as well, or nearly, when it slips by one. Every shift that lays some thing on another is therefore scored
-by its likelihood, and the best one is believed where it is much likelier (`LEAST`, nats) than that the rows have nothing in common, and
-than any that pairs a thing otherwise (`MARGIN`): a line that slips by one loses one pair of things, 4.5 nats, which is not enough.
+A line of landmarks that look alike fits nearly as well when it slips by one. Each shift that brings a landmark onto another is
+therefore scored by its likelihood. The best one is accepted if it is much likelier (`LEAST`, nats) than that the rows have nothing in
+common, and than any that pairs a landmark otherwise (`MARGIN`): a line that slips by one loses one pair, 4.5 nats, which is too little.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.types import Axis, CrossRowLandmark, Floats, Ints, Placement
+from savmap.types import Axis, CrossRowLandmark, Floats, Ints, Placement, array_record
 
 GATE = 4.0
 NEAR = 3.0
@@ -26,37 +26,40 @@ Pairs = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True)
 class Matching:
-    """Pairs of things by number; or none, and whether that is because several readings fit."""
+    """Pairs of landmarks by number; if there are none, whether that is because several readings fit."""
 
     pairs: Pairs = ()
     ambiguous: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Differences:
-    """In a's frame, along the k axes told: b's things less a's (n, m, k) m where the rows are thought to stand, with covariance
-    (n, m, k, k) of things and heading, and that of the shift of one row against the other (k, k)."""
+    """In a's frame, along the k axes that all landmarks measure: b's places less a's (n, m, k) m with the rows as they stand, their
+    covariance (n, m, k, k) by landmarks and heading, and the covariance (k, k) of the shift of one row against the other."""
 
     between: Floats
     covariance: Floats
     shift: Floats
 
 
-def match(things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark], a_from_b: Placement) -> Matching:
-    """Pairs of things of one kind."""
-    found = differences(things_a, things_b, a_from_b)
-    inverse, tight = _inverse(found.covariance), _inverse(found.shift)
-    gate = _inverse(found.covariance + found.shift)
-    inside = _squares(found.between, gate) < GATE**2
+def match_landmarks(
+    of_a: Sequence[CrossRowLandmark], of_b: Sequence[CrossRowLandmark], a_from_b: Placement
+) -> Matching:
+    """Pairs of landmarks of one kind."""
+    apart = differences(of_a, of_b, a_from_b)
+    inverse, tight = _inverse(apart.covariance), _inverse(apart.shift)
+    gate = _inverse(apart.covariance + apart.shift)
+    inside = _squares(apart.between, gate) < GATE**2
     if not inside.any():
         return Matching()
     scored: dict[Pairs, float] = {}
-    for shift in found.between[inside]:
-        pairs = _nearest(found.between - shift, inverse)
+    for shift in apart.between[inside]:
+        pairs = _nearest(apart.between - shift, inverse)
         for _ in range(REFINED):
-            pairs = _nearest(found.between - _fitted(pairs, found.between, inverse, tight), inverse)
+            pairs = _nearest(apart.between - _fitted(pairs, apart.between, inverse, tight), inverse)
         if pairs not in scored:
-            scored[pairs] = _score(pairs, found.between, inverse, tight)
+            scored[pairs] = _score(pairs, apart.between, inverse, tight)
     best = max(scored, key=scored.__getitem__)
     if scored[best] < LEAST:
         return Matching()
@@ -66,22 +69,20 @@ def match(things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandm
     return Matching(best)
 
 
-def told_axes(things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark]) -> tuple[Axis, ...]:
-    """The axes that all things of both rows tell."""
-    return tuple(axis for axis in ("x", "y", "z") if all(axis in thing.axes for thing in (*things_a, *things_b)))
+def common_axes(of_a: Sequence[CrossRowLandmark], of_b: Sequence[CrossRowLandmark]) -> tuple[Axis, ...]:
+    """The axes that all landmarks of both rows measure."""
+    return tuple(axis for axis in ("x", "y", "z") if all(axis in landmark.axes for landmark in (*of_a, *of_b)))
 
 
-def differences(
-    things_a: Sequence[CrossRowLandmark], things_b: Sequence[CrossRowLandmark], a_from_b: Placement
-) -> Differences:
-    """How far things are from one another, and how well that is known."""
-    told = [AXES[axis] for axis in told_axes(things_a, things_b)]
+def differences(of_a: Sequence[CrossRowLandmark], of_b: Sequence[CrossRowLandmark], a_from_b: Placement) -> Differences:
+    """The differences between all places of a and of b."""
+    axes = [AXES[axis] for axis in common_axes(of_a, of_b)]
     turn = a_from_b.site_from_row[:3, :3]
-    places_a = np.array([thing.place for thing in things_a])
-    raw = np.array([thing.place for thing in things_b])
+    places_a = np.array([landmark.place for landmark in of_a])
+    raw = np.array([landmark.place for landmark in of_b])
     places_b = a_from_b.points(raw)
-    own_a = np.array([thing.covariance for thing in things_a])
-    own_b = turn @ np.array([thing.covariance for thing in things_b]) @ turn.T
+    covariance_a = np.array([landmark.covariance for landmark in of_a])
+    covariance_b = turn @ np.array([landmark.covariance for landmark in of_b]) @ turn.T
     middle = raw.mean(axis=0, keepdims=True)
     lever = places_b - a_from_b.points(middle)
     swing = np.radians(np.sqrt(a_from_b.covariance[2, 2])) * np.stack(
@@ -89,10 +90,10 @@ def differences(
     )
     shift = a_from_b.covariances(middle, np.diag([0.0, FLOOR_SIGMA_M**2, 0.0])[None])[0]
     least = LEAST_SIGMA_M**2 * np.eye(3)
-    covariance = own_a[:, None] + (own_b + swing[:, :, None] * swing[:, None, :])[None] + least
-    grid = np.ix_(told, told)
+    covariance = covariance_a[:, None] + (covariance_b + swing[:, :, None] * swing[:, None, :])[None] + least
+    grid = np.ix_(axes, axes)
     return Differences(
-        (places_b[None] - places_a[:, None])[:, :, told], covariance[:, :, grid[0], grid[1]], shift[grid]
+        (places_b[None] - places_a[:, None])[:, :, axes], covariance[:, :, grid[0], grid[1]], shift[grid]
     )
 
 
@@ -133,8 +134,8 @@ def _fitted(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> Fl
     return shift
 
 
-def _contradict(one: Pairs, other: Pairs) -> bool:
-    """Whether a thing has one partner here and another one there."""
-    own = dict(one)
-    back = {j: i for i, j in one}
-    return any(own.get(i, j) != j or back.get(j, i) != i for i, j in other)
+def _contradict(pairs: Pairs, others: Pairs) -> bool:
+    """Whether any landmark has different partners in the two."""
+    b_of_a = dict(pairs)
+    a_of_b = {j: i for i, j in pairs}
+    return any(b_of_a.get(i, j) != j or a_of_b.get(j, i) != i for i, j in others)

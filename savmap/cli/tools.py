@@ -25,13 +25,13 @@ def plugin_lines() -> Iterator[str]:
 
 def _network(model: Path) -> str:
     """Of what kind a plugin's network is, and on what it runs; what is wrong with it where it cannot be read."""
-    from savmap.vision.networks.segmenter import Segmenter, few
+    from savmap.vision.networks.segmenter import Segmenter, shortened
 
     try:
         network = Segmenter(model)
     except ModelError as error:
         return str(error)
-    return f"{network}; gives {few(network.names)}"
+    return f"{network}; gives {shortened(network.names)}"
 
 
 def schema(name: str) -> str:
@@ -66,15 +66,29 @@ def export(map_file: Path, name: str, output: Path, row: str | None = None) -> I
 def find(map_file: Path, name: str) -> Iterator[str]:
     """Where in a map the things of a name are, or those on which it is written. Raises SiteError where there is none."""
     from savmap.maps.map_file import read_map
-    from savmap.maps.search import found
+    from savmap.maps.search import find_structures
 
-    yield from found(read_map(map_file), name)
+    yield from map(str, find_structures(read_map(map_file), name))
 
 
 def split(recording: Path, output: Path, into: Path | None = None, sheet: Path | None = None) -> Iterator[str]:
     """The passes of a long recording as rows of a new site file, or added to one, with a contact sheet."""
     from savmap.cli.console import Console
     from savmap.split import split as find_and_write
+    from savmap.split.contact_sheet import clock
 
     with Console(Path(os.devnull)) as console:
-        yield from find_and_write(recording, output, into, sheet, monitor=console)
+        result = find_and_write(recording, output, into, sheet, monitor=console)
+    yield "pass     start       end   heading  sides        confidence"
+    for number, row_pass in enumerate(result.passes, start=1):
+        yield (
+            f"{number:4d}  {clock(row_pass.start_s):>8}  {clock(row_pass.end_s):>8}  {row_pass.heading_deg:+6.0f}"
+            f"    {' and '.join(row_pass.sides):<14} {row_pass.confidence:4.2f}"
+        )
+    yield f"wrote {into or output}: look through it before mapping"
+    if sheet is not None:
+        yield f"wrote {sheet}"
+    yield (
+        f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
+        f"{result.decoded_share:.0%} of the recording"
+    )

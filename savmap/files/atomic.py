@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and read with one clear line where they cannot be."""
+"""Files written whole or not at all; errors of reading and writing as one line."""
 
 import hashlib
 import json
@@ -20,8 +20,8 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write `content` to a temporary file of the same folder (made where missing), then put it in place of `path`.
 
-    A URL's object is put there in one go. Raises OutputError where the folder cannot be written or is full; `path` then still is
-    what it was.
+    A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path` is then
+    unchanged.
     """
     if is_url(path):
         return _put(path, content)
@@ -38,7 +38,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_with(write: Callable[[Path], None], path: Path) -> None:
-    """Let a function write a file of the same name in a temporary folder beside `path`, then put it in place, whole.
+    """Let a function write a file of the same name in a temporary folder beside `path`, then move it into place.
 
     Raises OutputError where nothing can be written there, or where the function wrote nothing.
     """
@@ -91,7 +91,7 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """What the operating system says, in lower case."""
+    """The operating system's message, in lower case."""
     return (error.strerror or str(error)).lower()
 
 

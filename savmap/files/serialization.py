@@ -1,6 +1,6 @@
-"""Records as bytes and back, exactly: dataclasses of savmap, their mappings and arrays; nothing in the bytes is ever run.
+"""Records as bytes and back, exactly: dataclasses of savmap with mappings and arrays. Reading never runs code from the bytes.
 
-The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' own bytes. Sequences of
+The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' item bytes. Sequences of
 records of one kind, of which there may be many thousands, stand field by field.
 """
 
@@ -54,12 +54,12 @@ def _tree(value: Any, arrays: bytearray) -> Any:
         return {"array": [value.dtype.str, list(value.shape), place]}
     kind = type(value)
     if dataclasses.is_dataclass(kind) and kind.__module__.startswith(PACKAGE):
-        fields = [_tree(getattr(value, own.name), arrays) for own in dataclasses.fields(kind)]
+        fields = [_tree(getattr(value, field.name), arrays) for field in dataclasses.fields(kind)]
         return {"record": [kind.__module__, kind.__qualname__, fields]}
     if isinstance(value, Mapping):
-        return {"mapping": [[_tree(key, arrays), _tree(own, arrays)] for key, own in value.items()]}
+        return {"mapping": [[_tree(key, arrays), _tree(item, arrays)] for key, item in value.items()]}
     if isinstance(value, frozenset):
-        return {"set": [_tree(own, arrays) for own in sorted(value)]}
+        return {"set": [_tree(item, arrays) for item in sorted(value)]}
     if isinstance(value, Sequence):
         return {"tuple" if isinstance(value, tuple) else "list": _items(value, arrays)}
     raise TypeError(f"a {type(value).__name__} cannot be stored")
@@ -70,15 +70,15 @@ def _items(values: Sequence[Any], arrays: bytearray) -> Any:
     kinds = {type(value) for value in values}
     kind = next(iter(kinds), None)
     if len(kinds) != 1 or kind is None or not dataclasses.is_dataclass(kind) or not dataclasses.fields(kind):
-        return [_tree(own, arrays) for own in values]
+        return [_tree(item, arrays) for item in values]
     if not kind.__module__.startswith(PACKAGE):
         raise TypeError(f"a {kind.__name__} cannot be stored")
-    columns = [_column([getattr(value, own.name) for value in values], arrays) for own in dataclasses.fields(kind)]
+    columns = [_column([getattr(value, field.name) for value in values], arrays) for field in dataclasses.fields(kind)]
     return {"records": [kind.__module__, kind.__qualname__, columns]}
 
 
 def _column(values: list[Any], arrays: bytearray) -> Any:
-    """One field of many records. Arrays that differ in length alone stand one after the other."""
+    """One field of many records. Arrays that differ only in length are joined."""
     kinds = {type(value) for value in values}
     if kinds <= PLAIN or (kinds == {dict} and all(_is_plain(value) for value in values)):
         return {"plain": values}
@@ -89,7 +89,7 @@ def _column(values: list[Any], arrays: bytearray) -> Any:
 
 
 def _is_plain(mapping: dict[Any, Any]) -> bool:
-    """Whether JSON gives back the very same."""
+    """Whether JSON preserves the mapping exactly."""
     return all(type(key) is str and type(value) in PLAIN for key, value in mapping.items())
 
 
@@ -103,10 +103,10 @@ def _record(tree: Any, arrays: memoryview) -> Any:
         return np.frombuffer(arrays, np.dtype(dtype), count, place).reshape(shape).copy()
     if kind == "record":
         module, name, fields = content
-        return _class(module, name)(*(_record(own, arrays) for own in fields))
+        return _class(module, name)(*(_record(item, arrays) for item in fields))
     if kind == "mapping":
-        return {_record(key, arrays): _record(own, arrays) for key, own in content}
-    items = _made(content, arrays) if isinstance(content, dict) else (_record(own, arrays) for own in content)
+        return {_record(key, arrays): _record(item, arrays) for key, item in content}
+    items = _made(content, arrays) if isinstance(content, dict) else (_record(item, arrays) for item in content)
     return {"set": frozenset, "tuple": tuple, "list": list}[kind](items)
 
 
@@ -123,15 +123,15 @@ def _values(column: Any, arrays: memoryview) -> list[Any]:
     if kind == "plain":
         return list(content)
     if kind == "each":
-        return [_record(own, arrays) for own in content]
+        return [_record(item, arrays) for item in content]
     lengths, joined = content[0], _record(content[1], arrays)
     ends = list(accumulate(lengths))
     return [joined[end - length : end] for length, end in zip(lengths, ends, strict=True)]
 
 
 def _class(module: str, name: str) -> Any:
-    """A dataclass of savmap that is loaded already: the bytes cannot make anything else."""
-    found = getattr(sys.modules[module], name) if module.startswith(PACKAGE) else None
-    if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
+    """A dataclass of savmap that is already imported: no other object can be made from the bytes."""
+    kind = getattr(sys.modules[module], name) if module.startswith(PACKAGE) else None
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
         raise KeyError(f"{module}.{name} is not a record")
-    return found
+    return kind

@@ -1,4 +1,4 @@
-"""Where files are: paths of this machine, or URLs that fsspec reads (`s3://`, `gs://`, `file://`; extra `cluster`).
+"""Locations of files: paths of this machine, or URLs that fsspec reads (`s3://`, `gs://`, `file://`; extra `cluster`).
 
 A URL is a `UPath`, which does what a `Path` does; it is typed as one throughout.
 """
@@ -12,7 +12,7 @@ LOCAL = "file://"
 
 
 def where(text: str | Path) -> Path:
-    """The path that a text means. Raises SiteError for a URL of an unknown kind, or where the extra `cluster` is missing."""
+    """The path of a text. Raises SiteError for a URL of an unknown kind, or where the extra `cluster` is missing."""
     if not isinstance(text, str) or "://" not in text:
         return Path(text) if isinstance(text, str) else text
     if text.startswith(LOCAL):
@@ -28,10 +28,10 @@ def where(text: str | Path) -> Path:
 
 
 def is_url(path: Path) -> bool:
-    """Whether a path is not of this machine."""
+    """Whether a path is a URL."""
     return not isinstance(path, Path)
 
 
 def beside(folder: Path, path: Path) -> Path:
-    """A path taken from a folder; a URL, or a path from the root, as it is."""
+    """A relative path taken from a folder; URLs and absolute paths are unchanged."""
     return path if is_url(path) else folder / path

@@ -1,4 +1,4 @@
-"""Checking what a file says against a pydantic model, with one line for the first thing that is wrong."""
+"""Content of files checked against pydantic models, with one line for the first mistake."""
 
 import difflib
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ def _with_text_keys(value: object) -> object:
 
 
 ClassNames = Annotated[Mapping[str, str], BeforeValidator(_with_text_keys)]
-"""A plugin's setting `class_names`: what its network's classes, by name or by number from 0, are called by the plugin."""
+"""A plugin's setting `class_names`: the plugin's names for its network's classes, which are given by name or by number from 0."""
 
 
 def checked(model: type[Model], content: object, where: str) -> Model:
@@ -36,18 +36,18 @@ def checked(model: type[Model], content: object, where: str) -> Model:
 
 
 def path_of(problem: "ErrorDetails") -> str:
-    """Where in the content a problem is: "rows.A.passes[0].fps"."""
+    """The path of a problem in the content: "rows.A.passes[0].fps"."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"])
     return "".join(parts).lstrip(".")
 
 
 def text_of(problem: "ErrorDetails") -> str:
-    """What is wrong, in pydantic's words."""
+    """The problem in pydantic's words."""
     return problem["msg"].removeprefix("Value error, ")
 
 
 def one_line(error: ValidationError) -> str:
-    """The first problem as "path: what", and how many more there are."""
+    """The first problem as "path: problem", and how many more there are."""
     problems = error.errors(include_url=False, include_context=False)
     path, text = path_of(problems[0]), text_of(problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
@@ -68,13 +68,16 @@ def explained(
     place_of: Callable[[Location, bool], str],
     at: Callable[[Location], Location] = tuple,
 ) -> dict[Location, str]:
-    """A line for each problem of a validation error, by its location in the file, unknown keys first. `at`: where in the file a key
-    of the model stands; `place_of`: what to call a location (and whether the problem is one of the whole section there)."""
+    """A line for each problem of a validation error, by its location in the file, unknown keys first.
+
+    `at` gives a model key's location in the file. `place_of` gives the text for a location; its second argument is whether the
+    problem concerns the whole section there.
+    """
     problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     first: dict[Location, ErrorDetails] = {}
     for problem in problems:
         follows = problem["type"] == "too_short" and any(
-            other is not problem and other["loc"][: len(problem["loc"])] == problem["loc"] for other in problems
+            inner is not problem and inner["loc"][: len(problem["loc"])] == problem["loc"] for inner in problems
         )
         if not follows:
             first.setdefault(at(problem["loc"]), problem)
@@ -100,7 +103,7 @@ def _explained(
 
 
 def _keys(model: Any, location: Location) -> list[str]:
-    """Keys that are allowed at a place of the model, found by following field annotations."""
+    """The keys that the model allows at a location, by its field annotations."""
     current = model
     for part in location:
         inner = _models_in(current)
@@ -114,9 +117,9 @@ def _models_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in getattr(annotation, "__args__", ()):
-        found = _models_in(argument)
-        if found:
-            return found
+        model = _models_in(argument)
+        if model:
+            return model
     return None
 
 

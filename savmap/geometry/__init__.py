@@ -1,1 +1,1 @@
-"""Cameras and rays, poses, lines and vanishing points: numpy only."""
+"""Cameras and rays, poses, lines and vanishing points: functions on numpy arrays."""

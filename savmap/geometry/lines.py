@@ -1,7 +1,7 @@
 """Straight lines through many points at once: least squares, robust, with honest variances.
 
-A line here is v = offset + slope (u - centre). `u` runs along the structure (columns for what lies level, rows for what
-stands), `v` across it. All functions work on many lines together: `group` says to which line a point belongs.
+A line here is v = offset + slope (u - centre). `u` runs along the structure (columns if it is level, rows if it is upright), `v`
+across it. All functions work on many lines together: `group` is the number of a point's line.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from savmap.geometry.arrays import Bools, Floats, Ints, array_record
 
 SAMPLES = 32
 ROUNDS = 3
@@ -19,7 +18,8 @@ LEAST_SIGMA_PX = 0.08
 MOST_CORRELATION = 0.95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Lines:
     """g lines: centre, slope, offset (g,); variances of slope and offset at the centre (g,), px^2; the first and last u
     of their inliers (g,); how many inliers (g,). A line that could not be fitted is nan and has no inliers."""
@@ -40,13 +40,13 @@ class Lines:
         return Lines(*(value[index] for value in vars(self).values()))
 
     def joined(self, others: "Lines") -> "Lines":
-        """These, then others."""
+        """These lines followed by others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Lines(*(np.concatenate(pair) for pair in pairs))
 
     @property
     def column(self) -> "Lines":
-        """The same with shape (g, 1), to be asked for many u each."""
+        """The same with shape (g, 1), for many u per line."""
         return Lines(*(value[:, None] for value in vars(self).values()))
 
     @property
@@ -65,7 +65,7 @@ class Lines:
 
 
 def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float) -> Lines:
-    """Lines through the points (n,) of each group 0..g-1, however large a minority of them lies elsewhere.
+    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points.
 
     `about` are slopes (g,) to be expected and how far from them to look.
 
@@ -89,7 +89,7 @@ def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float],
 
 
 def weighted_lines(group: Ints, u: Floats, v: Floats, weight: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """Centre, slope and offset (count,) of each group's weighted least-squares line; nan where none is fixed."""
+    """Centre, slope and offset (count,) of each group's weighted least-squares line; nan where its points fix none."""
     total = _sums_or_nan(group, weight, count)
     centre = _sums(group, weight * u, count) / total
     offset = _sums(group, weight * v, count) / total
@@ -98,9 +98,9 @@ def weighted_lines(group: Ints, u: Floats, v: Floats, weight: Floats, count: int
     return centre, slope, offset
 
 
-def where(condition: NDArray[np.bool_], one: Lines, other: Lines) -> Lines:
-    """Lines (g,) of `one` where the condition (g,) holds, else of `other`."""
-    return Lines(*(np.where(condition, a, b) for a, b in zip(vars(one).values(), vars(other).values(), strict=True)))
+def where(condition: Bools, lines: Lines, others: Lines) -> Lines:
+    """Lines (g,) of `lines` where the condition (g,) holds, else of `others`."""
+    return Lines(*(np.where(condition, a, b) for a, b in zip(vars(lines).values(), vars(others).values(), strict=True)))
 
 
 def crossing(level: Lines, upright: Lines) -> Floats:
@@ -130,12 +130,12 @@ def convergence(lines: Lines) -> float:
     """
     if len(lines) < 3:
         return 0.0
-    one, other = np.triu_indices(len(lines), 1)
-    apart = lines.at_zero[other] - lines.at_zero[one]
+    first, second = np.triu_indices(len(lines), 1)
+    apart = lines.at_zero[second] - lines.at_zero[first]
     far = np.abs(apart) > 0.25 * np.ptp(lines.at_zero)
     if np.ptp(lines.at_zero) < 1:
         return 0.0
-    return float(np.median((lines.slope[other] - lines.slope[one])[far] / apart[far]))
+    return float(np.median((lines.slope[second] - lines.slope[first])[far] / apart[far]))
 
 
 def _sums(group: Ints, values: Floats, count: int) -> Floats:
@@ -155,10 +155,10 @@ def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], toler
     pick = starts[:, None] + ((np.arange(SAMPLES) + 0.5) / SAMPLES * sizes[:, None]).astype(np.int64)
     pick = np.minimum(pick, len(u) - 1)
     us, vs = u[pick], v[pick]
-    one, other = _pairs()
-    run = us[:, other] - us[:, one]
-    slope = (vs[:, other] - vs[:, one]) / np.where(run > 0, run, np.inf)
-    offset = vs[:, one] - slope * us[:, one]
+    first, second = _pairs()
+    run = us[:, second] - us[:, first]
+    slope = (vs[:, second] - vs[:, first]) / np.where(run > 0, run, np.inf)
+    offset = vs[:, first] - slope * us[:, first]
     residual = vs[:, None, :] - offset[..., None] - slope[..., None] * us[:, None, :]
     vote = np.square(np.maximum(0.0, 1 - np.square(residual / tolerance))).sum(axis=-1)
     best = np.argmax(np.where((np.abs(slope - about[0][:, None]) <= about[1]) & (run > 0), vote, -1.0), axis=1)
@@ -167,9 +167,9 @@ def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], toler
 
 
 def _pairs() -> tuple[Ints, Ints]:
-    one, other = np.triu_indices(SAMPLES, SAMPLES // 4)
-    widest_first = np.argsort(one - other, kind="stable")[:: max(1, len(one) // 36)]
-    return one[widest_first], other[widest_first]
+    first, second = np.triu_indices(SAMPLES, SAMPLES // 4)
+    widest_first = np.argsort(first - second, kind="stable")[:: max(1, len(first) // 36)]
+    return first[widest_first], second[widest_first]
 
 
 def _biweight(residual: Floats, sigma: Floats) -> Floats:
@@ -183,7 +183,7 @@ def _sigma(group: Ints, residual: Floats, weight: Floats, count: int, most: floa
 
 
 def _summary(group: Ints, u: Floats, weight: Floats, residual: Floats, fit: tuple[Floats, Floats, Floats]) -> Lines:
-    """Lines with variances: residuals (weighted) that keep their sign from point to point count as fewer points."""
+    """Lines with variances: correlated residuals (weighted) of neighbouring points count as fewer points."""
     centre, slope, offset = fit
     count = len(slope)
     residual = np.nan_to_num(residual)

@@ -5,9 +5,8 @@ a (height, width) view is ((width - 1) / 2, (height - 1) / 2).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.geometry.arrays import Floats
 
 
 def rig_from_view(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:
@@ -21,7 +20,7 @@ def rig_from_view(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:
 
 
 def angles_from_rotation(rotation: Floats) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in degrees: the inverse of `rig_from_view`. At pitch +-90 the roll is put into the yaw."""
+    """Yaw, pitch and roll in degrees: the inverse of `rig_from_view`. At pitch +-90 the roll is 0, and the yaw includes it."""
     forward = rotation[:, 2]
     pitch = np.arcsin(np.clip(-forward[1], -1, 1))
     if np.hypot(forward[0], forward[2]) < 1e-9:

@@ -5,9 +5,8 @@ panorama spans [-0.5, W - 0.5) x [-0.5, H - 0.5).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.geometry.arrays import Floats
 
 
 def rays_from_panorama_pixels(pixels: Floats, height: int) -> Floats:

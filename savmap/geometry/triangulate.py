@@ -1,13 +1,12 @@
-"""Points from rays."""
+"""Points nearest to rays: of many cameras, or of two lines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.geometry.arrays import Floats
 
 
 def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Floats:
-    """The point (3,) nearest to rays (n, 3) + s (n, 3), re-weighted by 1 / (distance + 5 cm) so that strays count little.
+    """The point (3,) nearest to rays (n, 3) + s (n, 3), re-weighted by 1 / (distance + 5 cm) so that outliers count little.
 
     Raises ValueError when the rays are parallel.
     """

@@ -1,16 +1,14 @@
 """Orientation from straight edges: vanishing points of a building's three axes on the sphere.
 
-An edge seen from one point lies, with the camera, in a plane; the plane's unit normal is perpendicular to the edge's own
-direction. Every edge parallel to an axis d therefore gives n . d = 0, whatever its place (paper, section III-E).
+The camera and an edge lie in a plane; the plane's unit normal is perpendicular to the edge's own
+direction. Every edge parallel to an axis d therefore gives n . d = 0, wherever it is (paper, section III-E).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from savmap.geometry.arrays import Floats, Ints, array_record
 
 RIG_UP = np.array([0.0, -1.0, 0.0])
 RIG_FORWARD = np.array([0.0, 0.0, 1.0])
@@ -22,7 +20,8 @@ FINE_SIGMA = np.radians(0.3)
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Manhattan:
     """Rotation (3, 3) whose columns are a building's axes in the rig frame (x right, y up, z towards the camera as one
     looks along -z), and the share of the edges' length that follows them."""
@@ -31,7 +30,8 @@ class Manhattan:
     support: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Orientation:
     """world_from_rig (3, 3) and the information (3, 3) in rad^-2 about small turns of the rig, in rig axes."""
 
@@ -47,7 +47,7 @@ def plane_normals(rays_a: Floats, rays_b: Floats) -> tuple[Floats, Floats]:
 
 
 def manhattan_from_segments(rays_a: Floats, rays_b: Floats, start: Floats | None = None) -> Manhattan | None:
-    """The three perpendicular directions most of the segments' length follows; None for fewer than six segments.
+    """The three perpendicular directions that most of the segments' length follows; None for fewer than six segments.
 
     rays_a, rays_b: (n, 3) unit rays of the segments' ends, rig frame. Searched for over the sphere (pairs of segments
     propose an axis, then the turn about it is tried degree by degree), or refined from `start` (3, 3).
@@ -73,7 +73,7 @@ def facing(axes: Floats, up: Floats, towards: Floats) -> Floats:
 
 
 def _relabelled(axes: Floats, like: Floats) -> Floats:
-    """The same axes, named as those of a rotation nearby."""
+    """The same axes in the order and with the signs of the rotation `like`."""
     return facing(axes, like[:, 1], like[:, 2])
 
 
@@ -115,7 +115,7 @@ def _proposed(normals: Floats, lengths: Floats) -> Floats:
 
 
 def _refined(rotation: Floats, normals: Floats, lengths: Floats, sigma: float) -> Floats:
-    """One reweighted step: every edge is given to the axis it fits best."""
+    """One reweighted step, with each edge assigned to the axis that it fits best."""
     cosines = normals @ rotation
     nearest = np.argmin(np.abs(cosines), axis=1)
     residuals = cosines[np.arange(len(normals)), nearest]
@@ -162,7 +162,7 @@ def orientation_from_edges(
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """As `np.cross` of (n, 3) and (n, 3), which costs several times as much for a few dozen."""
+    """`np.cross` of (n, 3) and (n, 3), several times faster for a few dozen rows."""
     return np.asarray(a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT])
 
 
@@ -174,6 +174,6 @@ def _in_plane(rays_a: Floats, rays_b: Floats) -> Floats:
 
 
 def _sigmas(in_plane: Floats, directions: Floats, ends: Floats) -> Floats:
-    """Standard deviations (n,) of n . d: with d = alpha a + beta b in the edge's plane, the ends' errors add up so."""
+    """Standard deviations (n,) of n . d: with d = alpha a + beta b in the edge's plane, the errors of the ends add up."""
     shares = (in_plane @ directions[:, :, None])[:, :, 0] * ends
     return np.maximum(np.hypot(shares[:, 0], shares[:, 1]), 1e-6)

@@ -34,68 +34,71 @@ COLUMNS = [
 
 
 def write_csv(site: SiteMap, path: Path) -> None:
-    """A line a vertex: where it belongs, its place in the site's frame, or in the row's if that is not placed, and its standard
-    deviations, m. Raises OutputError."""
+    """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
+    standard deviations, m. Raises OutputError."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
         for plugin, structures in row.structures.items():
-            frame = "site" if row.name in site.placed else "row"
-            for own in structures:
-                vertices = _vertices(in_site(own, site.placed.get(row.name)))
-                table.writerows((row.name, frame, plugin, own.id, own.label, *vertex) for vertex in vertices)
+            frame = "site" if row.name in site.placements else "row"
+            for structure in structures:
+                vertices = _vertices(in_site(structure, site.placements.get(row.name)))
+                start = row.name, frame, plugin, structure.id, structure.label
+                table.writerows((*start, *vertex) for vertex in vertices)
     write_text(path, text.getvalue())
 
 
 def write_ply(site: SiteMap, path: Path) -> None:
-    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also for several rows
-    with one that is not placed: each has a frame of its own."""
-    apart = [name for name in site.rows if name not in site.placed]
+    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also if there are several
+    rows and one of them is not placed, because its frame is another one."""
+    apart = [name for name in site.rows if name not in site.placements]
     if apart and len(site.rows) > 1:
         raise OutputError(
             f"{path}: PLY holds one frame, and rows {', '.join(apart)} have no place in the site's; choose with --row"
         )
     what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
-    found = [
-        in_site(own, site.placed.get(row.name))
+    structures = [
+        in_site(structure, site.placements.get(row.name))
         for row in site.rows.values()
         for group in row.structures.values()
-        for own in group
+        for structure in group
     ]
-    write_text(path, "\n".join(_ply(what, found)) + "\n")
+    write_text(path, "\n".join(_ply(what, structures)) + "\n")
 
 
-def in_site(own: Structure, place: Placement | None) -> Structure:
-    """A row's structure in the site's frame, its covariances with what is not known of the row's place; as it is without one."""
-    if place is None:
-        return own
-    covariances = place.covariances(own.vertices, own.covariances)
-    return replace(own, vertices=place.points(own.vertices), covariances=covariances)
+def in_site(structure: Structure, placement: Placement | None) -> Structure:
+    """A row's structure in the site's frame, the placement's covariance added; unchanged where the row is not placed."""
+    if placement is None:
+        return structure
+    covariances = placement.covariances(structure.vertices, structure.covariances)
+    return replace(structure, vertices=placement.points(structure.vertices), covariances=covariances)
 
 
-def _vertices(own: Structure) -> Iterator[tuple[str, ...]]:
-    sigmas = np.sqrt(np.maximum(np.diagonal(own.covariances, axis1=1, axis2=2), 0.0))
-    for label, place, sigma in zip(own.vertex_labels, own.vertices, sigmas, strict=True):
+def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
+    sigmas = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
+    for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas, strict=True):
         yield (label, *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
 
 
 def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
-    labels = sorted({own.label for own in structures})
+    labels = sorted({structure.label for structure in structures})
     colours = {label: COLOURS[k % len(COLOURS)] for k, label in enumerate(labels)}
-    firsts = np.cumsum([0, *(len(own.vertices) for own in structures)]).tolist()
+    firsts = np.cumsum([0, *(len(structure.vertices) for structure in structures)]).tolist()
     yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
     for label, colour in colours.items():
         yield f"comment label {label}: {_spaced(colour)}"
     yield f"element vertex {firsts[-1]}"
     yield from (f"property double {axis}" for axis in "xyz")
     yield from (f"property uchar {channel}" for channel in ("red", "green", "blue"))
-    yield f"element edge {sum(len(own.edges) for own in structures)}"
+    yield f"element edge {sum(len(structure.edges) for structure in structures)}"
     yield from ("property int vertex1", "property int vertex2", "end_header")
-    for own in structures:
-        yield from (f"{x:.4f} {y:.4f} {z:.4f} {_spaced(colours[own.label])}" for x, y, z in own.vertices.tolist())
-    for first, own in zip(firsts, structures, strict=False):
-        yield from (f"{first + a} {first + b}" for a, b in own.edges.tolist())
+    for structure in structures:
+        yield from (
+            f"{x:.4f} {y:.4f} {z:.4f} {_spaced(colours[structure.label])}" for x, y, z in structure.vertices.tolist()
+        )
+    for first, structure in zip(firsts, structures, strict=False):
+        yield from (f"{first + a} {first + b}" for a, b in structure.edges.tolist())
 
 
 def _spaced(colour: tuple[int, int, int]) -> str:

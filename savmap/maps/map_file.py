@@ -1,7 +1,6 @@
 """A SiteMap as map.json and back. The same map always gives the same bytes.
 
-Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances to six digits, quaternions to nine
-decimals.
+Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances to six digits, quaternions to nine decimals.
 """
 
 import json
@@ -21,13 +20,14 @@ from savmap.maps.schema import (
     VERSION,
     FrameEntry,
     MapFile,
+    MatchEntry,
     PlacementEntry,
     RowEntry,
     StructureEntry,
-    TieEntry,
     ViewEntry,
 )
 from savmap.types import (
+    CrossRowMatch,
     Floats,
     FrameTable,
     Placement,
@@ -35,63 +35,14 @@ from savmap.types import (
     RowMap,
     SiteMap,
     Structure,
-    Tie,
     Trajectory,
     ViewSpec,
 )
 
-SIGMA, FIGURE = 6, 6
+COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
+"""Decimals."""
 UPPER = np.triu_indices(3)
-
-
-def rounded(values: Floats | Iterable[float], decimals: int) -> list[float]:
-    """Numbers to so many decimals, without negative zeros."""
-    return [round(float(value), decimals) + 0.0 for value in values]
-
-
-def significant(value: float) -> float:
-    """A number to six digits."""
-    return float(f"{value:.6g}") + 0.0
-
-
-def symmetric(upper: Iterable[float]) -> Floats:
-    """The symmetric matrix (3, 3) of an upper triangle, row by row."""
-    full = np.zeros((3, 3))
-    full[UPPER] = list(upper)
-    matrix: Floats = full + np.triu(full, 1).T
-    return matrix
-
-
-def placement_entry(own: Placement) -> dict[str, Any]:
-    """A row's place."""
-    x, z, heading = rounded((own.x_m, own.z_m, own.heading_deg), FIGURE)
-    covariance = [significant(value) for value in own.covariance[UPPER]]
-    return {"x_m": x, "z_m": z, "heading_deg": heading, "covariance": covariance}
-
-
-def placement(own: PlacementEntry) -> Placement:
-    """And back."""
-    return Placement(own.x_m, own.z_m, own.heading_deg, symmetric(own.covariance))
-
-
-def tie_entry(own: Tie) -> dict[str, Any]:
-    """A thing that two rows see; null for what it does not tell."""
-    names = {"row_a": own.row_a, "row_b": own.row_b, "id_a": own.id_a, "id_b": own.id_b}
-    return {**names, "residual_m": _known(own.residual_m), "sigma_m": _known(own.sigma_m)}
-
-
-def tie(own: TieEntry) -> Tie:
-    """And back."""
-    residual, sigma = (np.array(values, dtype=np.float64) for values in (own.residual_m, own.sigma_m))
-    return Tie(own.row_a, own.row_b, own.id_a, own.id_b, residual, sigma)
-
-
-def _known(values: Floats) -> list[float | None]:
-    return [None if np.isnan(value) else rounded([value], SIGMA)[0] for value in values]
-
-
-_COORDINATE, _QUATERNION = 5, 9
-_NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
+NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
 Entry = dict[str, Any]
 
@@ -111,6 +62,121 @@ def map_of(text: str, where: str) -> SiteMap:
     return _site_map(json.loads(text), where)
 
 
+def map_text(site: SiteMap) -> str:
+    """The text of map.json: keys sorted, numbers rounded, arrays of numbers on one line. Raises OutputError on NaN."""
+    rows = {name: _row_entry(row) for name, row in site.rows.items()}
+    content = {"format": FORMAT, "version": VERSION, "units": "m", "made_by": dict(site.made_by), "rows": rows}
+    if site.failed:
+        content["failed"] = dict(site.failed)
+    if site.placements:
+        content["placed"] = {name: _placement_entry(placement) for name, placement in site.placements.items()}
+    if site.matches:
+        content["ties"] = [_match_entry(match) for match in site.matches]
+    try:
+        text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
+    except ValueError as error:
+        raise OutputError(f"the map holds a number that is not finite ({error}); it was not written") from error
+    return NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
+
+
+def _row_entry(row: RowMap) -> Entry:
+    return {
+        "trajectory": _trajectory_entries(row.frames, row.trajectory),
+        "views": {name: _view_entry(spec) for name, spec in row.views.items()},
+        "structures": {plugin: list(map(_structure_entry, group)) for plugin, group in row.structures.items()},
+        "references": [_reference_entry(use) for use in row.references],
+        "report": {name: _plain(value) for name, value in row.report.items()},
+    }
+
+
+def _quaternion(rotation: Floats) -> list[float]:
+    """x, y, z, w of a rotation (3, 3). Rounded numbers are no unit quaternion: they are taken as a reader takes them, so that a map that
+    is read and written again has the same bytes."""
+    first = _rounded(Rotation.from_matrix(rotation).as_quat(canonical=True), QUATERNION)
+    read = Rotation.from_quat(first).as_matrix()
+    return _rounded(Rotation.from_matrix(read).as_quat(canonical=True), QUATERNION)
+
+
+def _trajectory_entries(table: FrameTable, trajectory: Trajectory) -> list[Entry]:
+    index_of = {int(frame): index for index, frame in enumerate(trajectory.frames)}
+    return [
+        {"frame": frame, "stamp_s": stamp, "pass": name, **_pose_entry(trajectory, index_of.get(frame))}
+        for frame, (stamp, name) in enumerate(zip(_rounded(table.stamps_s, FIGURE), table.passes, strict=True))
+    ]
+
+
+def _pose_entry(trajectory: Trajectory, index: int | None) -> Entry:
+    if index is None:
+        return {"position_m": None, "orientation_xyzw": None, "sigma_m": None}
+    pose = trajectory.world_from_rig[index]
+    sigma = None if trajectory.sigma_m is None else _rounded(trajectory.sigma_m[index], SIGMA)
+    position = _rounded(pose[:3, 3], COORDINATE)
+    return {"position_m": position, "orientation_xyzw": _quaternion(pose[:3, :3]), "sigma_m": sigma}
+
+
+def _view_entry(spec: ViewSpec) -> Entry:
+    yaw, pitch, roll, hfov = _rounded((spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg), FIGURE)
+    size = {"width": int(spec.width), "height": int(spec.height)}
+    return {"yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll, "hfov_deg": hfov, **size}
+
+
+def _structure_entry(structure: Structure) -> Entry:
+    vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True)
+    return {
+        "id": structure.id,
+        "label": structure.label,
+        "vertices": [_vertex_entry(*vertex) for vertex in vertices],
+        "edges": [[int(end) for end in edge] for edge in structure.edges],
+        "attributes": {name: _plain(value) for name, value in structure.attributes.items()},
+    }
+
+
+def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
+    return {
+        "label": label,
+        "position_m": _rounded(position, COORDINATE),
+        "sigma_m": _rounded(np.sqrt(np.diag(_symmetric(_upper_triangle(covariance)))), SIGMA),
+        "covariance_m2": _upper_triangle(covariance),
+    }
+
+
+def _reference_entry(use: ReferenceUse) -> Entry:
+    names = ("value", "sigma", "solved", "residual")
+    numbers = _rounded((use.value, use.sigma, use.solved, use.solved - use.value), FIGURE)
+    return {"name": use.name, "unit": use.unit, **dict(zip(names, numbers, strict=True))}
+
+
+def _placement_entry(placement: Placement) -> Entry:
+    x, z, heading = _rounded((placement.x_m, placement.z_m, placement.heading_deg), FIGURE)
+    return {"x_m": x, "z_m": z, "heading_deg": heading, "covariance": _upper_triangle(placement.covariance)}
+
+
+def _match_entry(match: CrossRowMatch) -> Entry:
+    """Null for axes that the match does not measure."""
+    names = {"row_a": match.row_a, "row_b": match.row_b, "id_a": match.id_a, "id_b": match.id_b}
+    return {**names, "residual_m": _or_null(match.residual_m), "sigma_m": _or_null(match.sigma_m)}
+
+
+def _rounded(values: Floats | Iterable[float], decimals: int) -> list[float]:
+    """Numbers to so many decimals, without negative zeros."""
+    return [round(float(value), decimals) + 0.0 for value in values]
+
+
+def _upper_triangle(covariance: Floats) -> list[float]:
+    """The upper triangle of a matrix (3, 3), row by row, to six digits."""
+    return [float(f"{value:.6g}") + 0.0 for value in covariance[UPPER]]
+
+
+def _or_null(values: Floats) -> list[float | None]:
+    return [None if np.isnan(value) else _rounded([value], SIGMA)[0] for value in values]
+
+
+def _plain(value: float | int | str) -> float | int | str:
+    if isinstance(value, str):
+        return value
+    return int(value) if isinstance(value, int | np.integer) else round(float(value), FIGURE) + 0.0
+
+
 def _site_map(content: object, path: str) -> SiteMap:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise OutputError(f'{path}: is not a map (it has no "format": "{FORMAT}")')
@@ -121,145 +187,70 @@ def _site_map(content: object, path: str) -> SiteMap:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
-    placed = {name: placement(own) for name, own in entry.placed.items()}
-    return SiteMap(rows, entry.made_by, entry.failed, placed, tuple(tie(own) for own in entry.ties))
-
-
-def map_text(site: SiteMap) -> str:
-    """The text of map.json: keys sorted, numbers rounded, arrays of numbers on one line. Raises OutputError on NaN."""
-    rows = {name: _row_entry(row) for name, row in site.rows.items()}
-    content = {"format": FORMAT, "version": VERSION, "units": "m", "made_by": dict(site.made_by), "rows": rows}
-    if site.failed:
-        content["failed"] = dict(site.failed)
-    if site.placed:
-        content["placed"] = {name: placement_entry(own) for name, own in site.placed.items()}
-    if site.ties:
-        content["ties"] = [tie_entry(own) for own in site.ties]
-    try:
-        text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
-    except ValueError as error:
-        raise OutputError(f"the map holds a number that is not finite ({error}); it was not written") from error
-    return _NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
-
-
-def _row_entry(row: RowMap) -> Entry:
-    return {
-        "trajectory": _trajectory_entries(row.frames, row.trajectory),
-        "views": {name: _view_entry(spec) for name, spec in row.views.items()},
-        "structures": {plugin: [_structure_entry(own) for own in every] for plugin, every in row.structures.items()},
-        "references": [_reference_entry(own) for own in row.references],
-        "report": {name: _plain(value) for name, value in row.report.items()},
-    }
-
-
-def _quaternion(rotation: Floats) -> list[float]:
-    """x, y, z, w of a rotation (3, 3). Rounded numbers are no unit quaternion: they are taken as a reader takes them, so that a map that
-    is read and written again has the same bytes."""
-    first = rounded(Rotation.from_matrix(rotation).as_quat(canonical=True), _QUATERNION)
-    read = Rotation.from_quat(first).as_matrix()
-    return rounded(Rotation.from_matrix(read).as_quat(canonical=True), _QUATERNION)
-
-
-def _upper(covariance: Floats) -> list[float]:
-    """A covariance (3, 3) as six numbers. Standard deviations follow from these, as a reader sees them."""
-    return [significant(value) for value in covariance[UPPER]]
-
-
-def _trajectory_entries(table: FrameTable, trajectory: Trajectory) -> list[Entry]:
-    where = {int(frame): index for index, frame in enumerate(trajectory.frames)}
-    return [
-        {"frame": frame, "stamp_s": stamp, "pass": name, **_pose_entry(trajectory, where.get(frame))}
-        for frame, (stamp, name) in enumerate(zip(rounded(table.stamps_s, FIGURE), table.passes, strict=True))
-    ]
-
-
-def _pose_entry(trajectory: Trajectory, index: int | None) -> Entry:
-    if index is None:
-        return {"position_m": None, "orientation_xyzw": None, "sigma_m": None}
-    pose = trajectory.world_from_rig[index]
-    sigma = None if trajectory.sigma_m is None else rounded(trajectory.sigma_m[index], SIGMA)
-    position = rounded(pose[:3, 3], _COORDINATE)
-    return {"position_m": position, "orientation_xyzw": _quaternion(pose[:3, :3]), "sigma_m": sigma}
-
-
-def _view_entry(spec: ViewSpec) -> Entry:
-    yaw, pitch, roll, hfov = rounded((spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg), FIGURE)
-    size = {"width": int(spec.width), "height": int(spec.height)}
-    return {"yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll, "hfov_deg": hfov, **size}
-
-
-def _structure_entry(own: Structure) -> Entry:
-    return {
-        "id": own.id,
-        "label": own.label,
-        "vertices": [
-            {
-                "label": label,
-                "position_m": rounded(vertex, _COORDINATE),
-                "sigma_m": rounded(np.sqrt(np.diag(symmetric(_upper(covariance)))), SIGMA),
-                "covariance_m2": _upper(covariance),
-            }
-            for label, vertex, covariance in zip(own.vertex_labels, own.vertices, own.covariances, strict=True)
-        ],
-        "edges": [[int(end) for end in edge] for edge in own.edges],
-        "attributes": {name: _plain(value) for name, value in own.attributes.items()},
-    }
-
-
-def _reference_entry(own: ReferenceUse) -> Entry:
-    names = ("value", "sigma", "solved", "residual")
-    numbers = rounded((own.value, own.sigma, own.solved, own.solved - own.value), FIGURE)
-    return {"name": own.name, "unit": own.unit, **dict(zip(names, numbers, strict=True))}
+    placements = {name: _placement(placement) for name, placement in entry.placed.items()}
+    return SiteMap(rows, entry.made_by, entry.failed, placements, tuple(_match(match) for match in entry.ties))
 
 
 def _row_map(name: str, row: RowEntry) -> RowMap:
     return RowMap(
         name=name,
         frames=_frame_table(row.trajectory),
-        views={view: _view(view, own) for view, own in row.views.items()},
+        views={view: _view(view, entry) for view, entry in row.views.items()},
         trajectory=_trajectory(row.trajectory),
-        structures={plugin: tuple(_structure(own) for own in every) for plugin, every in row.structures.items()},
-        references=tuple(ReferenceUse(own.name, own.value, own.sigma, own.solved, own.unit) for own in row.references),
+        structures={plugin: tuple(map(_structure, group)) for plugin, group in row.structures.items()},
+        references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
         report=row.report,
     )
 
 
 def _frame_table(entries: list[FrameEntry]) -> FrameTable:
-    return FrameTable(np.array([own.stamp_s for own in entries]), tuple(own.pass_name for own in entries))
+    return FrameTable(np.array([entry.stamp_s for entry in entries]), tuple(entry.pass_name for entry in entries))
 
 
 def _trajectory(entries: list[FrameEntry]) -> Trajectory:
-    if [own.frame for own in entries] != list(range(len(entries))):
+    if [entry.frame for entry in entries] != list(range(len(entries))):
         raise ValueError("trajectory: frames should be numbered 0, 1, 2 ... in order")
-    placed = [own for own in entries if own.position_m is not None and own.orientation_xyzw is not None]
-    poses = np.tile(np.eye(4), (len(placed), 1, 1))
-    if placed:
-        poses[:, :3, :3] = Rotation.from_quat([own.orientation_xyzw for own in placed]).as_matrix()
-        poses[:, :3, 3] = [own.position_m for own in placed]
-    sigmas = [own.sigma_m for own in placed if own.sigma_m is not None]
-    sigma = np.array(sigmas).reshape(-1, 3) if len(sigmas) == len(placed) else None
-    return Trajectory(np.array([own.frame for own in placed], dtype=np.int64), poses, sigma)
+    located = [entry for entry in entries if entry.position_m is not None and entry.orientation_xyzw is not None]
+    poses = np.tile(np.eye(4), (len(located), 1, 1))
+    if located:
+        poses[:, :3, :3] = Rotation.from_quat([entry.orientation_xyzw for entry in located]).as_matrix()
+        poses[:, :3, 3] = [entry.position_m for entry in located]
+    sigmas = [entry.sigma_m for entry in located if entry.sigma_m is not None]
+    sigma = np.array(sigmas).reshape(-1, 3) if len(sigmas) == len(located) else None
+    return Trajectory(np.array([entry.frame for entry in located], dtype=np.int64), poses, sigma)
 
 
-def _view(name: str, own: ViewEntry) -> ViewSpec:
-    return ViewSpec(name, own.yaw_deg, own.pitch_deg, own.roll_deg, own.hfov_deg, own.width, own.height)
+def _view(name: str, entry: ViewEntry) -> ViewSpec:
+    angles = entry.yaw_deg, entry.pitch_deg, entry.roll_deg, entry.hfov_deg
+    return ViewSpec(name, *angles, entry.width, entry.height)
 
 
-def _structure(own: StructureEntry) -> Structure:
-    if any(not 0 <= end < len(own.vertices) for edge in own.edges for end in edge):
-        raise ValueError(f"{own.id}: an edge joins a vertex that is not there")
+def _structure(entry: StructureEntry) -> Structure:
+    if any(not 0 <= end < len(entry.vertices) for edge in entry.edges for end in edge):
+        raise ValueError(f"{entry.id}: an edge joins a vertex that is not there")
     return Structure(
-        id=own.id,
-        label=own.label,
-        vertices=np.array([vertex.position_m for vertex in own.vertices], dtype=np.float64).reshape(-1, 3),
-        covariances=np.array([symmetric(vertex.covariance_m2) for vertex in own.vertices]).reshape(-1, 3, 3),
-        vertex_labels=tuple(vertex.label for vertex in own.vertices),
-        edges=np.array(own.edges, dtype=np.int64).reshape(-1, 2),
-        attributes=own.attributes,
+        id=entry.id,
+        label=entry.label,
+        vertices=np.array([vertex.position_m for vertex in entry.vertices], dtype=np.float64).reshape(-1, 3),
+        covariances=np.array([_symmetric(vertex.covariance_m2) for vertex in entry.vertices]).reshape(-1, 3, 3),
+        vertex_labels=tuple(vertex.label for vertex in entry.vertices),
+        edges=np.array(entry.edges, dtype=np.int64).reshape(-1, 2),
+        attributes=entry.attributes,
     )
 
 
-def _plain(value: float | int | str) -> float | int | str:
-    if isinstance(value, str):
-        return value
-    return int(value) if isinstance(value, int | np.integer) else round(float(value), FIGURE) + 0.0
+def _placement(entry: PlacementEntry) -> Placement:
+    return Placement(entry.x_m, entry.z_m, entry.heading_deg, _symmetric(entry.covariance))
+
+
+def _match(entry: MatchEntry) -> CrossRowMatch:
+    residual, sigma = (np.array(values, dtype=np.float64) for values in (entry.residual_m, entry.sigma_m))
+    return CrossRowMatch(entry.row_a, entry.row_b, entry.id_a, entry.id_b, residual, sigma)
+
+
+def _symmetric(upper: Iterable[float]) -> Floats:
+    """The symmetric matrix (3, 3) of an upper triangle, row by row."""
+    full = np.zeros((3, 3))
+    full[UPPER] = list(upper)
+    matrix: Floats = full + np.triu(full, 1).T
+    return matrix

@@ -1,4 +1,4 @@
-"""What a run did with each row, as run.json tells it: apart from the map, which must not depend on how long things took."""
+"""What a run did with each row: run.json, apart from the map, which does not depend on how long the run took."""
 
 from pathlib import Path
 from typing import Literal

@@ -31,7 +31,7 @@ class VertexEntry(_Part):
 
 
 class StructureEntry(_Part):
-    """One mapped thing. Edges join vertices by their number in `vertices`, from 0."""
+    """One mapped structure. Edges join vertices by their number in `vertices`, from 0."""
 
     id: str
     label: str
@@ -41,7 +41,7 @@ class StructureEntry(_Part):
 
 
 class FrameEntry(_Part):
-    """A frame of the row in order of its number; pose null where the camera could not be placed."""
+    """A frame of the row in order of its number; pose null where it is not known."""
 
     frame: int = Field(ge=0)
     stamp_s: float = Field(description="time in its own video")
@@ -52,7 +52,7 @@ class FrameEntry(_Part):
 
 
 class ViewEntry(_Part):
-    """A rectilinear view: where it looks in the panorama, and its size."""
+    """A rectilinear view: its direction in the panorama, and its size."""
 
     yaw_deg: float
     pitch_deg: float
@@ -94,8 +94,8 @@ class PlacementEntry(_Part):
     covariance: UpperTriangle = Field(description="xx, xz, xh, zz, zh, hh of x m, z m, heading degrees")
 
 
-class TieEntry(_Part):
-    """One thing that two rows see; residual b - a in the site's frame, null along axes that it does not tell."""
+class MatchEntry(_Part):
+    """What two rows have in common; residual b - a in the site's frame, null along axes that the match does not measure."""
 
     row_a: str
     row_b: str
@@ -114,8 +114,8 @@ class MapFile(_Part):
     made_by: dict[str, str] = Field(description="software and model versions, SHA-256 of models")
     rows: dict[str, RowEntry]
     failed: dict[str, str] = Field(default={}, description="rows that could not be mapped, and why")
-    placed: dict[str, PlacementEntry] = Field(default={}, description="rows' places in the site's frame")
-    ties: list[TieEntry] = Field(default=[], description="things by which neighbouring rows hang together")
+    placed: dict[str, PlacementEntry] = Field(default={}, description="placements of rows in the site's frame")
+    ties: list[MatchEntry] = Field(default=[], description="what neighbouring rows have in common")
 
 
 def schema_text() -> str:

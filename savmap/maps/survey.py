@@ -1,6 +1,6 @@
-"""Survey files: what a surveyor measured of each row, each row in its own frame (metres).
+"""Survey files: a surveyor's measurements of each row, in the row's frame (metres).
 
-What a row's entry holds belongs to the plugins: each reads its own keys in its hooks and leaves the rest alone.
+A row's entry belongs to the plugins: each reads its own keys in its hooks.
 """
 
 import json

@@ -17,8 +17,8 @@ from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, 
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
-from savmap.vision.flow import FlowWatch, NoFlow
-from savmap.vision.markers import Label, MarkerWatch, Marks
+from savmap.vision.flow import FlowTracker, NullFlowTracker
+from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
 
@@ -36,7 +36,7 @@ class RowMeasurements:
     attitudes: Mapping[str, Floats]
     locators: frozenset[str]
     notes: tuple[str, ...]
-    marks: Marks
+    marks: MarkerTracks
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
 
@@ -98,13 +98,13 @@ def plan_pass(
     """
     clip = row_pass.clip
     frames = expected_frames(clip, probe(clip.path, clip.images_fps))
-    pass_preview = PassPreview.look(*preview_frames(clip), renderer=renderer, frames=frames)
+    pass_preview = PassPreview.of_frames(*preview_frames(clip), renderer=renderer, frames=frames)
     manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
     plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
         plans[plugin.name] = plugin.render_views(
             pass_preview=pass_preview,
-            see=lambda view, plugin=plugin: segmenters.see(plugin, view),
+            see=lambda view, plugin=plugin: segmenters.detect(plugin, view),
             side=row_pass.side,
             manual=manual,
             attitude=attitude,
@@ -141,7 +141,9 @@ def measure_row(
     """
     segmenters, renderer = SegmenterPool(plugins), Renderer()
     known = dict(attitudes or {})
-    walk = RowWalk(plugins, segmenters, renderer, MarkerWatch(markers), FlowWatch() if appearance else NoFlow())
+    walk = RowWalk(
+        plugins, segmenters, renderer, MarkerTracker(markers), FlowTracker() if appearance else NullFlowTracker()
+    )
     walk.notes += segmenters.notes
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: choosing the views")
@@ -169,8 +171,8 @@ class RowWalk:
         plugins: Sequence[LoadedPlugin],
         segmenters: SegmenterPool,
         renderer: Renderer,
-        markers: MarkerWatch,
-        flow: FlowWatch,
+        markers: MarkerTracker,
+        flow: FlowTracker,
     ) -> None:
         self.plugins, self.segmenters, self.renderer, self.markers, self.flow = (
             plugins,
@@ -226,19 +228,19 @@ class RowWalk:
         views = [self.renderer.render(panorama, spec) for spec in plan.plugins_by_view if spec.shows(panorama.frame)]
         for view in views:
             for plugin in self._plugins_at(view, plan):
-                self.segmenters.look_ahead(plugin, view)
+                self.segmenters.prefetch(plugin, view)
         return views
 
     def _extract(self, panorama: Panorama, views: Sequence[View], plan: PassPlan) -> None:
         """All plugins' features in a frame's views. Plugins are asked by one thread, in order."""
         self.stamps.append(panorama.stamp_s)
         self.passes.append(plan.name)
-        self.markers.look(panorama)
+        self.markers.update(panorama)
         for view in views:
             if plan.locators().intersection(plan.plugins_by_view[view.spec]):
-                self.flow.look(view)
+                self.flow.update(view)
             for plugin in self._plugins_at(view, plan):
-                self.features[plugin.name] += plugin.extract(view, self.segmenters.see(plugin, view), panorama)
+                self.features[plugin.name] += plugin.extract(view, self.segmenters.detect(plugin, view), panorama)
 
     def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

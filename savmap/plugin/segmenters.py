@@ -1,4 +1,4 @@
-"""The rooms' networks: each loaded once, each picture shown to it once."""
+"""The plugins' networks: each loaded once, each picture segmented once."""
 
 import logging
 import weakref
@@ -12,26 +12,26 @@ from numpy.typing import NDArray
 from savmap.errors import ModelError
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Detection, View
-from savmap.vision.networks.adapter import Sight
-from savmap.vision.networks.segmenter import Segmenter, few
+from savmap.vision.networks.adapter import Segmentation
+from savmap.vision.networks.segmenter import Segmenter, shortened
 
 log = logging.getLogger("savmap")
-Wish = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
+NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
-    """The rooms' networks. A file that several rooms name is loaded once, and a view they share is segmented once.
+    """The plugins' networks. A file that several plugins name is loaded once, and a view that they share is segmented once.
 
-    `notes`: a line for each network that does not run on the processor, or not where it was asked to.
+    `notes`: a line for each network that does not run on the processor, or not on the provider that was asked for. Raises ModelError
+    where a network cannot be opened, or lacks a class that its plugin needs.
     """
 
     def __init__(self, plugins: Sequence[LoadedPlugin]) -> None:
-        wishes = {plugin.name: _wish(plugin) for plugin in plugins}
+        keys = {plugin.name: _key(plugin) for plugin in plugins}
         networks = {
-            wish: _network(wish, [plugin for plugin in plugins if wishes[plugin.name] == wish])
-            for wish in wishes.values()
+            key: _network(key, [plugin for plugin in plugins if keys[plugin.name] == key]) for key in keys.values()
         }
-        self.networks = {plugin.name: networks[wishes[plugin.name]] for plugin in plugins}
+        self.networks = {plugin.name: networks[keys[plugin.name]] for plugin in plugins}
         self.notes = tuple(dict.fromkeys(line for network in networks.values() for line in _notes(network)))
         for plugin in plugins:
             network = self.networks[plugin.name]
@@ -39,46 +39,46 @@ class SegmenterPool:
             if missing:
                 raise ModelError(
                     f"{plugin.model}: the network does not give `{missing[0]}`, which `{plugin.name}` needs; it gives "
-                    f"{few(network.names)}: say with `class_names` which of them it is"
+                    f"{shortened(network.names)}: say with `class_names` which of them it is"
                 )
 
-    def see(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
-        """What a room detects in a view."""
+    def detect(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
+        """The plugin's detections in a view."""
         return plugin.detect(view=view, segmenter=self.networks[plugin.name])
 
-    def look_ahead(self, plugin: LoadedPlugin, view: View) -> None:
-        """Ask the network now about what the room will detect; nothing where the room has its own way to detect."""
+    def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
+        """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are left alone."""
         if not hasattr(plugin.instance, "detect"):
-            self.networks[plugin.name].see(view.image)
+            self.networks[plugin.name].predict(view.image)
 
 
-class OnceSegmenter(Segmenter):
-    """A segmenter that remembers what it said of a picture for as long as that is in use: so rooms which share a view share
-    its inference, and it may be asked ahead of them, by other threads."""
+class CachedSegmenter(Segmenter):
+    """A segmenter that keeps a picture's segmentation for as long as the picture lives: plugins that share a view share its
+    inference, and other threads may run it ahead of them."""
 
     def __init__(self, *network: Any) -> None:
         super().__init__(*network)
-        self._said: dict[int, Sight] = {}
+        self._segmentations: dict[int, Segmentation] = {}
 
-    def see(self, image: NDArray[np.uint8]) -> Sight:
-        if id(image) not in self._said:
-            self._said[id(image)] = super().see(image)
-            weakref.finalize(image, self._said.pop, id(image), None).atexit = False
-        return self._said[id(image)]
+    def predict(self, image: NDArray[np.uint8]) -> Segmentation:
+        if id(image) not in self._segmentations:
+            self._segmentations[id(image)] = super().predict(image)
+            weakref.finalize(image, self._segmentations.pop, id(image), None).atexit = False
+        return self._segmentations[id(image)]
 
 
-def _wish(plugin: LoadedPlugin) -> Wish:
+def _key(plugin: LoadedPlugin) -> NetworkKey:
     return plugin.model, tuple(sorted(plugin.class_names.items())), plugin.providers
 
 
-def _network(wish: Wish, plugins: Sequence[LoadedPlugin]) -> OnceSegmenter:
-    path, class_names, providers = wish
+def _network(key: NetworkKey, plugins: Sequence[LoadedPlugin]) -> CachedSegmenter:
+    path, class_names, providers = key
     wanted = {name for plugin in plugins for name in plugin.classes}
-    network = OnceSegmenter(path, 1, dict(class_names), wanted, providers)
+    network = CachedSegmenter(path, 1, dict(class_names), wanted, providers)
     log.info("network of %s: %s", " and ".join(plugin.name for plugin in plugins), network)
     return network
 
 
 def _notes(network: Segmenter) -> Sequence[str]:
-    told = [] if network.provider == "cpu" else [f"network {network}"]
-    return [*told, *([network.note] if network.note else [])]
+    notes = [] if network.provider == "cpu" else [f"network {network}"]
+    return [*notes, *([network.note] if network.note else [])]

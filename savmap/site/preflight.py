@@ -29,7 +29,7 @@ from savmap.site.locations import SourceMap, explained
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.video.clip import VideoInfo, time_range
 from savmap.video.reader import expected_frames, probe
-from savmap.vision.markers import MarkerWatch
+from savmap.vision.markers import MarkerTracker
 
 
 def settings_problems(site: Site, plugins: Sequence[str], places: SourceMap) -> Iterator[SavmapError]:
@@ -133,7 +133,7 @@ def references(job: Job) -> Iterator[SavmapError]:
         own = "markers" in job.site.rows[row].references.model_fields_set
         for number, marker in enumerate(known.markers):
             try:
-                MarkerWatch([(marker.dictionary, marker.id)])
+                MarkerTracker([(marker.dictionary, marker.id)])
             except SiteError as error:
                 at = (*(("rows", row) if own else ()), "references", "markers", number)
                 if str(problem := with_location(error, job.places, at)) not in told:

@@ -1,4 +1,4 @@
-"""What two panoramas a moment apart tell: how fast the rig turns and which way it goes, and how near things pass on either hand.
+"""Motion between two panoramas: how fast the rig turns, which way it goes, and how fast both sides pass.
 
 Apparent motion of a strip around the horizon (dense inverse search: Kroeger et al. 2016; OpenCV's), as one rate for each
 bearing. Turning shifts all bearings alike; going along shifts the two sides apart, in front, and together again, behind: by
@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.geometry.sphere import Floats
-from savmap.split.glances import Glance
+from savmap.split.frame_pairs import FramePair
+from savmap.types import Floats, array_record
 
 BEARINGS = 120
 LOW_DEG, HIGH_DEG = -20.0, 35.0
@@ -23,7 +23,8 @@ _REFITS = 8
 _LEAST_RESIDUAL = 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Motion:
     """At `stamp_s`: `turn` of the rig to the right, deg/s; `way`, the bearing it goes in, degrees to the right of the
     panorama's centre; `sides`, apparent speed at right angles to the way, left and right, deg/s; `misfit` of these three,
@@ -39,11 +40,11 @@ class Motion:
     texture: Floats
 
 
-def motion_of(glance: Glance) -> Motion:
-    """The motion between a glance's two pictures."""
-    rates, texture = _strip(glance)
+def motion_of(pair: FramePair) -> Motion:
+    """The motion between a pair's two pictures."""
+    rates, texture = _strip(pair)
     turn, way, sides, misfit = _fit(rates)
-    return Motion(glance.stamp_s + glance.gap_s / 2, turn, way, sides, misfit, rates, texture)
+    return Motion(pair.stamp_s + pair.gap_s / 2, turn, way, sides, misfit, rates, texture)
 
 
 def refitted(rates: Floats, way: float) -> tuple[float, float, float]:
@@ -53,7 +54,7 @@ def refitted(rates: Floats, way: float) -> tuple[float, float, float]:
 
 
 def wrapped(degrees: Floats) -> Floats:
-    """Angles between -180 and 180 degrees."""
+    """Angles as equal ones between -180 and 180 degrees."""
     turned: Floats = (degrees + 180) % 360 - 180
     return turned
 
@@ -63,22 +64,23 @@ def bearings() -> Floats:
     return (np.arange(BEARINGS) + 0.5) * 360 / BEARINGS - 180
 
 
-def _strip(glance: Glance) -> tuple[Floats, Floats]:
+def _strip(pair: FramePair) -> tuple[Floats, Floats]:
     """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture (BEARINGS,)."""
-    height, width = glance.first.shape
+    height, width = pair.first.shape
     rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
     first, second = (
-        cv2.copyMakeBorder(one[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for one in (glance.first, glance.second)
+        cv2.copyMakeBorder(image[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for image in (pair.first, pair.second)
     )
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(first, second, np.empty(0))
     across = flow[:, _PAD : _PAD + width, 0]
     upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, _PAD : _PAD + width]) / 8 for x in (1, 0))
     columns = np.arange(width) * BEARINGS // width
     medians = [
-        _weighted_median(across[:, columns == one], upright[:, columns == one] + 0.01) for one in range(BEARINGS)
+        _weighted_median(across[:, columns == bearing], upright[:, columns == bearing] + 0.01)
+        for bearing in range(BEARINGS)
     ]
     energy = np.bincount(columns, (upright + level).mean(axis=0)) / np.bincount(columns)
-    return np.array(medians) * 360 / width / glance.gap_s, energy / (float(first.mean()) + 10.0)
+    return np.array(medians) * 360 / width / pair.gap_s, energy / (float(first.mean()) + 10.0)
 
 
 def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
@@ -88,7 +90,7 @@ def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
 
 
 def _fit(rates: Floats) -> tuple[float, float, tuple[float, float], float]:
-    """Turn, way, sides and mean misfit of the corridor's motion that fits rates (BEARINGS,) best in the mean absolute."""
+    """Turn, way, sides and mean absolute misfit of the corridor's motion that fits rates (BEARINGS,) best."""
     ways = np.arange(_WAYS) * 360 / _WAYS - 180
     found, misfits = _corridors(rates, ways)
     misfits = np.where(found[:, 1] + found[:, 2] >= 0, misfits, np.inf)

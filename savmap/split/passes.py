@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.geometry.sphere import Floats
 from savmap.split.motion import Motion, wrapped
-from savmap.split.nearness import Nearness, nearness
-from savmap.split.records import SIDES, PassFound
-from savmap.split.settings import Settings
-from savmap.split.straights import Straight, headings, straights
+from savmap.split.records import SIDES, DetectedPass, SplitResult, SplitSettings
+from savmap.split.straights import Nearness, Straight, headings, nearness, straights
+from savmap.types import Bools, Floats, array_record
 
 _SQUARE_DEG = 30.0
 _LONG = 2.0
@@ -18,10 +16,11 @@ _LEAST_GAIN_S = 1.0
 _REACH_DEG, _MOST_REACH_S = 8.0, 0.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Candidate:
-    """A stretch of a straight alongside something near: its times, and what was measured at right angles: rates and texture
-    (2,), the share of samples that are near, and how long the camera stood."""
+    """A stretch of a straight with something near alongside: its times, rates and texture (2,) abeam, the share of samples that are
+    near, and how long the camera stood."""
 
     straight: Straight
     start_s: float
@@ -32,42 +31,33 @@ class _Candidate:
     stood_s: float
 
 
-@dataclass(frozen=True)
-class Found:
-    """The passes, and for the timeline the direction of travel (n,) degrees at times (n,)."""
-
-    passes: tuple[PassFound, ...]
-    stamps_s: Floats
-    travel_deg: Floats
-
-
-def find_passes(motions: Sequence[Motion], settings: Settings) -> Found:
-    """The passes of a recording whose glances moved like this, in order."""
+def find_passes(motions: Sequence[Motion], settings: SplitSettings) -> SplitResult:
+    """The passes of a recording from the motions of its frame pairs, in order."""
     rig = headings(motions)
     lines = straights(motions, rig, settings)
-    candidates = [one for line in lines for one in _along(motions, rig, line, settings)]
-    squared = _squared([one.straight.travel for one in candidates])
+    candidates = [candidate for line in lines for candidate in _along(motions, rig, line, settings)]
+    squared = _squared([candidate.straight.travel for candidate in candidates])
     kept = _plausible(candidates, squared, settings)
     passes = tuple(_record(candidates[index], squared[index] - squared[kept[0]], settings) for index in kept)
-    stamps = np.array([one.stamp_s for one in motions])
-    return Found(passes, stamps, _timeline(lines, rig))
+    stamps = np.array([motion.stamp_s for motion in motions])
+    return SplitResult(passes, stamps, _timeline(lines, rig))
 
 
-def _along(motions: Sequence[Motion], rig: Floats, line: Straight, settings: Settings) -> list[_Candidate]:
+def _along(motions: Sequence[Motion], rig: Floats, line: Straight, settings: SplitSettings) -> list[_Candidate]:
     """The stretches of a straight with something near alongside."""
     near = nearness(motions, rig, line)
     if near.still.all():
         return []
-    stamps = np.array([one.stamp_s for one in motions[line.first : line.last + 1]])
+    stamps = np.array([motion.stamp_s for motion in motions[line.first : line.last + 1]])
     level = _level(near, settings)
     gains = np.where(near.still, 0.0, (level - settings.near) * _spans(stamps))
     groups = _joined(_best(gains, 0, len(gains), settings.near), stamps, settings.gap_s)
     return [_candidate(line, near, level, stamps, group, settings.near) for group in groups]
 
 
-def _level(near: Nearness, settings: Settings) -> Floats:
-    """How near the nearer side is at right angles (n,), as a share of the nearest around, or of what is usual along the way
-    where all is far; while the camera stands, as before it stood (or, at the beginning, after)."""
+def _level(near: Nearness, settings: SplitSettings) -> Floats:
+    """How near the nearer side is abeam (n,), as a share of the nearest around, or of what is usual along the way where everything
+    is far; while the camera stands, as before it stood (or, at the beginning, after)."""
     moving = ~near.still
     usual = np.percentile(near.rates[moving], 80, axis=0)
     counted = _structured(usual, _texture(near, usual), settings)
@@ -88,10 +78,10 @@ def _texture(near: Nearness, usual: Floats) -> Floats:
     )
 
 
-def _structured(rates: Floats, texture: Floats, settings: Settings) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which sides (2,) have structure, by the rates and texture at right angles to the way."""
+def _structured(rates: Floats, texture: Floats, settings: SplitSettings) -> Bools:
+    """Which sides (2,) have structure, by the rates and texture abeam."""
     near = rates >= settings.aside * rates.max()
-    rich: np.ndarray[tuple[int], np.dtype[np.bool_]] = near & (texture >= settings.texture * texture[near].max())
+    rich: Bools = near & (texture >= settings.texture * texture[near].max())
     return rich
 
 
@@ -141,7 +131,7 @@ def _candidate(
 
 
 def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
-    """When an end is at right angles: half way between a sample inside and its neighbour outside, and further inside by the
+    """The time when an end is abeam: half way between a sample inside and its neighbour outside, and further inside by the
     angle by which apparent motion of what is near reaches over what is behind. The sample's time at the ends of a straight."""
     if not 0 <= outside < len(stamps):
         return float(stamps[inside])
@@ -151,7 +141,7 @@ def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
 
 
 def _squared(travels: Sequence[float]) -> list[float]:
-    """Directions of travel whose changes are whole quarter turns where they nearly are: sums of turns drift."""
+    """Directions of travel with changes rounded to quarter turns where they are nearly that, because sums of turns drift."""
     squared: list[float] = []
     for index, travel in enumerate(travels):
         change = travel - travels[index - 1] if index else 0.0
@@ -160,9 +150,9 @@ def _squared(travels: Sequence[float]) -> list[float]:
     return squared
 
 
-def _plausible(candidates: Sequence[_Candidate], travels: Sequence[float], settings: Settings) -> list[int]:
+def _plausible(candidates: Sequence[_Candidate], travels: Sequence[float], settings: SplitSettings) -> list[int]:
     """The candidates that are long enough, along the recording's main direction, and near enough."""
-    lasting = [index for index, one in enumerate(candidates) if _moving_s(one) >= settings.least_s]
+    lasting = [index for index, candidate in enumerate(candidates) if _moving_s(candidate) >= settings.least_s]
     if not lasting:
         return []
     weights = np.array([_moving_s(candidates[index]) * candidates[index].rates.max() for index in lasting])
@@ -177,28 +167,28 @@ def _plausible(candidates: Sequence[_Candidate], travels: Sequence[float], setti
     ]
 
 
-def _moving_s(one: _Candidate) -> float:
-    return one.end_s - one.start_s - one.stood_s
+def _moving_s(candidate: _Candidate) -> float:
+    return candidate.end_s - candidate.start_s - candidate.stood_s
 
 
-def _record(one: _Candidate, heading: float, settings: Settings) -> PassFound:
-    structured = _structured(one.rates, one.texture, settings)
+def _record(candidate: _Candidate, heading: float, settings: SplitSettings) -> DetectedPass:
+    structured = _structured(candidate.rates, candidate.texture, settings)
     sides = tuple(side for side, counted in zip(SIDES, structured, strict=True) if counted)
-    long = min(1.0, _moving_s(one) / (_LONG * settings.least_s))
-    confidence = one.near_share * (0.5 + 0.5 * long)
-    return PassFound(
-        round(one.start_s, 2),
-        round(one.end_s, 2),
+    long = min(1.0, _moving_s(candidate) / (_LONG * settings.least_s))
+    confidence = candidate.near_share * (0.5 + 0.5 * long)
+    return DetectedPass(
+        round(candidate.start_s, 2),
+        round(candidate.end_s, 2),
         round(_half_turns(heading), 1),
-        round(one.straight.way, 1),
+        round(candidate.straight.way, 1),
         sides,
         round(float(confidence), 2),
-        round(one.stood_s, 1),
+        round(candidate.stood_s, 1),
     )
 
 
 def _half_turns(degrees: float) -> float:
-    """An angle above -180 and up to 180 degrees; a heading a hair beyond -180 is 180."""
+    """An angle above -180 and up to 180 degrees; a heading just beyond -180 is 180."""
     turned = float(wrapped(np.array(degrees)))
     return abs(turned) if abs(turned) > 179.95 else turned + 0.0
 

@@ -1,21 +1,30 @@
-"""Where the recording goes straight: stretches between turns, with the direction of travel of each.
+"""Straights of a recording: stretches between turns, with their directions of travel, and how near things are abeam.
 
-The direction of travel is the rig's heading (its turning summed up) plus the way it goes in the panorama; so a panorama that is
-held level and northwards afterwards does as well as one that turns with the cart, and going in reverse is another
-direction.
+The direction of travel is the rig's heading (the sum of its turning) plus the way it goes in the panorama. A panorama that was
+stabilised to one direction therefore serves as well as one that turns with the cart, and going in reverse is another direction.
+
+Along a line at distance d from the way every point passes at the rate v / d once its bearing is allowed for. What is abeam (at right
+angles to the way) is compared with what passes fastest around, ahead and behind: the speed cancels out, and the moment at which the
+end of a row is abeam shows as a step.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
-from savmap.geometry.sphere import Floats
-from savmap.split.motion import Motion, wrapped
-from savmap.split.settings import Settings
+from savmap.split.motion import Motion, bearings, refitted, wrapped
+from savmap.split.records import SplitSettings
+from savmap.types import Bools, Floats, array_record
 
 _LEAST_RATE = 2.0
 _WAY_FLIP = 90.0
+_ABEAM_DEG = 13.0
+_AROUND_DEG = 35.0
+_LEAST_SINE = 0.3
+_SHARE_NEAR = 60.0
+_STILL = 1.5
 
 
 @dataclass(frozen=True)
@@ -31,14 +40,14 @@ class Straight:
 
 def headings(motions: Sequence[Motion]) -> Floats:
     """The rig's heading (n,) against the first sample's, degrees to the right, counted on beyond 180."""
-    stamps = np.array([one.stamp_s for one in motions])
-    turns = np.array([one.turn for one in motions])
+    stamps = np.array([motion.stamp_s for motion in motions])
+    turns = np.array([motion.turn for motion in motions])
     return np.concatenate([[0.0], np.cumsum(np.diff(stamps) * (turns[1:] + turns[:-1]) / 2)])
 
 
-def straights(motions: Sequence[Motion], rig: Floats, settings: Settings) -> list[Straight]:
+def straights(motions: Sequence[Motion], rig: Floats, settings: SplitSettings) -> list[Straight]:
     """The straights of a recording in order, `rig` as from `headings`; those in which nothing moved are left out."""
-    calm = np.array([abs(one.turn) < settings.turn_deg_s for one in motions])
+    calm = np.array([abs(motion.turn) < settings.turn_deg_s for motion in motions])
     found: list[Straight] = []
     for first, last in runs(calm):
         for part in _one_way(motions, first, last):
@@ -48,37 +57,38 @@ def straights(motions: Sequence[Motion], rig: Floats, settings: Settings) -> lis
             if found and _same(found[-1], straight, rig, settings.bend_deg):
                 straight = _straight(motions, rig, found.pop().first, straight.last) or straight
             found.append(straight)
-    return _reaching_out(found, rig, settings.bend_deg)
+    return _extended(found, rig, settings.bend_deg)
 
 
-def runs(flags: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
+def runs(flags: Bools) -> list[tuple[int, int]]:
     """First and last index of each run of true flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
 def _one_way(motions: Sequence[Motion], first: int, last: int) -> list[tuple[int, int]]:
-    """A run without a turn, parted where the camera goes back the way it came."""
+    """A run without a turn, divided where the camera goes back the way it came."""
     parts: list[tuple[int, int]] = []
     start, way = first, None
     for index in range(first, last + 1):
-        one = motions[index]
-        if not _tells_way(one):
+        motion = motions[index]
+        if not _has_way(motion):
             continue
-        if way is not None and abs(wrapped(np.array(one.way - way))) > _WAY_FLIP:
+        if way is not None and abs(wrapped(np.array(motion.way - way))) > _WAY_FLIP:
             parts.append((start, index - 1))
-            start, way = index, one.way
-        way = one.way if way is None else way + 0.5 * float(wrapped(np.array(one.way - way)))
+            start, way = index, motion.way
+        way = motion.way if way is None else way + 0.5 * float(wrapped(np.array(motion.way - way)))
     return [*parts, (start, last)]
 
 
-def _tells_way(one: Motion) -> bool:
-    return sum(one.sides) / 2 > max(_LEAST_RATE, one.misfit)
+def _has_way(motion: Motion) -> bool:
+    """Whether the camera moves fast enough for its way to be known."""
+    return sum(motion.sides) / 2 > max(_LEAST_RATE, motion.misfit)
 
 
 def _straight(motions: Sequence[Motion], rig: Floats, first: int, last: int) -> Straight | None:
-    """The straight of these samples; None where nothing tells the way."""
-    known = [index for index in range(first, last + 1) if _tells_way(motions[index])]
+    """The straight of these samples; None where the way is not known in any."""
+    known = [index for index in range(first, last + 1) if _has_way(motions[index])]
     if not known:
         return None
     weights = np.array([sum(motions[index].sides) for index in known])
@@ -87,24 +97,62 @@ def _straight(motions: Sequence[Motion], rig: Floats, first: int, last: int) -> 
     return Straight(first, last, way, float(np.median(rig[known])) + way)
 
 
-def _same(one: Straight, other: Straight, rig: Floats, bend_deg: float) -> bool:
-    """Whether the direction of travel is the same, and was on the way from one to the other."""
-    between = rig[one.last : other.first + 1] + one.way - one.travel
-    back = abs(float(wrapped(np.array(other.way - one.way)))) > _WAY_FLIP
-    return not back and abs(other.travel - one.travel) < bend_deg and bool((np.abs(between) < bend_deg).all())
+def _same(first: Straight, second: Straight, rig: Floats, bend_deg: float) -> bool:
+    """Whether the direction of travel is the same in both straights and between them."""
+    between = rig[first.last : second.first + 1] + first.way - first.travel
+    back = abs(float(wrapped(np.array(second.way - first.way)))) > _WAY_FLIP
+    return not back and abs(second.travel - first.travel) < bend_deg and bool((np.abs(between) < bend_deg).all())
 
 
-def _reaching_out(found: Sequence[Straight], rig: Floats, bend_deg: float) -> list[Straight]:
-    """The straights with the parts of the turns at either end in which the direction is still nearly theirs."""
+def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float) -> list[Straight]:
+    """The straights, each extended into the turns at its ends while the direction of travel is nearly its own."""
     wider = []
-    for number, one in enumerate(found):
+    for number, straight in enumerate(found):
         low = found[number - 1].last + 1 if number else 0
         high = found[number + 1].first - 1 if number + 1 < len(found) else len(rig) - 1
-        alike = np.abs(rig + one.way - one.travel) < bend_deg
-        first, last = one.first, one.last
+        alike = np.abs(rig + straight.way - straight.travel) < bend_deg
+        first, last = straight.first, straight.last
         while first > low and alike[first - 1]:
             first -= 1
         while last < high and alike[last + 1]:
             last += 1
-        wider.append(replace(one, first=first, last=last))
+        wider.append(replace(straight, first=first, last=last))
     return wider
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Nearness:
+    """Along a straight of n samples: `rates` (n, 2) abeam, left and right, deg/s; `tops` (n, 2), the fastest on each side; `texture`
+    (n, 2) abeam; `still` (n,), whether the camera stands."""
+
+    rates: Floats
+    tops: Floats
+    texture: Floats
+    still: Bools
+
+
+def nearness(motions: Sequence[Motion], rig: Floats, straight: Straight) -> Nearness:
+    """Nearness along a straight; `rig` (all samples) as from `headings`."""
+    span = range(straight.first, straight.last + 1)
+    rows = [_sample(motions[index], straight.way, straight.travel - straight.way - rig[index]) for index in span]
+    rates, tops, texture, still = (np.array(column) for column in zip(*rows, strict=True))
+    return Nearness(rates, tops, texture, still)
+
+
+def _sample(motion: Motion, way: float, aside: float) -> tuple[Floats, Floats, Floats, bool]:
+    """Rates abeam (2,), the fastest (2,), texture (2,), and whether the camera stands. `aside`: how far to the right of
+    the way the straight's direction is, degrees."""
+    turn, left, right = refitted(motion.rates, way)
+    from_way = np.radians(wrapped(bearings() - way))
+    from_line = wrapped(bearings() - way - aside)
+    parallax = (motion.rates + turn) * np.sign(np.sin(from_way))
+    sines = np.abs(np.sin(from_way)) * np.abs(np.sin(np.radians(from_line)))
+    scaled = np.where(sines > _LEAST_SINE, parallax / np.maximum(sines, _LEAST_SINE), 0.0)
+    smooth = median_filter(scaled, size=5, mode="wrap")
+    beside = [np.abs(from_line - angle) < _ABEAM_DEG for angle in (-90.0, 90.0)]
+    rates = np.array([float(np.percentile(scaled[hand], _SHARE_NEAR)) for hand in beside])
+    around = [np.abs(from_line - angle) < 90 - _AROUND_DEG for angle in (-90.0, 90.0)]
+    tops = np.array([float(smooth[hand].max()) for hand in around])
+    texture = np.array([float(motion.texture[hand].mean()) for hand in beside])
+    return rates, tops, texture, max(left, right) < _STILL

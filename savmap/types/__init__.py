@@ -5,29 +5,19 @@ towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x ri
 at integer coordinates.
 """
 
-from savmap.types.common import Axis, Bools, Floats, Ints, Place
+from savmap.types.common import Axis, Bools, Floats, Ints, Place, array_record
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
+from savmap.types.maps import CrossRowLandmark, CrossRowMatch, Placement, ReferenceUse, RowMap, SiteMap, Structure
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
-from savmap.types.rows import (
-    CrossRowLandmark,
-    FrameTable,
-    Placement,
-    ReferenceUse,
-    RowFacts,
-    RowMap,
-    SiteMap,
-    Structure,
-    Tie,
-    Track,
-    Trajectory,
-)
+from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
 from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
 
 __all__ = [
     "Axis",
     "Bools",
     "CrossRowLandmark",
+    "CrossRowMatch",
     "Detection",
     "Distances",
     "Drawing",
@@ -52,13 +42,13 @@ __all__ = [
     "SiteMap",
     "Structure",
     "Survey",
-    "Tie",
     "Tone",
     "Track",
     "Trajectory",
     "View",
     "ViewPlan",
     "ViewSpec",
+    "array_record",
     "panorama_of",
     "pool",
 ]

@@ -1,14 +1,12 @@
-"""What all records share: the kinds of arrays, and a check."""
+"""What all records share: the kinds of arrays, read-only arrays with a short `repr`, and a check."""
 
 from collections.abc import Mapping
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from savmap.geometry.arrays import Bools, Floats, Ints, array_record, read_only
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+__all__ = ["Axis", "Bools", "Floats", "Ints", "Place", "array_record", "read_only", "require"]
+
 Axis = Literal["x", "y", "z"]
 Place = Mapping[str, int | str]
 

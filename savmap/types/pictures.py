@@ -1,4 +1,4 @@
-"""Records of what is looked at and what is seen in one frame."""
+"""Records of single frames: panoramas, views, and what is detected and measured in them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
-from savmap.types.common import Axis, Floats, Ints, require
+from savmap.types.common import Axis, Floats, Ints, array_record, require
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Panorama:
-    """One equirectangular picture: frame number in the row, time in its video, image (H, 2H, 3) uint8 RGB."""
+    """One equirectangular picture: `frame` is its number in the row, `stamp_s` the time in its video, `image` (H, 2H, 3) uint8 RGB."""
 
     frame: int
     stamp_s: float
@@ -35,8 +36,10 @@ class Panorama:
 
 @dataclass(frozen=True)
 class ViewSpec:
-    """Which way a rectilinear view looks: angles as `pinhole.rig_from_view` takes them, degrees; size in pixels. It is cut
-    from frames whose number in the row is a multiple of `every`."""
+    """Direction and size of a rectilinear view: angles in degrees as `pinhole.rig_from_view` takes them, size in pixels.
+
+    The view is rendered from frames whose number in the row is a multiple of `every`.
+    """
 
     name: str
     yaw_deg: float
@@ -53,7 +56,7 @@ class ViewSpec:
         require(self.every > 0, self, f"every {self.every} is not positive")
 
     def shows(self, frame: int) -> bool:
-        """Whether the view is cut from a frame of the row."""
+        """Whether the view is rendered from this frame of the row."""
         return frame % self.every == 0
 
     @property
@@ -72,12 +75,14 @@ class ViewSpec:
         return rays
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class ViewPlan:
-    """What a plugin wants to look at in one pass: its views, and, if it knows the face, the first attitude of the rig
-    world_from_rig (3, 3) and which way the camera goes along the face (+1: towards +x, -1: towards -x, 0: not known).
+    """The views that a plugin wants of one pass.
 
-    `notes` are lines for the log and the report.
+    A plugin that locates the face also gives the rig's attitude `world_from_rig` (3, 3) at the start of the pass, and `travel`,
+    which way the camera goes along the face (+1: towards +x, -1: towards -x, 0: not known). `notes` are lines for the log and the
+    report.
     """
 
     views: tuple[ViewSpec, ...]
@@ -86,9 +91,10 @@ class ViewPlan:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class View:
-    """A rectilinear picture (height, width, 3) uint8 RGB cut from panorama `frame` as `spec` says."""
+    """A rectilinear picture `image` (height, width, 3) uint8 RGB, rendered from panorama `frame` as `spec` says."""
 
     spec: ViewSpec
     frame: int
@@ -96,13 +102,14 @@ class View:
     image: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
-        require(self.image.shape == (self.spec.height, self.spec.width, 3), self, "image is not of the view's size")
+        require(self.image.shape == (self.spec.height, self.spec.width, 3), self, "image has not the size of its spec")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Detection:
-    """One connected region a network saw: class label, mean probability, mask (h, w) bool, and the probability
-    (h, w) float32 of that class over the whole view (shared by all detections of the class)."""
+    """One connected region of a class: its label, its mean probability `score`, its `mask` (h, w), and the class's `probability`
+    (h, w) float32 over the whole view, which all detections of the class share."""
 
     label: str
     score: float
@@ -117,14 +124,15 @@ class Detection:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Feature:
     """An observed point (n = 1) or straight edge (n = 2, its ends) in a view.
 
-    pixels (n, 2); covariance (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` which point or edge
-    of the thing it is ("left", "upper left", "centre"). `instance` numbers the thing within its frame and view and label;
-    `neighbours` are instances it touches, by role. `axis` is the world axis that an edge follows, if known. `readings`: what
-    was read on the thing, with confidences 0..1.
+    `pixels` (n, 2); `covariance` (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` the point or edge of the
+    object ("left", "upper left", "centre"). `instance` numbers the object within its frame, view and label; `neighbours` are
+    instances that it touches, by role. `axis` is the world axis that an edge follows, if known. `readings` are texts read on the
+    object, with confidences 0..1.
     """
 
     frame: int
@@ -147,9 +155,10 @@ class Feature:
         require(all(map(isfinite, numbers)), self, "numbers must be finite")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Flow:
-    """Points of any kind, followed through neighbouring frames (k,) of a view: pixels (n, k, 2)."""
+    """Points of any kind, tracked through neighbouring `frames` (k,) of a view: `pixels` (n, k, 2)."""
 
     frames: Ints
     spec: ViewSpec
@@ -159,5 +168,5 @@ class Flow:
         require(self.pixels.shape[1:] == (len(self.frames), 2), self, "pixels must be (n, frames, 2)")
 
     def take(self, chosen: NDArray[np.bool_]) -> "Flow":
-        """Those of its points where a mask (n,) is true."""
+        """The flow of the points where a mask (n,) is true."""
         return replace(self, pixels=self.pixels[chosen])

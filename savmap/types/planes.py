@@ -1,4 +1,4 @@
-"""Pictures as video holds them: brightness in full, colour at half the resolution."""
+"""Pictures as video holds them: luma at full, colour at half the resolution."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,13 +7,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types.common import Floats, require
+from savmap.types.common import Floats, array_record, read_only, require
 from savmap.types.pictures import Panorama
 
 Plane = NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Planes:
     """A picture in 4:2:0: luma (H, W), blue and red difference (H/2, W/2), all uint8, and the matrix rgb_from_yuv (3, 4) for
     (luma, blue, red, 1)."""
@@ -26,7 +27,7 @@ class Planes:
     def __post_init__(self) -> None:
         half = (self.luma.shape[0] // 2, self.luma.shape[1] // 2)
         even = self.luma.shape == (2 * half[0], 2 * half[1])
-        require(even and self.blue.shape == half and self.red.shape == half, self, "the planes do not fit one another")
+        require(even and self.blue.shape == half and self.red.shape == half, self, "the planes differ in size")
 
     @property
     def rgb(self) -> Plane:
@@ -48,14 +49,14 @@ class Planes:
 
 
 class FilmedPanorama(Panorama):
-    """A panorama that came as planes; `image` is made when it is first asked for."""
+    """A panorama decoded as planes; its RGB `image` is computed on first use."""
 
     planes: Planes
 
     def __init__(self, frame: int, stamp_s: float, planes: Planes) -> None:
         height = len(planes.luma)
         require(planes.luma.shape == (height, 2 * height), self, "planes must be (H, 2H)")
-        self.__dict__.update(frame=frame, stamp_s=stamp_s, planes=planes)
+        self.__dict__.update(frame=frame, stamp_s=stamp_s, planes=planes)  # the record is frozen
 
     @property
     def height(self) -> int:
@@ -63,9 +64,9 @@ class FilmedPanorama(Panorama):
 
     @cached_property
     def image(self) -> NDArray[np.uint8]:
-        return self.planes.rgb
+        return read_only(self.planes.rgb)
 
 
 def panorama_of(frame: int, stamp_s: float, picture: Plane | Planes) -> Panorama:
-    """A panorama of a picture in either form."""
+    """A panorama made of planes or of RGB."""
     return FilmedPanorama(frame, stamp_s, picture) if isinstance(picture, Planes) else Panorama(frame, stamp_s, picture)

@@ -1,4 +1,4 @@
-"""Telling the user how far a long piece of work is, and keeping notes for the log."""
+"""Progress of long work: the callback that the public functions take as `monitor`."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -9,19 +9,19 @@ log = logging.getLogger("savmap")
 
 
 class Monitor(Protocol):
-    """Where stages say what they do."""
+    """The two calls by which long work reports: give an object with these methods to show progress in your own program."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        """The items, one by one, with progress shown."""
+        """Yield the items while the work on each is done; `doing` says what that is, `total` how many items there are."""
         ...
 
     def note(self, line: str) -> None:
-        """A line for the user and the log."""
+        """Take one line about the work."""
         ...
 
 
 class SilentMonitor:
-    """Shows nothing; notes go to the log alone."""
+    """Shows no progress; notes go to the log."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         return iter(items)
@@ -31,7 +31,7 @@ class SilentMonitor:
 
 
 class NoteCollector(SilentMonitor):
-    """Keeps its lines for whoever wants them."""
+    """Shows no progress; keeps the notes in `lines`."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

@@ -1,4 +1,4 @@
-"""What a pass of video is, and what is known of it: the records of `savmap.video.reader`."""
+"""Records of footage: a part of a video, what a file holds, and how its decoding went."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from savmap.types import Planes
 Image = NDArray[np.uint8]
 Picture = Image | Planes
 Source = Iterator[tuple[float, Callable[[], Picture | None]]]
-"""Frames in order: time in the video, and a function that gives the picture, or None where it is damaged."""
+"""Frames in order: the time in the video, and a function that returns the picture, or None if it is damaged."""
 
 END_TOLERANCE_S = 0.5
 MOST_WIDTH = 16384
@@ -38,7 +38,7 @@ class Clip:
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a file says of itself. `codec` is "images" for a folder."""
+    """What the header of a file says. `codec` is "images" for a folder."""
 
     path: Path
     width: int
@@ -74,7 +74,7 @@ class DecodeReport:
 
 
 def check_shape(path: Path, width: int, height: int) -> None:
-    """VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
+    """Raise VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
     if not width or not height:
         raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")
     if width != 2 * height or height < 2:
@@ -84,7 +84,7 @@ def check_shape(path: Path, width: int, height: int) -> None:
 
 
 def time_range(clip: Clip, duration_s: float) -> tuple[float, float]:
-    """Start and end (s) of a clip in a video of this length; VideoError where they lie outside it."""
+    """Start and end (s) of a clip in a video of this length. Raises VideoError where they lie outside it."""
     start = 0.0 if clip.start_s is None else clip.start_s
     end = duration_s if clip.end_s is None else clip.end_s
     if start < 0 or start >= duration_s or end > duration_s + END_TOLERANCE_S:

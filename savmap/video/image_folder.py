@@ -1,4 +1,4 @@
-"""A folder of pictures taken as a video."""
+"""Folders of pictures as videos, and single pictures read and written."""
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ def picture_paths(folder: Path) -> list[Path]:
 
 
 def probe_folder(folder: Path, fps: float) -> VideoInfo:
-    """Size of the first sound picture, and the length the folder has at `fps`. VideoError: none, not 2:1, too large."""
+    """Size of the first sound picture, and the length of the folder at `fps`. Raises VideoError for no pictures, not 2:1, too large."""
     paths = picture_paths(folder)
     if not paths:
         raise VideoError(f"{folder}: the folder holds no pictures ({', '.join(sorted(SUFFIXES))})")
@@ -36,7 +36,7 @@ def probe_folder(folder: Path, fps: float) -> VideoInfo:
 
 
 def picture_size(path: Path) -> tuple[int, int] | None:
-    """Width and height that a picture's header gives, or None where that, or a PNG's check sum, shows damage."""
+    """Width and height from a picture's header, or None where the header, or a PNG's check sum, is damaged."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -44,7 +44,7 @@ def picture_size(path: Path) -> tuple[int, int] | None:
                 size = picture.size
                 picture.verify()
                 return size
-    except Exception:  # Pillow's readers raise whatever a damaged header makes them stumble over
+    except Exception:  # Pillow's readers raise errors of many types for damaged headers
         return None
 
 
@@ -56,7 +56,7 @@ def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
         data = path.read_bytes()
         if data.startswith(JPEG_START) and JPEG_END not in data[-1024:]:
             return None
-        with _unspoken():
+        with _silent_opencv():
             bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     except (cv2.error, OSError):
         return None
@@ -64,8 +64,8 @@ def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
 
 
 @contextmanager
-def _unspoken() -> Iterator[None]:
-    """Without what OpenCV prints of a damaged picture."""
+def _silent_opencv() -> Iterator[None]:
+    """Without OpenCV's messages about damaged pictures."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -80,7 +80,7 @@ def write_picture(path: Path, bgr: Image, flags: Sequence[int] = ()) -> None:
 
 
 def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
-    """The pictures from start_s up to end_s; those unreadable or of another size are counted when asked for."""
+    """The pictures from start_s up to end_s; unreadable ones and those of another size are counted when they are read."""
     for index, path in enumerate(picture_paths(info.path)):
         stamp = index / info.rate_fps
         if start_s - 1e-6 <= stamp < end_s - 1e-6:

@@ -1,4 +1,4 @@
-"""Items made ahead of their turn by a thread: in order, only so many at a time, with their errors."""
+"""Items made ahead by a thread: in order, a limited number at a time, with their errors."""
 
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
@@ -11,31 +11,31 @@ Item = TypeVar("Item")
 
 @contextmanager
 def prefetch(items: Iterable[Item], depth: int) -> Generator[Iterator[Item], None, None]:
-    """The same items, made by a thread while others are in use: `depth` at most that nobody has taken yet.
+    """The same items, made by a thread while others are in use; at most `depth` of them wait to be taken.
 
-    What making them raises is raised where the item would have come. When the block is left the thread has ended and,
-    where `items` is a generator, that is closed.
+    An error in making an item is raised in its place. When the block is left, the thread has ended and `items`, if it is a
+    generator, is closed.
     """
-    line = _Line(items, depth)
-    line.thread.start()
+    queue = _Queue(items, depth)
+    queue.thread.start()
     try:
-        yield line.taken()
+        yield queue.taken()
     finally:
-        line.stop()
+        queue.stop()
 
 
-class _Line(Generic[Item]):
-    """One thread's items on their way. A place is free for each item that may be made."""
+class _Queue(Generic[Item]):
+    """The items of one thread. A place is free for each item that may be made."""
 
     def __init__(self, items: Iterable[Item], depth: int) -> None:
         self.items = items
         self.made: SimpleQueue[tuple[Item] | BaseException | None] = SimpleQueue()
         self.places = Semaphore(depth)
         self.stopped = False
-        self.thread = Thread(target=self._make, name="savmap-ahead", daemon=True)
+        self.thread = Thread(target=self._make, name="savmap-prefetch", daemon=True)
 
     def taken(self) -> Iterator[Item]:
-        """The items; each is let go before the next is waited for."""
+        """The items; each is released before the next is waited for."""
         while (made := self.made.get()) is not None:
             if isinstance(made, BaseException):
                 raise made

@@ -11,7 +11,8 @@ import numpy as np
 from savmap.errors import VideoError
 from savmap.types import Floats, Panorama, Planes, panorama_of
 from savmap.video.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
-from savmap.video.decode import decode_at, decode_file, key_times, probe_file
+from savmap.video.container import exact_key_times, probe_file
+from savmap.video.decode import decode_at, decode_file
 from savmap.video.image_folder import probe_folder, read_at, read_folder
 
 __all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "preview_frames", "probe"]
@@ -20,7 +21,7 @@ TICK_TOLERANCE = 0.2
 
 
 def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
-    """What a video file or a folder of pictures is. VideoError (one line): missing, empty, not 2:1, cut off."""
+    """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or not 2:1."""
     if not path.exists():
         raise VideoError(f"{path}: no such file or folder")
     if path.is_dir():
@@ -43,8 +44,8 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     """A clip's panoramas, numbered from `first_frame`; `stamp_s` is the time in the video.
 
     The first frame of the range is used, then one per 1/fps by timestamp, so that every frame is used where the video
-    is slower. Damaged frames are skipped and counted in `report`. VideoError: as `probe`; range outside the video;
-    nothing that can be decoded.
+    is slower. Damaged frames are skipped and counted in `report`. Raises VideoError as `probe` does, for a range outside the
+    video, and where nothing can be decoded.
     """
     report = DecodeReport() if report is None else report
     info = probe(clip.path, clip.images_fps)
@@ -83,10 +84,10 @@ def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple
 def preview_frames(
     clip: Clip, keys: int = 9, pairs: int = 3, max_height: int = 2048
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
-    """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for choosing views beforehand.
+    """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for planning views.
 
-    Found by seeking, to the video's own key frames where these lie closer than the ones wanted; `frame` is their number by time
-    alone. Pictures higher than `max_height` are shrunk by a whole factor.
+    They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Pictures higher than
+    `max_height` are shrunk by a whole factor. Raises VideoError as `panoramas` does.
     """
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
@@ -94,7 +95,8 @@ def preview_frames(
     last = min(end, info.duration_s)
     times = start + (last - start) * (np.arange(keys) + 0.5) / keys
     if info.codec != "images":
-        times = _at_keys(times, [key for key in key_times(info) if start <= key < last], (last - start) / keys / 2)
+        key_times = exact_key_times(info)
+        times = _at_keys(times, key_times[(key_times >= start) & (key_times < last)], (last - start) / keys / 2)
     second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
     wanted = sorted([*times, *(times[i] + step for i in second)])
     read = read_at if info.codec == "images" else decode_at
@@ -114,11 +116,11 @@ def preview_frames(
     return tuple(panorama for panorama in found if id(panorama) not in followers), close
 
 
-def _at_keys(times: Floats, keys_s: list[float], within_s: float) -> Floats:
-    """Times (n,) moved to the nearest of the keys where that is so close."""
-    if not keys_s:
+def _at_keys(times: Floats, keys_s: Floats, within_s: float) -> Floats:
+    """Times (n,), each moved to the nearest key frame where that is within this distance."""
+    if not len(keys_s):
         return times
-    nearest = np.array(keys_s)[np.abs(np.array(keys_s) - times[:, None]).argmin(axis=1)]
+    nearest = keys_s[np.abs(keys_s - times[:, None]).argmin(axis=1)]
     moved: Floats = np.where(np.abs(nearest - times) <= within_s, nearest, times)
     return moved
 

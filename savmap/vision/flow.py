@@ -1,8 +1,7 @@
-"""Appearance: points of any kind followed through a few neighbouring frames of a view.
+"""Optical flow: corners tracked through a few neighbouring frames of a view, whatever they belong to.
 
-Corners (Shi and Tomasi 1994) by pyramidal Lucas and Kanade (Bouguet 2000), forwards and backwards; OpenCV's. Nobody asks what
-the points belong to: on look-alike goods a corner may be taken for its neighbour's, so what they say is only used where the
-mapped structures agree (`savmap.graph.factors.appearance`).
+Corners (Shi and Tomasi 1994) are tracked by pyramidal Lucas and Kanade (Bouguet 2000), forwards and backwards; both are OpenCV's.
+On goods that look alike a corner may be taken for its neighbour's, so the solver uses flow only where the mapped structures agree.
 """
 
 from dataclasses import dataclass, field
@@ -14,90 +13,93 @@ from numpy.typing import NDArray
 from savmap.types import Flow, View, ViewSpec
 
 WINDOW, STRIDE = 4, 2
+"""Frames that a window spans, and frames from the start of one to the start of the next."""
 MOST_POINTS, APART_PX, QUALITY = 200, 12, 0.01
 PATCH_PX, HALVINGS = 21, 4
-BACK_PX = 0.3
+MOST_RETURN_PX = 0.3
 
 Points = NDArray[np.float32]
 Grey = NDArray[np.uint8]
 
 
-@dataclass
-class _Run:
-    """Points on their way through a window: pixels (n, k, 2) in the k frames so far."""
+@dataclass(eq=False)
+class _Window:
+    """Points in a window that begins at frame `first`: pixels (n, k, 2) in its k frames so far."""
 
     first: int
     pixels: Points
 
 
-@dataclass
-class _Eye:
-    """What is remembered of a view: its last frame and picture, the windows under way and those that are done."""
+@dataclass(eq=False)
+class _ViewState:
+    """A view's last frame and grey picture, its open windows, and the flows of the complete ones."""
 
     spec: ViewSpec
     frame: int
     grey: Grey
-    runs: list[_Run] = field(default_factory=list)
+    windows: list[_Window] = field(default_factory=list)
     done: list[Flow] = field(default_factory=list)
 
 
-class FlowWatch:
-    """Follows points in views that come frame by frame: every `STRIDE` frames new ones, each through `WINDOW` frames."""
+class FlowTracker:
+    """Tracks points in views that come frame by frame: new points every `STRIDE` frames, each through `WINDOW` frames."""
 
     def __init__(self) -> None:
-        self._eyes: dict[str, _Eye] = {}
+        self._states: dict[str, _ViewState] = {}
 
-    def look(self, view: View) -> None:
-        """Look at the next frame of a view; where frames before it were left out, points begin anew."""
+    def update(self, view: View) -> None:
+        """Track to the next frame of a view. If frames before it were left out, tracking starts again."""
         grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
-        eye = self._eyes.setdefault(view.spec.name, _Eye(view.spec, view.frame, grey))
-        _go_on(eye, grey, view.frame)
-        eye.frame, eye.grey = view.frame, grey
-        if not eye.runs or view.frame - eye.runs[-1].first >= STRIDE:
+        state = self._states.setdefault(view.spec.name, _ViewState(view.spec, view.frame, grey))
+        _advance(state, grey, view.frame)
+        state.frame, state.grey = view.frame, grey
+        if not state.windows or view.frame - state.windows[-1].first >= STRIDE:
             corners = cv2.goodFeaturesToTrack(grey, MOST_POINTS, QUALITY, APART_PX)
             if corners is not None:
-                eye.runs.append(_Run(view.frame, corners.reshape(-1, 1, 2).astype(np.float32, copy=False)))
+                state.windows.append(_Window(view.frame, corners.reshape(-1, 1, 2).astype(np.float32, copy=False)))
 
     @property
     def flows(self) -> tuple[Flow, ...]:
-        """The windows that are done, view by view."""
-        return tuple(one for eye in self._eyes.values() for one in eye.done)
+        """The complete windows, view by view."""
+        return tuple(flow for state in self._states.values() for flow in state.done)
 
 
-class NoFlow(FlowWatch):
-    """Follows nothing."""
+class NullFlowTracker(FlowTracker):
+    """Tracks nothing."""
 
-    def look(self, view: View) -> None:
-        """Leave the frame alone."""
+    def update(self, view: View) -> None:
+        """Do nothing."""
 
 
-def _go_on(eye: _Eye, grey: Grey, frame: int) -> None:
-    """Follow all points to the next frame; windows that are full are done."""
-    if frame != eye.frame + 1:
-        eye.runs = []
-    runs = [run for run in eye.runs if len(run.pixels)]
-    if not runs:
+def _advance(state: _ViewState, grey: Grey, frame: int) -> None:
+    """Track all points to the next frame, and close the windows that are complete."""
+    if frame != state.frame + 1:
+        state.windows = []
+    windows = [window for window in state.windows if len(window.pixels)]
+    if not windows:
         return
-    moved, good = _moved(eye.grey, grey, np.concatenate([run.pixels[:, -1] for run in runs]))
-    ends = np.cumsum([len(run.pixels) for run in runs])[:-1]
-    for run, ahead, kept in zip(runs, np.split(moved, ends), np.split(good, ends), strict=True):
-        run.pixels = np.concatenate([run.pixels, ahead[:, None]], axis=1)[kept]
-    eye.done += [_finished(run, eye.spec) for run in runs if run.pixels.shape[1] == WINDOW and len(run.pixels)]
-    eye.runs = [run for run in runs if run.pixels.shape[1] < WINDOW]
+    moved, good = _tracked(state.grey, grey, np.concatenate([window.pixels[:, -1] for window in windows]))
+    ends = np.cumsum([len(window.pixels) for window in windows])[:-1]
+    for window, pixels, kept in zip(windows, np.split(moved, ends), np.split(good, ends), strict=True):
+        window.pixels = np.concatenate([window.pixels, pixels[:, None]], axis=1)[kept]
+    state.done += [
+        _flow_of(window, state.spec) for window in windows if window.pixels.shape[1] == WINDOW and len(window.pixels)
+    ]
+    state.windows = [window for window in windows if window.pixels.shape[1] < WINDOW]
 
 
-def _finished(run: _Run, spec: ViewSpec) -> Flow:
-    frames = np.arange(run.first, run.first + WINDOW, dtype=np.int64)
-    return Flow(frames, spec, run.pixels.astype(np.float64))
+def _flow_of(window: _Window, spec: ViewSpec) -> Flow:
+    frames = np.arange(window.first, window.first + WINDOW, dtype=np.int64)
+    return Flow(frames, spec, window.pixels.astype(np.float64))
 
 
-def _moved(before: Grey, after: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
-    """Where points (n, 2) px go, and which (n,) come back to where they were."""
-    ahead, found = _flow(before, after, points)
-    back, again = _flow(after, before, ahead)
-    return ahead, found & again & (np.linalg.norm(back - points, axis=1) < BACK_PX)
+def _tracked(before: Grey, after: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
+    """Where points (n, 2) px move, and which (n,) return to their start when tracked back."""
+    forth, found = _lucas_kanade(before, after, points)
+    back, again = _lucas_kanade(after, before, forth)
+    return forth, found & again & (np.linalg.norm(back - points, axis=1) < MOST_RETURN_PX)
 
 
-def _flow(a: Grey, b: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
+def _lucas_kanade(a: Grey, b: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
     moved, found, _ = cv2.calcOpticalFlowPyrLK(a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS)  # type: ignore[call-overload] # fmt: skip
     return moved, found.ravel() == 1

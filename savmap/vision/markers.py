@@ -1,4 +1,4 @@
-"""Square fiducial markers (AprilTag, ArUco): looked for all around every few frames, then followed from frame to frame.
+"""Square fiducial markers (AprilTag, ArUco): searched for all around every few frames, then tracked from frame to frame.
 
 Corners are OpenCV's with AprilTag's own refinement (Wang and Olson, "AprilTag 2", 2016), which fits lines to the borders: on
 drawn panoramas with borders a pixel soft its sides were unbiased to 0.1 %, where `cornerSubPix` made them up to 1 % too
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import SiteError
-from savmap.types import Floats, Panorama, Track, ViewSpec
+from savmap.types import Floats, Panorama, Track, ViewSpec, array_record
 from savmap.vision.views import Renderer
 
-EVERY = 5
+SEARCH_EVERY = 5
 SEARCH_PITCH_DEG, SEARCH_HFOV_DEG, SEARCH_VFOV_DEG = -15.0, 75.0, 105.0
 SEARCH_FOCAL_PX = 600.0
 FINER, EDGE_PX = 2.0, 100.0
@@ -28,16 +28,18 @@ SIGMA_PX = 0.3
 Label = tuple[str, int]
 
 
-@dataclass(frozen=True)
-class Marks:
-    """What was seen of the markers: four tracks each, by their names "tag36h11 7", and the views of their pixels."""
+@dataclass(frozen=True, eq=False)
+@array_record
+class MarkerTracks:
+    """Four tracks of corners for each marker that was detected, by its name "tag36h11 7", and the views of their pixels by name."""
 
     tracks: Mapping[str, Sequence[Track]]
     views: Mapping[str, ViewSpec]
 
 
-@dataclass(frozen=True)
-class Sighting:
+@dataclass(frozen=True, eq=False)
+@array_record
+class _Sighting:
     """A marker's corners (4, 2) px in a view of a frame, with their standard deviation, px."""
 
     frame: int
@@ -51,31 +53,31 @@ def marker_name(dictionary: str, number: int) -> str:
     return f"{dictionary} {number}"
 
 
-class MarkerWatch:
-    """Sees the wanted markers, given as (dictionary, number), in the panoramas of a row in order.
+class MarkerTracker:
+    """Tracks the wanted markers, given as (dictionary, number), through the panoramas of a row in order.
 
     Raises SiteError for a number that the dictionary does not have.
     """
 
     def __init__(self, wanted: Iterable[Label]) -> None:
-        self._seen: dict[Label, list[Sighting]] = {label: [] for label in wanted}
+        self._sightings: dict[Label, list[_Sighting]] = {label: [] for label in wanted}
         self._near: dict[Label, ViewSpec] = {}
         self._renderer = Renderer()
-        for dictionary, number in self._seen:
+        for dictionary, number in self._sightings:
             count = len(_dictionary(dictionary).bytesList)
             if number >= count:
                 raise SiteError(f"references.markers: {dictionary} has the numbers 0 to {count - 1}, not {number}")
 
-    def look(self, panorama: Panorama) -> None:
-        """Look at the next frame: where markers were in the last one; all around if one is lost, and at every fifth frame
-        while any is not followed."""
-        lost = self._follow(panorama, tuple(self._near))
-        due = panorama.frame % EVERY == 0 and len(self._near) < len(self._seen)
+    def update(self, panorama: Panorama) -> None:
+        """Detect the markers in the next frame: near their last places, and all around if one is lost, or in every fifth frame while
+        any is not tracked."""
+        lost = self._track(panorama, tuple(self._near))
+        due = panorama.frame % SEARCH_EVERY == 0 and len(self._near) < len(self._sightings)
         if lost or due:
-            self._follow(panorama, self._search(panorama))
+            self._track(panorama, self._search(panorama))
 
-    def _follow(self, panorama: Panorama, labels: Iterable[Label]) -> bool:
-        """Measure markers whose views are known, and aim those anew; says whether any was lost."""
+    def _track(self, panorama: Panorama, labels: Iterable[Label]) -> bool:
+        """Measure the markers whose views are known, and move these views; true if any marker was lost."""
         resolution, lost = panorama.height / np.pi, False
         for label in labels:
             spec = self._near.pop(label)
@@ -84,41 +86,47 @@ class MarkerWatch:
                 lost = True
                 continue
             sigma = SIGMA_PX * max(float(spec.camera[0, 0]) / resolution, 1.0)
-            self._seen[label].append(Sighting(panorama.frame, spec, corners, sigma))
+            self._sightings[label].append(_Sighting(panorama.frame, spec, corners, sigma))
             self._near[label] = _around(spec.rig_rays(corners), resolution)
         return lost
 
     @property
-    def marks(self) -> Marks:
-        """All that was seen, of those that were seen."""
-        seen = {marker_name(*label): sightings for label, sightings in self._seen.items() if sightings}
-        views = {_view(name, one.frame): one.spec for name, own in seen.items() for one in own}
-        return Marks({name: [_track(name, corner, own) for corner in range(4)] for name, own in seen.items()}, views)
+    def marks(self) -> MarkerTracks:
+        """The tracks of the markers that were detected."""
+        detected = {marker_name(*label): sightings for label, sightings in self._sightings.items() if sightings}
+        views = {
+            _view(name, sighting.frame): sighting.spec for name, sightings in detected.items() for sighting in sightings
+        }
+        tracks = {
+            name: [_corner_track(name, corner, sightings) for corner in range(4)]
+            for name, sightings in detected.items()
+        }
+        return MarkerTracks(tracks, views)
 
     def _search(self, panorama: Panorama) -> list[Label]:
-        """Find the markers that are not followed, all around; gives those that were found, with views at them set."""
+        """Search all around for the markers that are not tracked, and set views at those that are detected, which are returned."""
         resolution = panorama.height / np.pi
         found: dict[Label, ViewSpec] = {}
         for spec in _ring(resolution):
             image = self._renderer.render(panorama, spec).image
-            for dictionary in dict.fromkeys(name for name, _ in self._seen):
+            for dictionary in dict.fromkeys(name for name, _ in self._sightings):
                 for number, corners in _detected(image, dictionary, fine=False).items():
                     label = dictionary, number
-                    if label in self._seen and label not in self._near:
+                    if label in self._sightings and label not in self._near:
                         found[label] = _around(spec.rig_rays(corners), resolution)
         self._near |= found
         return list(found)
 
 
-def _track(name: str, corner: int, sightings: Sequence[Sighting]) -> Track:
+def _corner_track(name: str, corner: int, sightings: Sequence[_Sighting]) -> Track:
     return Track(
         f"marker {name} / corner {corner + 1}",
         "marker",
         {"corner": corner + 1},
-        np.array([one.frame for one in sightings]),
-        tuple(_view(name, one.frame) for one in sightings),
-        np.array([one.corners[corner] for one in sightings]),
-        np.array([one.sigma_px**2 * np.eye(2) for one in sightings]),
+        np.array([sighting.frame for sighting in sightings]),
+        tuple(_view(name, sighting.frame) for sighting in sightings),
+        np.array([sighting.corners[corner] for sighting in sightings]),
+        np.array([sighting.sigma_px**2 * np.eye(2) for sighting in sightings]),
     )
 
 
@@ -158,8 +166,8 @@ def _detected(image: NDArray[np.uint8], dictionary: str, fine: bool) -> dict[int
         return {}
     shift = APRILTAG_SHIFT_PX if fine else 0.0
     return {
-        int(number): own.reshape(4, 2).astype(np.float64) - shift
-        for number, own in zip(numbers.ravel(), corners, strict=True)
+        int(number): quad.reshape(4, 2).astype(np.float64) - shift
+        for number, quad in zip(numbers.ravel(), corners, strict=True)
     }
 
 

@@ -1,9 +1,8 @@
-"""Linking sightings over frames: one-dimensional peaks."""
+"""Peaks of one-dimensional values: where many of them agree, such as the places of one object in many frames."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from savmap.types import Floats
 
 
 def peaks(values: Floats, width: float, support: int) -> Floats:

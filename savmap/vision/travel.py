@@ -1,4 +1,4 @@
-"""Which way the camera goes along a face: from the pictures' motion between close frames."""
+"""Which way the camera goes along a face, from the motion of the pictures between close frames."""
 
 from collections.abc import Sequence
 
@@ -28,9 +28,9 @@ def travel_directions(
 ) -> tuple[int, int, int, int]:
     """The same for `spec` and the views turned from it to the right by 90, 180 and 270 degrees.
 
-    What all views have in common is the rig's turning; half the difference of opposite views is its motion. That must
-    exceed the motion found the same way in the two views across, as it does only when looking across the way. One view
-    may be too bare to follow anything in.
+    The rig's turning shifts all views alike; half the difference of opposite views is its motion. That must exceed the motion
+    measured in the same way in the two views across, which it does only when looking across the way. One view may be too bare to
+    track anything in.
     """
     views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
     shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
@@ -42,7 +42,7 @@ def travel_directions(
 
 
 def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
-    """By what angle things straight ahead move in a view across the way from one used frame to the next; nan where not known."""
+    """The angle by which objects straight ahead move in a view across the way from one used frame to the next; nan if unknown."""
     view = _turned(spec, 0.0)
     shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
     known = shifts[np.isfinite(shifts)]
@@ -65,14 +65,14 @@ def _turned(spec: ViewSpec, degrees: float) -> ViewSpec:
 
 
 def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) -> float:
-    """Median shift of the picture's corners to the right, pixels; nan where too few can be followed."""
+    """Median shift of the picture's corners to the right, pixels; nan where too few can be tracked."""
     first, second = (
         np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair
     )
-    found = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
-    if found is None:
+    detected = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
+    if detected is None:
         return float("nan")
-    corners = np.asarray(found, np.float32)
+    corners = np.asarray(detected, np.float32)
     there = _follow(first, second, corners)
     back = _follow(second, first, there)
     good = np.linalg.norm(back - corners, axis=-1).ravel() < 1.0

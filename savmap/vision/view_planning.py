@@ -1,8 +1,8 @@
-"""Automatic aim (paper, "Rendering views"): which way a row's views look, whichever way the camera is turned.
+"""View planning (paper, "Rendering views"): the directions of a row's views, whichever way the camera is turned.
 
-`Scout.look` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
-faces the structure, `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field of view that shows enough. What
-the structure looks like is for the caller to say, by functions it gives.
+`PassPreview.of_frames` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
+faces the structure, and `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field of view that shows enough.
+The caller gives functions that recognise the structure.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,56 +14,10 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.geometry.vanishing import RIG_UP, Floats, facing, manhattan_from_segments
-from savmap.types import Panorama, View, ViewSpec
+from savmap.geometry.vanishing import RIG_UP, facing, manhattan_from_segments
+from savmap.types import Floats, Panorama, View, ViewSpec, array_record
 from savmap.vision.travel import travel_direction, travel_directions
 from savmap.vision.views import Renderer
-
-LOOKS = [
-    *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
-    *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
-]
-SHORTEST_PX = 25.0
-LEAST_SUPPORT = 0.25
-
-
-def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
-    """rig_from_manhattan (3, 3): the building's axes in the rig frame, as columns; mean over frames of one pass.
-
-    y is the axis nearest the rig's up, z of the others the one nearest its back (so that one looks along -z). The rig may
-    be turned any way about the vertical and tilted by some 45 degrees. StructureError where no three axes stand out.
-    """
-    edges = [segments(panorama, renderer) for panorama in panoramas]
-    rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
-    coarse = manhattan_from_segments(rays_a, rays_b)
-    if coarse is None or coarse.support < LEAST_SUPPORT:
-        raise StructureError(
-            "no building directions stand out in the pictures; give the views' angles in the site file"
-        )
-    each = [manhattan_from_segments(*pair, coarse.rig_from_manhattan) for pair in edges]
-    return _mean([found.rig_from_manhattan for found in each if found is not None])
-
-
-def _mean(rotations: Sequence[Floats]) -> Floats:
-    """The rotation nearest to all of these."""
-    left, _, right = np.linalg.svd(np.median(rotations, axis=0))
-    mean: Floats = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    return mean
-
-
-def segments(panorama: Panorama, renderer: Renderer) -> tuple[Floats, Floats]:
-    """Unit rays (n, 3) of the ends of the straight segments seen in views that cover the sphere, rig frame."""
-    found = [_in_view(renderer.render(panorama, look)) for look in LOOKS]
-    return np.concatenate([pair[0] for pair in found]), np.concatenate([pair[1] for pair in found])
-
-
-def _in_view(view: View) -> tuple[Floats, Floats]:
-    grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
-    lines = cv2.createLineSegmentDetector().detect(grey)[0]
-    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
-    ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
-    return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
-
 
 __all__ = [
     "Face",
@@ -76,6 +30,12 @@ __all__ = [
     "travel_direction",
 ]
 
+SEARCH_VIEWS = [
+    *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
+    *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
+]
+SHORTEST_PX = 25.0
+LEAST_SUPPORT = 0.25
 Side = Literal["left", "right"]
 Score = Callable[[ViewSpec, Panorama], float]
 # world_from_view of a level view straight at the face, and of one straight up
@@ -88,7 +48,7 @@ ENOUGH_FRAMES = 100
 
 @dataclass(frozen=True)
 class Manual:
-    """Values of a view that the site file fixes; None: to be found. The size is always as given."""
+    """The values of a view that the site file fixes; None where savmap finds them. The size is always as given."""
 
     yaw_deg: float | None = None
     pitch_deg: float | None = None
@@ -99,7 +59,7 @@ class Manual:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to find."""
+        """Whether all angles are given."""
         return None not in (self.yaw_deg, self.pitch_deg, self.roll_deg, self.hfov_deg)
 
     def over(self, spec: ViewSpec) -> ViewSpec:
@@ -114,10 +74,11 @@ class Manual:
         return replace(spec, width=self.width, height=self.height, **fixed)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class PassPreview:
-    """What is looked at to choose views: key frames over a pass, pairs of close frames, and the building's axes
-    rig_from_manhattan (3, 3). `frames`: roughly how many frames of the pass will be used; 0: not known."""
+    """What views are planned from: key frames `keys` over a pass, `pairs` of close frames, and the building's axes
+    `rig_from_manhattan` (3, 3). `frames` is roughly how many frames of the pass will be used; 0: not known."""
 
     keys: tuple[Panorama, ...]
     pairs: tuple[tuple[Panorama, Panorama], ...]
@@ -126,24 +87,24 @@ class PassPreview:
     frames: int = 0
 
     @classmethod
-    def look(
+    def of_frames(
         cls,
         keys: Sequence[Panorama],
         pairs: Sequence[tuple[Panorama, Panorama]] = (),
         renderer: Renderer | None = None,
         frames: int = 0,
     ) -> "PassPreview":
-        """Find the building's axes in the key frames. StructureError where none stand out."""
+        """Find the building's axes in the key frames. Raises StructureError where none stand out."""
         renderer = renderer or Renderer()
-        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_some(keys), renderer), frames)
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_evenly(keys), renderer), frames)
 
     def apart(self, most: float = np.inf) -> int:
-        """In each of how many frames a long pass need be looked at, `most` at the most: 1, 2 or 4, so that plugins look at the same
-        ones, and in a hundred frames at the least."""
-        return next((many for many in (4, 2) if many <= most and self.frames >= many * ENOUGH_FRAMES), 1)
+        """`ViewSpec.every` for a long pass: 1, 2 or 4 (so that plugins use the same frames), `most` at most, such that a hundred frames or
+        more are used."""
+        return next((every for every in (4, 2) if every <= most and self.frames >= every * ENOUGH_FRAMES), 1)
 
     def views(self, spec: ViewSpec) -> list[View]:
-        """The view of every key frame."""
+        """The view in every key frame."""
         return [self.renderer.render(panorama, spec) for panorama in self.keys]
 
 
@@ -196,7 +157,7 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
 
     `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
     camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
-    faces of both sides: on the left, the camera moves towards the face's +x. StructureError where no view scores.
+    faces of both sides: on the left, the camera moves towards the face's +x. Raises StructureError where no view scores.
     """
     specs = face_candidates(pass_preview.rig_from_manhattan, hfov_deg)
     travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
@@ -213,10 +174,10 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
 
 
 def _scored(pass_preview: PassPreview, score: Score, spec: ViewSpec, travel: int) -> Face:
-    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _some(pass_preview.keys)])))
+    return Face(spec, travel, float(np.mean([score(spec, panorama) for panorama in _evenly(pass_preview.keys)])))
 
 
-def _some(keys: Sequence[Panorama]) -> list[Panorama]:
+def _evenly(keys: Sequence[Panorama]) -> list[Panorama]:
     """A few of the key frames, evenly spaced."""
     chosen = np.linspace(0, len(keys) - 1, min(FEW, len(keys))).round().astype(int)
     return [keys[i] for i in chosen]
@@ -230,3 +191,41 @@ def ceiling_view(face: Face, hfov_deg: float = 110.0, name: str = "ceiling") -> 
 def tilted(face: Face, pitch_deg: float, hfov_deg: float, name: str) -> ViewSpec:
     """The view at the face, raised by `pitch_deg` in the building."""
     return _spec(name, face.spec.rig_from_view @ pinhole.rig_from_view(0, pitch_deg, 0), hfov_deg)
+
+
+def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
+    """rig_from_manhattan (3, 3): the building's axes in the rig frame, as columns; mean over frames of one pass.
+
+    y is the axis nearest the rig's up, z of the others the one nearest its back (so that one looks along -z). The rig may
+    be turned any way about the vertical and tilted by some 45 degrees. Raises StructureError where no three axes stand out.
+    """
+    edges = [segments(panorama, renderer) for panorama in panoramas]
+    rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
+    coarse = manhattan_from_segments(rays_a, rays_b)
+    if coarse is None or coarse.support < LEAST_SUPPORT:
+        raise StructureError(
+            "no building directions stand out in the pictures; give the views' angles in the site file"
+        )
+    refined = [manhattan_from_segments(*pair, coarse.rig_from_manhattan) for pair in edges]
+    return _mean([frame.rig_from_manhattan for frame in refined if frame is not None])
+
+
+def _mean(rotations: Sequence[Floats]) -> Floats:
+    """The rotation nearest to all of these."""
+    left, _, right = np.linalg.svd(np.median(rotations, axis=0))
+    mean: Floats = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    return mean
+
+
+def segments(panorama: Panorama, renderer: Renderer) -> tuple[Floats, Floats]:
+    """Unit rays (n, 3) of the ends of the straight segments seen in views that cover the sphere, rig frame."""
+    ends = [_segments_in(renderer.render(panorama, spec)) for spec in SEARCH_VIEWS]
+    return np.concatenate([pair[0] for pair in ends]), np.concatenate([pair[1] for pair in ends])
+
+
+def _segments_in(view: View) -> tuple[Floats, Floats]:
+    grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+    lines = cv2.createLineSegmentDetector().detect(grey)[0]
+    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
+    ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
+    return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])

@@ -1,4 +1,8 @@
-"""Rectilinear views sampled straight from panoramas (paper, section III-B)."""
+"""Rectilinear views, sampled straight from panoramas (paper, section III-B).
+
+For each view, a table says where its pixels lie in the panorama. Where the panorama is much finer than the view, the table's level
+samples a region of the panorama that was halved by averaging, so that fine texture does not alias.
+"""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -11,18 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import sphere
-from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec, array_record
 
 Image = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 PACKED = 512
+"""Entries in a row of a table: the pixels of a level are packed into rows for OpenCV's remap."""
 LAST_ROW = 1 + 1 / 16
 FRACTIONS = 32
+"""OpenCV's remap interpolates in steps of 1/32 pixel."""
+KEPT_TABLES = 32
+PIXEL = np.dtype((np.void, 3))
+
+Key = tuple[int, float, float, float, float, int, int]
+"""What a table depends on: the panorama's height, and the view's angles and size."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Part of a panorama: rows [top, bottom) and `width` columns from `left` on, over the seam where need be."""
+    """Part of a panorama: rows [top, bottom) and `width` columns from `left` on, which may cross the seam."""
 
     top: int
     bottom: int
@@ -35,12 +46,17 @@ class Region:
         return Region(self.top // 2, self.bottom // 2, self.left // 2, self.width // 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Level:
-    """Table (m, PACKED) for the panorama's region shrunk `halvings` times; region None: the panorama itself. Its first entries are
-    those of the view's pixels where `own` (h, w), row by row; the others are the last of these again."""
+    """The table of the pixels of a view that are sampled at one resolution, those where `mask` (h, w) is set.
 
-    own: NDArray[np.bool_]
+    They are sampled from `region` of the panorama, halved `halvings` times; None: from the panorama itself. The table `cells`
+    (m, PACKED, 2) and `fractions` (m, PACKED), in OpenCV's fixed-point form, has an entry for each of these pixels, row by row; the
+    last one is repeated to fill the table.
+    """
+
+    mask: NDArray[np.bool_]
     halvings: int
     region: Region | None
     cells: NDArray[np.int16]
@@ -48,14 +64,49 @@ class Level:
 
     @cached_property
     def half_as_fine(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
-        """Tables that find in a panorama of half the resolution what these find in it with every pixel doubled each way."""
+        """The table for colour at half the resolution: it gives what this one gives of the same picture with every pixel doubled."""
         odd = (self.cells & 1).astype(np.uint16)
         across, down = self.fractions % FRACTIONS, self.fractions // FRACTIONS
         return self.cells >> 1, across * odd[..., 0] + FRACTIONS * down * odd[..., 1]
 
 
+class Renderer:
+    """Renders views of panoramas and keeps the tables of the last views.
+
+    Bilinear, at pixel centres, over the seam and the poles. With `antialias`, the panorama is first averaged down where
+    it is two or more times finer than the view. Panoramas in planes of luma and colour are sampled as such, and only the view is
+    converted to RGB. Threads may share a renderer.
+    """
+
+    def __init__(self, antialias: bool = True) -> None:
+        self._antialias = antialias
+        self._tables: OrderedDict[Key, tuple[Level, ...]] = OrderedDict()
+        self._lock = Lock()
+
+    def render(self, panorama: Panorama, spec: ViewSpec) -> View:
+        """The view of `panorama` that `spec` describes."""
+        image = np.empty((spec.height, spec.width, 3), np.uint8)
+        levels = self._table(spec, panorama.height)
+        if isinstance(panorama, FilmedPanorama):
+            _sample_planes(panorama.planes, levels, image)
+            image = panorama.planes.coloured(image)
+        else:
+            _sample(panorama.image, levels, image)
+        return View(spec, panorama.frame, panorama.stamp_s, image)
+
+    def _table(self, spec: ViewSpec, height: int) -> tuple[Level, ...]:
+        key = (height, spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg, spec.width, spec.height)
+        with self._lock:
+            if key not in self._tables:
+                self._tables[key] = table(spec, height, self._antialias)
+                if len(self._tables) > KEPT_TABLES:
+                    self._tables.popitem(last=False)
+            self._tables.move_to_end(key)
+            return self._tables[key]
+
+
 def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
-    """Levels that together cover a view of a (height, 2 height) panorama, each pixel from one of them."""
+    """The levels of a view of a (height, 2 height) panorama: each pixel of the view is in one of them."""
     pixels = _panorama_pixels(spec, height)
     halvings = _halvings(spec, height) if antialias else np.zeros((spec.height, spec.width), np.int64)
     numbers = np.flatnonzero(np.bincount(halvings.ravel()))
@@ -89,10 +140,10 @@ def _halvings(spec: ViewSpec, height: int) -> NDArray[np.int64]:
 
 
 def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: int) -> Level:
-    own = halvings == number
-    pixels = pixels[own]
+    mask = halvings == number
+    pixels = pixels[mask]
     if number == 0:
-        return Level(own, 0, None, *_fixed(pixels))
+        return Level(mask, 0, None, *_fixed(pixels))
     cell = 2**number
     region = _region(pixels, height, cell)
     column = pixels[..., 0] + (0.5 - region.left - cell)
@@ -100,7 +151,7 @@ def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: in
     row = np.clip(
         (pixels[..., 1] + (0.5 - region.top)) / cell - 0.5, 0, (region.bottom - region.top) // cell - LAST_ROW
     )
-    return Level(own, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
+    return Level(mask, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
 
 
 def _region(pixels: Singles, height: int, cell: int) -> Region:
@@ -124,14 +175,14 @@ def _fixed(pixels: Singles) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
     return np.asarray(cells, np.int16), np.asarray(fractions, np.uint16)
 
 
-class Coarser:
-    """A panorama whose regions are asked for finest first: each is made out of the one before where that holds it."""
+class RegionPyramid:
+    """Halved regions of a panorama, asked for finest first: each is made from the last one where that contains it."""
 
     def __init__(self, panorama: Image) -> None:
         self._panorama = panorama
         self._region, self._halvings, self._image = Region(0, 0, 0, 0), 0, panorama
 
-    def part(self, region: Region, halvings: int) -> Image:
+    def region(self, region: Region, halvings: int) -> Image:
         """A region, halved so many times by averaging."""
         part, done = self._inside(region), self._halvings
         if part is None:
@@ -142,7 +193,7 @@ class Coarser:
         return part
 
     def _inside(self, region: Region) -> Image | None:
-        """A region out of the last one, as fine as that is; None where it reaches beyond that or lies between its pixels."""
+        """A region cut from the last one, at that one's resolution; None where it reaches beyond it or lies between its pixels."""
         last = self._region
         left, top = (region.left - last.left) % self._panorama.shape[1], region.top - last.top
         right, bottom = left + region.width, region.bottom - last.top
@@ -175,72 +226,32 @@ def _halved(image: Image) -> Image:
     return np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-Key = tuple[int, float, float, float, float, int, int]
-KEPT_TABLES = 32
-PIXEL = np.dtype((np.void, 3))
-
-
-class Renderer:
-    """Cuts views out of panoramas and keeps the tables of the last views it was asked for.
-
-    Bilinear, at pixel centres, over the seam and the poles. With `antialias`, the panorama is first averaged down where
-    it is two or more times finer than the view. What came as planes of luma and colour is sampled as such, and only the view
-    is turned into RGB. Threads may share one.
-    """
-
-    def __init__(self, antialias: bool = True) -> None:
-        self._antialias = antialias
-        self._tables: OrderedDict[Key, tuple[Level, ...]] = OrderedDict()
-        self._lock = Lock()
-
-    def render(self, panorama: Panorama, spec: ViewSpec) -> View:
-        """The view of `panorama` that `spec` describes."""
-        image = np.empty((spec.height, spec.width, 3), np.uint8)
-        levels = self._table(spec, panorama.height)
-        if isinstance(panorama, FilmedPanorama):
-            _sample_planes(panorama.planes, levels, image)
-            image = panorama.planes.coloured(image)
-        else:
-            _sample(panorama.image, levels, image)
-        return View(spec, panorama.frame, panorama.stamp_s, image)
-
-    def _table(self, spec: ViewSpec, height: int) -> tuple[Level, ...]:
-        key = (height, spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg, spec.width, spec.height)
-        with self._lock:
-            if key not in self._tables:
-                self._tables[key] = table(spec, height, self._antialias)
-                if len(self._tables) > KEPT_TABLES:
-                    self._tables.popitem(last=False)
-            self._tables.move_to_end(key)
-            return self._tables[key]
-
-
-def _sample(panorama: NDArray[np.uint8], levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
-    """Write the pixels of levels, finest first, into the view."""
-    coarser = Coarser(panorama)
+def _sample(panorama: Image, levels: Sequence[Level], view: Image) -> None:
+    """Write the pixels of all levels, finest first, into the view."""
+    pyramid = RegionPyramid(panorama)
     for level in levels:
-        source = panorama if level.region is None else coarser.part(level.region, level.halvings)
-        _put(_found(source, level.cells, level.fractions), level, view)
+        source = panorama if level.region is None else pyramid.region(level.region, level.halvings)
+        _put(_remapped(source, level.cells, level.fractions), level, view)
 
 
-def _found(source: NDArray[np.uint8], cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> NDArray[np.uint8]:
+def _sample_planes(planes: Planes, levels: Sequence[Level], view: Image) -> None:
+    """The same with luma, blue and red difference. One halving makes luma as coarse as colour is."""
+    luma, blue, red = RegionPyramid(planes.luma), RegionPyramid(planes.blue), RegionPyramid(planes.red)
+    for level in levels:
+        if level.region is None:
+            sampled = [_remapped(planes.luma, level.cells, level.fractions)]
+            sampled += [_remapped(plane, *level.half_as_fine) for plane in (planes.blue, planes.red)]
+        else:
+            half, fewer = level.region.halved, level.halvings - 1
+            sources = luma.region(level.region, level.halvings), blue.region(half, fewer), red.region(half, fewer)
+            sampled = [_remapped(source, level.cells, level.fractions) for source in sources]
+        _put(np.asarray(cv2.merge(sampled), np.uint8), level, view)
+
+
+def _remapped(source: Image, cells: NDArray[np.int16], fractions: NDArray[np.uint16]) -> Image:
     return np.asarray(cv2.remap(source, cells, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint8)
 
 
-def _put(found: NDArray[np.uint8], level: Level, view: NDArray[np.uint8]) -> None:
-    """Write what was found for a level's own pixels into the view."""
-    view.view(PIXEL)[..., 0][level.own] = found.view(PIXEL).ravel()[: np.count_nonzero(level.own)]
-
-
-def _sample_planes(planes: Planes, levels: Sequence[Level], view: NDArray[np.uint8]) -> None:
-    """Write the luma, blue and red difference of levels, finest first. One halving makes luma as coarse as colour is."""
-    luma, blue, red = Coarser(planes.luma), Coarser(planes.blue), Coarser(planes.red)
-    for level in levels:
-        if level.region is None:
-            found = [_found(planes.luma, level.cells, level.fractions)]
-            found += [_found(plane, *level.half_as_fine) for plane in (planes.blue, planes.red)]
-        else:
-            half, fewer = level.region.halved, level.halvings - 1
-            sources = luma.part(level.region, level.halvings), blue.part(half, fewer), red.part(half, fewer)
-            found = [_found(source, level.cells, level.fractions) for source in sources]
-        _put(np.asarray(cv2.merge(found), np.uint8), level, view)
+def _put(sampled: Image, level: Level, view: Image) -> None:
+    """Write the samples of a level's pixels into the view."""
+    view.view(PIXEL)[..., 0][level.mask] = sampled.view(PIXEL).ravel()[: np.count_nonzero(level.mask)]

@@ -44,12 +44,12 @@ def moved(site_map: SiteMap, row: str, thing: str, by: tuple[float, float, float
 def test_a_camera_path_that_two_rows_share_places_one_across_the_aisle() -> None:
     site_map = site(1, np.random.default_rng(1))
     found = assembled(site_map, {}, one_drive_an_aisle(list(site_map.rows)), ask).site_map
-    assert off(found.placed["1L"], Placement(0, 0, 0, np.eye(3))) == pytest.approx([0, 0, 0], abs=1e-6)
-    across = found.placed["1R"]
+    assert off(found.placements["1L"], Placement(0, 0, 0, np.eye(3))) == pytest.approx([0, 0, 0], abs=1e-6)
+    across = found.placements["1R"]
     assert off(across, truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=0.03)
     assert chi2(across, truth(1)["1R"]) < CHI2_999
-    assert [(tie.id_a, tie.id_b) for tie in found.ties[:2]] == [("60 frames", "60 frames"), ("lamp 1", "lamp 7")]
-    assert np.abs(found.ties[1].residual_m).max() < 0.2
+    assert [(tie.id_a, tie.id_b) for tie in found.matches[:2]] == [("60 frames", "60 frames"), ("lamp 1", "lamp 7")]
+    assert np.abs(found.matches[1].residual_m).max() < 0.2
 
 
 def test_frames_sampled_at_other_times_of_the_same_recording_tie_too() -> None:
@@ -62,7 +62,7 @@ def test_frames_sampled_at_other_times_of_the_same_recording_tie_too() -> None:
     table = replace(own.frames, stamps_s=(keep + 0.5) / 2, passes=("pass 1",) * 30)
     half = replace(own, frames=table, trajectory=replace(path, frames=keep, world_from_rig=between, sigma_m=None))
     found = assembled(replace(site_map, rows={**site_map.rows, "1R": half}), {}, one_drive_an_aisle(["1L", "1R"]), ask)
-    assert off(found.site_map.placed["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=2e-3)
+    assert off(found.site_map.placements["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=2e-3)
 
 
 def test_a_regular_site_comes_out_square() -> None:
@@ -73,7 +73,7 @@ def test_a_regular_site_comes_out_square() -> None:
         known = priors(truth(6), rng)
         found = assembled(site_map, known, one_drive_an_aisle(list(site_map.rows)), ask)
         assert found.notes == ()
-        placed = found.site_map.placed
+        placed = found.site_map.placements
         squares += [chi2(placed[name], place) for name, place in truth(6).items()]
         first = placed["1L"]
         turns += [off(place, truth(6)[name])[2] - off(first, truth(6)["1L"])[2] for name, place in placed.items()]
@@ -96,8 +96,8 @@ def test_without_right_angles_rows_keep_the_headings_they_were_given() -> None:
         "3L": Placement(0.0, 2 * PITCH_M, 3.0, np.diag([0.04, 0.04, 0.01])),
     }
     del known["3R"]
-    loose = assembled(site_map, known, NO_DRIVES, ask, square_deg=None).site_map.placed["3L"]
-    held = assembled(site_map, known, NO_DRIVES, ask, square_deg=0.02).site_map.placed["3L"]
+    loose = assembled(site_map, known, NO_DRIVES, ask, square_deg=None).site_map.placements["3L"]
+    held = assembled(site_map, known, NO_DRIVES, ask, square_deg=0.02).site_map.placements["3L"]
     assert loose.heading_deg == pytest.approx(3.0, abs=0.1)
     assert held.heading_deg < 2.0
 
@@ -108,10 +108,10 @@ def test_lamps_tie_rows_that_were_driven_past_one_by_one() -> None:
     known = priors(truth(1), rng, sigma_m=0.4, sigma_deg=0.1)
     known["1L"] = Placement(0.0, 0.0, 0.0, np.diag([1e-6, 1e-6, 1e-6]))
     found = assembled(site_map, known, NO_DRIVES, ask).site_map
-    assert len(found.ties) == 7
-    assert np.abs(off(found.placed["1R"], truth(1)["1R"])[:2]).max() < 0.06
-    assert np.sqrt(found.placed["1R"].covariance[0, 0]) < 0.06
-    assert chi2(found.placed["1R"], truth(1)["1R"]) < CHI2_999
+    assert len(found.matches) == 7
+    assert np.abs(off(found.placements["1R"], truth(1)["1R"])[:2]).max() < 0.06
+    assert np.sqrt(found.placements["1R"].covariance[0, 0]) < 0.06
+    assert chi2(found.placements["1R"], truth(1)["1R"]) < CHI2_999
 
 
 @pytest.mark.parametrize("slip", [4.0, -4.0])
@@ -119,17 +119,17 @@ def test_a_regular_line_of_lamps_may_not_slip_by_one(slip: float) -> None:
     site_map = site(1, np.random.default_rng(5))
     wrong = Placement(LENGTH_M + slip, AISLE_M, 180.0, np.diag([4.0, 0.01, 0.01]))
     found = assembled(site_map, {"1L": Placement(0, 0, 0, 1e-6 * np.eye(3)), "1R": wrong}, NO_DRIVES, ask)
-    assert found.site_map.ties == ()
-    assert found.site_map.placed["1R"].x_m == pytest.approx(LENGTH_M + slip, abs=0.01)
-    assert found.notes == ("rows 1L and 1R: which lamp is which is not clear; none ties them",)
+    assert found.site_map.matches == ()
+    assert found.site_map.placements["1R"].x_m == pytest.approx(LENGTH_M + slip, abs=0.01)
+    assert found.notes == ("rows 1L and 1R: which lamp is which is ambiguous; none of them is matched",)
 
 
 def test_an_irregular_line_of_lamps_is_recognised_from_far_off() -> None:
     site_map = site(1, np.random.default_rng(6), spacing=(2.0, 4.0, 3.1, 4.9, 4.0, 2.4, 5.0))
     wrong = Placement(LENGTH_M + 4.0, AISLE_M, 180.0, np.diag([4.0, 0.01, 0.01]))
     found = assembled(site_map, {"1L": Placement(0, 0, 0, 1e-6 * np.eye(3)), "1R": wrong}, NO_DRIVES, ask).site_map
-    assert len(found.ties) == 7
-    assert found.placed["1R"].x_m == pytest.approx(LENGTH_M, abs=0.06)
+    assert len(found.matches) == 7
+    assert found.placements["1R"].x_m == pytest.approx(LENGTH_M, abs=0.06)
 
 
 def test_a_lamp_that_is_another_one_is_left_out_and_named() -> None:
@@ -141,8 +141,10 @@ def test_a_lamp_that_is_another_one_is_left_out_and_named() -> None:
     }
     straight = assembled(site(1, np.random.default_rng(7), noise=Noise(lamp=0.1)), known, NO_DRIVES, ask)
     found = assembled(site_map, known, NO_DRIVES, ask)
-    assert ("lamp 4", "lamp 4") not in {(tie.id_a, tie.id_b) for tie in found.site_map.ties}
-    assert off(found.site_map.placed["1R"], straight.site_map.placed["1R"]) == pytest.approx([0, 0, 0], abs=0.05)
+    assert ("lamp 4", "lamp 4") not in {(tie.id_a, tie.id_b) for tie in found.site_map.matches}
+    assert off(found.site_map.placements["1R"], straight.site_map.placements["1R"]) == pytest.approx(
+        [0, 0, 0], abs=0.05
+    )
 
 
 def test_a_match_that_does_not_fit_the_others_is_left_out_and_named() -> None:
@@ -152,10 +154,10 @@ def test_a_match_that_does_not_fit_the_others_is_left_out_and_named() -> None:
     loose = replace(truth(1)["1R"], covariance=np.diag([0.25, 0.25, 4.0]))
     known = {"1L": Placement(0, 0, 0, 1e-6 * np.eye(3)), "1R": loose}
     found = assembled(site_map, known, NO_DRIVES, ask, square_deg=None)
-    assert len(found.site_map.ties) == 6
+    assert len(found.site_map.matches) == 6
     assert len(found.notes) == 1
     assert found.notes[0].startswith("row 1L's lamp 1 as row 1R's lamp 7 is left out: it is 0.")
-    assert chi2(found.site_map.placed["1R"], truth(1)["1R"]) < CHI2_999
+    assert chi2(found.site_map.placements["1R"], truth(1)["1R"]) < CHI2_999
 
 
 def test_both_faces_of_a_rack_agree_along_it() -> None:
@@ -163,11 +165,11 @@ def test_both_faces_of_a_rack_agree_along_it() -> None:
     site_map = site(2, rng)
     known = priors(truth(2), rng, sigma_m=0.15)
     found = assembled(site_map, known, NO_DRIVES, ask).site_map
-    backs = [tie for tie in found.ties if tie.id_a.startswith("upright")]
+    backs = [tie for tie in found.matches if tie.id_a.startswith("upright")]
     assert len(backs) == 13
     assert {(tie.row_a, tie.row_b) for tie in backs} == {("1R", "2L")}
     assert all(np.isnan(tie.residual_m[[1, 2]]).all() for tie in backs)
-    apart = off(found.placed["1R"], truth(2)["1R"])[0] - off(found.placed["2L"], truth(2)["2L"])[0]
+    apart = off(found.placements["1R"], truth(2)["1R"])[0] - off(found.placements["2L"], truth(2)["2L"])[0]
     assert abs(apart) < 0.02
     assert abs(known["1R"].x_m - LENGTH_M - known["2L"].x_m) > 0.05
 
@@ -176,11 +178,11 @@ def test_a_row_that_nothing_ties_stays_without_a_place() -> None:
     site_map = site(2, np.random.default_rng(9))
     drives = one_drive_an_aisle(["1L", "1R"])
     found = assembled(site_map, {}, drives, ask).site_map
-    assert set(found.placed) == {"1L", "1R"}
+    assert set(found.placements) == {"1L", "1R"}
     assert "not placed: 2L, 2R" in "\n".join(site_lines(found))
     alone = assembled(site_map, {}, NO_DRIVES, ask).site_map
-    assert alone.placed == {}
-    assert alone.ties == ()
+    assert alone.placements == {}
+    assert alone.matches == ()
     assert list(site_lines(alone)) == []
 
 
@@ -191,7 +193,7 @@ def test_a_place_that_was_given_wrongly_is_named_and_bends_no_other_aisle() -> N
     known["2R"] = replace(known["2R"], x_m=known["2R"].x_m + 2.0)
     found = assembled(site_map, known, one_drive_an_aisle(list(site_map.rows)), ask)
     assert {note.split()[1] for note in found.notes} == {"2L", "2R"}
-    placed = found.site_map.placed
+    placed = found.site_map.placements
     left = {name: off(place, truth(3)[name]) for name, place in placed.items()}
     assert max(np.abs(left[name][:2]).max() for name in ("1L", "1R", "3L", "3R")) < 0.15
     assert left["2R"] - left["2L"] == pytest.approx([0, 0, 0], abs=0.05)
@@ -201,8 +203,8 @@ def test_what_is_known_exactly_is_no_trouble() -> None:
     site_map = site(1, np.random.default_rng(12), noise=Noise(0.0, 0.0, 0.0))
     found = assembled(site_map, truth(1), NO_DRIVES, ask)
     assert found.notes == ()
-    assert len(found.site_map.ties) == 7
-    assert off(found.site_map.placed["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=1e-6)
+    assert len(found.site_map.matches) == 7
+    assert off(found.site_map.placements["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=1e-6)
 
 
 def test_rows_without_anything_in_them_keep_the_places_they_were_given() -> None:
@@ -215,9 +217,9 @@ def test_rows_without_anything_in_them_keep_the_places_they_were_given() -> None
     }
     known = priors(truth(1), np.random.default_rng(13))
     found = assembled(SiteMap(empty, {}), known, one_drive_an_aisle(list(empty)), ask, square_deg=None).site_map
-    assert found.ties == ()
-    assert found.placed["1R"].x_m == pytest.approx(known["1R"].x_m)
-    assert found.placed["1R"].covariance == pytest.approx(known["1R"].covariance, rel=1e-3, abs=1e-9)
+    assert found.matches == ()
+    assert found.placements["1R"].x_m == pytest.approx(known["1R"].x_m)
+    assert found.placements["1R"].covariance == pytest.approx(known["1R"].covariance, rel=1e-3, abs=1e-9)
 
 
 def test_a_whole_site_is_assembled_in_no_time() -> None:
@@ -228,6 +230,6 @@ def test_a_whole_site_is_assembled_in_no_time() -> None:
     begin = time.process_time()
     found = assembled(site_map, known, drives, ask).site_map
     assert time.process_time() - begin < 4.0
-    assert len(found.placed) == 46
+    assert len(found.placements) == 46
     lines = list(site_lines(found))
     assert len(lines) == 1 + 46 + 1 + 23 + 23 + 22

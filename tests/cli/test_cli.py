@@ -84,7 +84,9 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("savmap.jobs.run.demo" if when == "mapping" else "savmap.cli.app._plugin_commands", interrupted)
+    monkeypatch.setattr(
+        "savmap.cli.mapping.map_and_print" if when == "mapping" else "savmap.cli.app._plugin_commands", interrupted
+    )
     monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
     with pytest.raises(SystemExit) as end:
         main()

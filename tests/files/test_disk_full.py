@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from savmap.sim.footage import encode
 
 from savmap.cli.console import Console
 from savmap.errors import OutputError
@@ -21,6 +20,7 @@ from savmap.jobs.cache import FolderCache, locked
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.picture import write_box_plot
+from savmap.sim.render.panorama import encode
 from savmap.sim.scene.files import Cart
 from savmap.site.job import LEAST_ROOM, prepare
 from savmap.types import Evaluation, FrameTable, RowMap, Score, SiteMap, Structure, Trajectory

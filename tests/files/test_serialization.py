@@ -10,7 +10,7 @@ import pytest
 from savmap.files.serialization import packed, unpacked
 from savmap.pipeline.measure import RowMeasurements
 from savmap.types import Axis, Feature, FrameTable, RowFacts, ViewSpec
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 
 
 def seen() -> RowMeasurements:
@@ -35,7 +35,7 @@ def seen() -> RowMeasurements:
     )
     attitudes = {"pass 1": np.asfortranarray(rng.normal(size=(3, 3)))}
     return RowMeasurements(
-        facts, {"racks": features, "lamps": [odd]}, attitudes, frozenset({"racks"}), ("a note",), Marks({}, {})
+        facts, {"racks": features, "lamps": [odd]}, attitudes, frozenset({"racks"}), ("a note",), MarkerTracks({}, {})
     )
 
 

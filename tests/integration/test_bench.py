@@ -54,7 +54,7 @@ def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.Captur
     figures = site46.told(results, score, assembly, seconds)
     assert figures["counts"]["missing or spurious"] == 0
     assert figures["places"]["across an aisle x m"] < 0.1
-    assert [tie.id_a for tie in assembly.site_map.ties[:2]] == ["32 frames", "light 1"]
+    assert [tie.id_a for tie in assembly.site_map.matches[:2]] == ["32 frames", "light 1"]
     assert "736 vertical and 4920 horizontal" in capsys.readouterr().out
 
 

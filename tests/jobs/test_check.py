@@ -20,7 +20,7 @@ from savmap.pipeline.records import MeasuredRow, RowRequest
 from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor, NoteCollector
 from savmap.video.clip import Clip
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
 
 from ..video.made_up_video import evenly, write_video
@@ -50,7 +50,7 @@ def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     (tmp_path / "a.mp4").symlink_to(video)
     (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
     (tmp_path / "survey.json").write_text(SURVEY, encoding="utf-8")
-    monkeypatch.setattr(checking, "needs", lambda job, footage: NEEDS)
+    monkeypatch.setattr(checking, "resource_estimate", lambda job, footage: NEEDS)
     return tmp_path
 
 
@@ -211,7 +211,7 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
     def measured(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         seen = list(monitor.each(frames(), "measuring"))
         facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {})))
+        return MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {})))
 
     found: list[ResourceEstimate] = []
 

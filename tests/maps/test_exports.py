@@ -80,7 +80,7 @@ def placed_site(tmp_path: Path, *names: str) -> Path:
         "B": Placement(0.0, 0.0, 0.0, np.diag([0.0, 0.0, np.degrees(0.1) ** 2])),
     }
     rows = {"A": row("A"), "B": row("B")}
-    write_map(SiteMap(rows, {"savmap": "0"}, placed={name: places[name] for name in names}), tmp_path / "site.json")
+    write_map(SiteMap(rows, {"savmap": "0"}, placements={name: places[name] for name in names}), tmp_path / "site.json")
     return tmp_path / "site.json"
 
 

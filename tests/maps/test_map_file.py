@@ -13,7 +13,17 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import OutputError
 from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
-from savmap.types import FrameTable, Placement, ReferenceUse, RowMap, SiteMap, Structure, Tie, Trajectory, ViewSpec
+from savmap.types import (
+    CrossRowMatch,
+    FrameTable,
+    Placement,
+    ReferenceUse,
+    RowMap,
+    SiteMap,
+    Structure,
+    Trajectory,
+    ViewSpec,
+)
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "map.schema.json"
 
@@ -43,7 +53,9 @@ def site() -> SiteMap:
         report={"frames": 5, "rms_px": 0.41},
     )
     placed = {"A": Placement(1.5, -2.25, 180.0, np.diag([1e-4, 1e-4, 0.01]))}
-    lamp = Tie("A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan]))
+    lamp = CrossRowMatch(
+        "A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan])
+    )
     return SiteMap(
         {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,)
     )
@@ -70,8 +82,8 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.vertices, mapped.vertices, atol=5.001e-6)
     np.testing.assert_allclose(read.covariances, mapped.covariances, rtol=1e-5)
     assert found.failed == made.failed
-    np.testing.assert_allclose(found.placed["A"].site_from_row, made.placed["A"].site_from_row, atol=1e-6)
-    np.testing.assert_allclose(found.ties[0].residual_m, made.ties[0].residual_m)
+    np.testing.assert_allclose(found.placements["A"].site_from_row, made.placements["A"].site_from_row, atol=1e-6)
+    np.testing.assert_allclose(found.matches[0].residual_m, made.matches[0].residual_m)
 
 
 def test_a_row_stands_where_its_place_says() -> None:

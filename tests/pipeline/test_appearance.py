@@ -8,15 +8,15 @@ from savmap.pipeline import measure
 from savmap.site.model import Site
 from savmap.types import Panorama, ViewPlan, ViewSpec
 from savmap.video.reader import Clip
-from savmap.vision.flow import WINDOW, FlowWatch
-from savmap.vision.markers import MarkerWatch
+from savmap.vision.flow import WINDOW, FlowTracker
+from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
 FACE, CEILING = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
 
 
 def test_only_the_views_of_the_face_are_looked_at() -> None:
-    walk = measure.RowWalk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([]), FlowWatch())
+    walk = measure.RowWalk([], measure.SegmenterPool([]), Renderer(), MarkerTracker([]), FlowTracker())
     aims = {"racks": ViewPlan((FACE,), np.eye(3)), "lamps": ViewPlan((CEILING,))}
     aimed = measure.PassPlan("pass 1", Clip(Path("none")), aims)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)

@@ -12,7 +12,7 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import Track, Trajectory
 from savmap.types.progress import SilentMonitor
-from savmap.vision.markers import Marks
+from savmap.vision.markers import MarkerTracks
 
 from ..graph import made_up_wall as made
 
@@ -22,7 +22,7 @@ SEEN = RowMeasurements(
     {},
     frozenset({"wall"}),
     (),
-    Marks({}, {}),
+    MarkerTracks({}, {}),
 )
 
 

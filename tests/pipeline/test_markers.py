@@ -12,8 +12,8 @@ from savmap.site.model import Site
 from savmap.site.preflight import tells_scale
 from savmap.types import FrameTable, RowFacts, Trajectory
 from savmap.video.clip import Clip
-from savmap.vision.flow import NoFlow
-from savmap.vision.markers import MarkerWatch, Marks
+from savmap.vision.flow import NullFlowTracker
+from savmap.vision.markers import MarkerTracker, MarkerTracks
 from savmap.vision.views import Renderer
 
 from ..vision.test_markers import HEIGHT, TAG, corners_at, marked
@@ -22,7 +22,9 @@ MARKER = KnownMarker("tag36h11", 7, 0.2, 0.0005)
 
 
 def test_every_frame_that_is_walked_through_is_looked_at() -> None:
-    walk = measure.RowWalk([], measure.SegmenterPool([]), Renderer(), MarkerWatch([("tag36h11", 7)]), NoFlow())
+    walk = measure.RowWalk(
+        [], measure.SegmenterPool([]), Renderer(), MarkerTracker([("tag36h11", 7)]), NullFlowTracker()
+    )
     aimed = measure.PassPlan("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
@@ -34,7 +36,7 @@ def test_one_that_was_not_seen_is_noted() -> None:
     facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
     start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
     references = References(markers=(MARKER,))
-    seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), Marks({}, {}))
+    seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
     request = RowRequest("A", (), (), references)
     row = LocatedRow(request, seen, start, camera_priors(facts, start, references))
     found, notes = marker_constraints(row)

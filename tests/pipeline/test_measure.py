@@ -18,8 +18,8 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
-from savmap.vision.flow import NoFlow
-from savmap.vision.markers import MarkerWatch
+from savmap.vision.flow import NullFlowTracker
+from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
 from ..video.made_up_video import evenly, write_video
@@ -60,7 +60,7 @@ def threads() -> set[threading.Thread]:
 
 
 def walk_of(rooms: list[LoadedPlugin]) -> measure.RowWalk:
-    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), MarkerWatch(()), NoFlow())
+    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), MarkerTracker(()), NullFlowTracker())
 
 
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassPlan) -> None:
@@ -126,4 +126,4 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassPlan)
 def test_pictures_are_forgotten_when_they_are_done_with(aimed: measure.PassPlan) -> None:
     walk = walk_of([room("one", lambda view, detections: [])])
     walk.over("A", aimed, SilentMonitor())
-    assert not walk.segmenters.networks["one"]._said
+    assert not walk.segmenters.networks["one"]._segmentations

@@ -60,7 +60,7 @@ def view() -> View:
 def test_a_room_detects_instances_of_a_network_with_names_of_its_own(network: Path, key: object) -> None:
     own = room(network, {key: "pillar"})
     segmenters = SegmenterPool([own])
-    found = segmenters.see(own, view())
+    found = segmenters.detect(own, view())
     assert [one.label for one in found] == ["pillar", "pillar"]
     assert segmenters.notes == ()
 
@@ -82,11 +82,11 @@ def test_rooms_with_one_file_and_one_naming_share_it(network: Path) -> None:
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = room(network, {"post": "pillar"})
     segmenters, seen = SegmenterPool([own]), view()
-    segmenters.look_ahead(own, seen)
+    segmenters.prefetch(own, seen)
     segmenter = segmenters.networks["pillar"]
     monkeypatch.setattr(segmenter, "_adapter", None)
-    assert len(segmenters.see(own, seen)) == 2
-    assert np.array_equal(segmenter.probabilities(seen.image), segmenter.see(seen.image).maps)
+    assert len(segmenters.detect(own, seen)) == 2
+    assert np.array_equal(segmenter.probabilities(seen.image), segmenter.predict(seen.image).maps)
 
 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.page import Report
 from savmap.types import (
+    CrossRowMatch,
     Distances,
     Drawing,
     Evaluation,
@@ -17,7 +18,6 @@ from savmap.types import (
     Score,
     SiteMap,
     Structure,
-    Tie,
     Trajectory,
 )
 
@@ -73,8 +73,8 @@ def report(names: Sequence[str] = ("A2", "A10", EVIL, ODD), placed: bool = True)
     failed = {"B1": "B1: video.mp4 is <b>damaged</b> & short", "B2": "no structure"}
     sigma = np.array([0.01, 0.01, np.nan])
     ties = (
-        Tie(names[0], names[1], "post 1", "post 3", np.array([0.01, 0.0, np.nan]), sigma),
-        Tie(names[0], names[1], "post 2", "post 2", np.array([-0.04, 0.0, np.nan]), sigma),
+        CrossRowMatch(names[0], names[1], "post 1", "post 3", np.array([0.01, 0.0, np.nan]), sigma),
+        CrossRowMatch(names[0], names[1], "post 2", "post 2", np.array([-0.04, 0.0, np.nan]), sigma),
     )
     runs = {name: RowRun(status="mapped", seconds=STAGES, used=30, peak_mb=500) for name in names}
     runs["B2"] = RowRun(status="failed", error="no structure", seconds={"decode": 5.0}, skipped=2)

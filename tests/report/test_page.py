@@ -197,7 +197,9 @@ def test_forty_six_rows_of_fifteen_sections_stay_small_and_quick() -> None:
     placed = {name: Placement(0.0, 3.0 * k, 0.0, np.eye(3)) for k, name in enumerate(rows)}
     drawn = drawings(one)
     start = time.process_time()
-    text = page_text(Report(SiteMap(rows, {}, placed=placed), dict.fromkeys(rows, drawn), None, evaluation(list(rows))))
+    text = page_text(
+        Report(SiteMap(rows, {}, placements=placed), dict.fromkeys(rows, drawn), None, evaluation(list(rows)))
+    )
     assert len(text.encode()) < 3_000_000
     assert time.process_time() - start < 15
     assert text.count("<article") == 46

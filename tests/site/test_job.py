@@ -62,7 +62,7 @@ def test_an_option_that_names_none_is_refused(site: Path) -> None:
 def test_the_user_is_told(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("savmap.cli.app.mapping.previews", lambda *_: iter(()))
+    monkeypatch.setattr("savmap.cli.mapping.previews", lambda *_: iter(()))
     monkeypatch.setattr("savmap.jobs.check.of_job", lambda *_: iter(()))
     preview_and_print(job_for(site, None, tmp_path))
     (line,) = capsys.readouterr().out.splitlines()

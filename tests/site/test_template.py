@@ -16,7 +16,7 @@ from savmap.site.preflight import settings_problems
 from savmap.site.template import start, starter_text
 from savmap.video.reader import probe
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4"
+EXAMPLE = (Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4").resolve()
 
 
 def test_it_is_valid_and_names_its_schema(tmp_path: Path) -> None:

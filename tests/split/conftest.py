@@ -9,11 +9,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from drawn import Woven, aisles, recording, weaving
 
-from savmap.split import GlanceReport, find
+from savmap.split import find
 
 
 @pytest.fixture(scope="session")
 def woven(tmp_path_factory: pytest.TempPathFactory) -> Woven:
     file, path = recording(tmp_path_factory.mktemp("woven"), aisles(3), weaving(3, stops=[(23.0, 5.0)]))
-    report = GlanceReport()
-    return Woven(file, path, find(file, report=report), report)
+    return Woven(file, path, find(file))

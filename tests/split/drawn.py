@@ -10,7 +10,7 @@ import numpy as np
 
 from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.scene.files import Cart
-from savmap.split import Found, GlanceReport
+from savmap.split import SplitResult
 
 HEIGHT_M = 2.2
 RICH, BARE = 0.8, 0.05
@@ -28,12 +28,11 @@ class Face:
 
 @dataclass(frozen=True)
 class Woven:
-    """A cart through three aisles with a stop in the second: the video, the drive, what was found and at what cost."""
+    """A cart through three aisles with a stop in the second: the video, the drive and what was found."""
 
     file: Path
     path: Drive
-    found: Found
-    report: GlanceReport
+    found: SplitResult
 
 
 def block(x: tuple[float, float], z: tuple[float, float], contrast: float = RICH) -> list[Face]:

@@ -14,25 +14,25 @@ from savmap.errors import OutputError, SiteError, StructureError, VideoError
 from savmap.sim.drive.cart import drive
 from savmap.sim.scene.files import Cart
 from savmap.site.load import load_site
-from savmap.split import PassFound, Settings, find, split
-from savmap.split.glances import Glance, sample_stamps
+from savmap.split import DetectedPass, SplitResult, SplitSettings, find, split
+from savmap.split.frame_pairs import FramePair, sample_stamps
 from savmap.split.motion import motion_of
-from savmap.split.passes import Found, find_passes
+from savmap.split.passes import find_passes
 
 pytestmark = pytest.mark.slow
 
-ONE = PassFound(12.5, 70.25, 180.0, 40.0, ("left",), 0.9, 0.0)
+ONE = DetectedPass(12.5, 70.25, 180.0, 40.0, ("left",), 0.9, 0.0)
 
 
-def looked(faces: list[Face], one: Cart) -> Found:
+def looked(faces: list[Face], one: Cart) -> SplitResult:
     """What is found in glances of a drive, twice a second, without a video."""
     path = drive(one, 1)
     chosen = np.arange(0, len(path.stamps_s) - 1, 4)
     pairs = np.stack([chosen, chosen + 1], axis=1).ravel()
     seen = pictures(faces, type(path)(path.stamps_s[pairs], path.origins[pairs], path.world_from_rig[pairs]), one.width)
     step = 1 / one.fps
-    glances = [Glance(float(path.stamps_s[i]), step, *seen[2 * k : 2 * k + 2]) for k, i in enumerate(chosen)]
-    return find_passes([motion_of(glance) for glance in glances], Settings())
+    pairs_ = [FramePair(float(path.stamps_s[i]), step, *seen[2 * k : 2 * k + 2]) for k, i in enumerate(chosen)]
+    return find_passes([motion_of(pair) for pair in pairs_], SplitSettings())
 
 
 def test_all_passes_are_found_within_a_second(woven: Woven) -> None:
@@ -50,8 +50,8 @@ def test_all_passes_are_found_within_a_second(woven: Woven) -> None:
 
 def test_few_frames_are_decoded_and_all_repeats(woven: Woven) -> None:
     frames = len(woven.path.stamps_s)
-    assert woven.report.decoded < 0.6 * frames
-    assert woven.report.glances > frames / 8 * 0.9
+    assert woven.found.frames_decoded < 0.6 * frames
+    assert woven.found.frame_pairs > frames / 8 * 0.9
     again = find(woven.file)
     assert again.passes == woven.found.passes
     np.testing.assert_array_equal(again.travel_deg, woven.found.travel_deg)
@@ -102,8 +102,7 @@ def test_samples_are_at_key_frames_and_between_far_ones(keys: list[float], expec
 
 def test_the_site_file_holds_the_passes_and_is_not_overwritten(woven: Woven, tmp_path: Path) -> None:
     output, sheet = tmp_path / "site.yaml", tmp_path / "sheet.png"
-    lines = list(split(woven.file, output, sheet=sheet))
-    assert sum("left and right" in line for line in lines) == 3
+    assert [row_pass.sides for row_pass in split(woven.file, output, sheet=sheet).passes] == [("left", "right")] * 3
     site = load_site(output)
     assert list(site.rows) == [f"pass-{n}-{side}" for n in (1, 2, 3) for side in ("left", "right")]
     drive_ = site.rows["pass-2-right"].passes[0]
@@ -114,12 +113,12 @@ def test_the_site_file_holds_the_passes_and_is_not_overwritten(woven: Woven, tmp
     assert picture.shape[0] == 240 + 3 * 208
     assert picture.shape[1] == 320 + 3 * 400
     with pytest.raises(OutputError, match="--into"):
-        list(split(woven.file, output))
+        split(woven.file, output)
 
 
 @pytest.mark.parametrize("ending", ["", "\n", "\n\n# the end\n", "\njoint: false\n"])
 def test_rows_are_added_to_a_site_file_that_is_otherwise_left_alone(tmp_path: Path, ending: str) -> None:
-    from savmap.split.sitetext import add_to_site
+    from savmap.split.site_rows import add_to_site
 
     path = tmp_path / "site.yaml"
     text = "# mine\nplugins: {shelves: {}}\nrows:\n    A:   # kept\n        passes: [{video: a.mp4}]" + ending
@@ -136,7 +135,7 @@ def test_rows_are_added_to_a_site_file_that_is_otherwise_left_alone(tmp_path: Pa
 
 
 def test_rows_are_added_after_the_comments_of_the_last_one(tmp_path: Path) -> None:
-    from savmap.split.sitetext import add_to_site
+    from savmap.split.site_rows import add_to_site
 
     text = "references: {camera_height_m: {value: 3}}\nrows:\n  A:\n    passes:\n      - video: a.mp4\n        # side: left\n    # place: {x_m: 0}\n  # B is to come\nplugins: {}\n"
     (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
@@ -147,7 +146,7 @@ def test_rows_are_added_after_the_comments_of_the_last_one(tmp_path: Path) -> No
 
 
 def test_rows_within_braces_are_not_touched(tmp_path: Path) -> None:
-    from savmap.split.sitetext import add_to_site
+    from savmap.split.site_rows import add_to_site
 
     path = tmp_path / "site.yaml"
     path.write_text("rows: {A: {passes: [{video: a.mp4}]}}\n", encoding="utf-8")
@@ -177,7 +176,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, woven: Woven) -> None:
     with pytest.raises(VideoError, match=r"cut\.mp4"):
         find(cut)
     with pytest.raises(OutputError, match=r"\.png"):
-        list(split(woven.file, tmp_path / "site.yaml", sheet=tmp_path / "sheet.gif"))
+        split(woven.file, tmp_path / "site.yaml", sheet=tmp_path / "sheet.gif")
     assert not (tmp_path / "site.yaml").exists()
 
 

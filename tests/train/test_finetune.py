@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from savmap.commands import training
-from savmap.commands.training import network_lines
 
+from savmap.cli.commands import training
+from savmap.cli.commands.training import network_lines
 from savmap.errors import ModelError, OutputError, SiteError
 from savmap.train import train
 from savmap.train.data.dataset import MaskFile, Sample, held_out

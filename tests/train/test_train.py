@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from savmap.cli import app
+from savmap.cli.app import app
 from savmap.errors import OutputError, SavmapError
 from savmap.train import check_extra, train
 from savmap.train.plan import TrainedNetwork, TrainingPlan, warning_of

@@ -1,11 +1,13 @@
 """Points are followed to where the picture moves, through whole windows only; what does not come back is dropped."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import View, ViewSpec
-from savmap.vision.flow import STRIDE, WINDOW, FlowWatch, NoFlow
+from savmap.vision.flow import STRIDE, WINDOW, FlowTracker, NullFlowTracker
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=90.0, width=320, height=240)
 STEP = np.array([4.0, -2.0])
@@ -23,10 +25,10 @@ def view(frame: int, steps: int) -> View:
 
 
 def test_points_go_as_the_picture_goes() -> None:
-    watch = FlowWatch()
+    tracker = FlowTracker()
     for frame in range(WINDOW + STRIDE):
-        watch.look(view(frame, frame))
-    first, second = watch.flows
+        tracker.update(view(frame, frame))
+    first, second = tracker.flows
     assert first.frames.tolist() == list(range(WINDOW))
     assert second.frames[0] == STRIDE
     assert len(first.pixels) > 50
@@ -35,26 +37,28 @@ def test_points_go_as_the_picture_goes() -> None:
 
 
 def test_a_frame_that_was_left_out_begins_anew() -> None:
-    watch = FlowWatch()
+    tracker = FlowTracker()
     for frame in (0, 1, 2, 4, 5, 6):
-        watch.look(view(frame, frame))
-    assert watch.flows == ()
+        tracker.update(view(frame, frame))
+    assert tracker.flows == ()
 
 
 def test_what_shows_something_else_in_between_is_dropped() -> None:
-    watch = FlowWatch()
+    tracker = FlowTracker()
     for frame in range(WINDOW):
         shown = view(frame, frame)
         if frame == 2:
-            shown.image[:, :160] = np.random.default_rng(4).integers(0, 255, (240, 160, 3))
-        watch.look(shown)
-    (flow,) = watch.flows
+            image = shown.image.copy()
+            image[:, :160] = np.random.default_rng(4).integers(0, 255, (240, 160, 3))
+            shown = replace(shown, image=image)
+        tracker.update(shown)
+    (flow,) = tracker.flows
     assert len(flow.pixels) > 20
     assert (flow.pixels[:, 2, 0] > 140).all()
 
 
 def test_nothing_is_followed_where_none_is_wanted() -> None:
-    watch = NoFlow()
+    tracker = NullFlowTracker()
     for frame in range(WINDOW):
-        watch.look(view(frame, frame))
-    assert watch.flows == ()
+        tracker.update(view(frame, frame))
+    assert tracker.flows == ()

@@ -6,7 +6,7 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.geometry import pinhole
-from savmap.vision.markers import EVERY, MarkerWatch, Marks
+from savmap.vision.markers import SEARCH_EVERY, MarkerTracker, MarkerTracks
 
 from .marked import marked, pattern
 
@@ -21,14 +21,14 @@ def corners_at(frame: int, yaw_deg: float, pitch_deg: float) -> np.ndarray:
     return place @ np.array([0.06 * (8 - frame), 0, 1.5]) + SQUARE @ (place @ pinhole.rig_from_view(20, 10, 8)).T
 
 
-def seen(yaw_deg: float, pitch_deg: float, frames: int = 17) -> tuple[Marks, np.ndarray]:
+def seen(yaw_deg: float, pitch_deg: float, frames: int = 17) -> tuple[MarkerTracks, np.ndarray]:
     """What is seen of the marker, and where its corners truly are in the rig frame (frames, 4, 3)."""
     rng = np.random.default_rng(5)
     truth = np.array([corners_at(frame, yaw_deg, pitch_deg) for frame in range(frames)])
-    watch = MarkerWatch([("tag36h11", 7), ("tag36h11", 8), ("5x5_100", 7)])
+    tracker = MarkerTracker([("tag36h11", 7), ("tag36h11", 8), ("5x5_100", 7)])
     for frame, corners in enumerate(truth):
-        watch.look(marked(frame, HEIGHT, corners, TAG, rng))
-    return watch.marks, truth
+        tracker.update(marked(frame, HEIGHT, corners, TAG, rng))
+    return tracker.marks, truth
 
 
 @pytest.mark.parametrize(("yaw_deg", "pitch_deg"), [(100.0, 0.0), (180.0, -45.0), (-30.0, 25.0)])
@@ -62,9 +62,9 @@ def test_sigma_is_that_of_the_panorama() -> None:
 def test_soft_borders_in_a_fine_panorama_are_measured() -> None:
     """Eight pixels wide, as a lens or a codec leaves them in pictures of 7680 pixels."""
     corners = corners_at(8, 100.0, 0.0)
-    watch = MarkerWatch([("tag36h11", 7)])
-    watch.look(marked(0, 3840, corners, TAG, np.random.default_rng(5), blur_px=4.0))
-    marks = watch.marks
+    tracker = MarkerTracker([("tag36h11", 7)])
+    tracker.update(marked(0, 3840, corners, TAG, np.random.default_rng(5), blur_px=4.0))
+    marks = tracker.marks
     rays = np.array([marks.views[track.views[0]].rig_rays(track.pixels[0]) for track in marks.tracks["tag36h11 7"]])
     off = np.linalg.norm(rays - corners / np.linalg.norm(corners, axis=1, keepdims=True), axis=1)
     assert off.max() * 3840 / np.pi < 1.0
@@ -72,15 +72,15 @@ def test_soft_borders_in_a_fine_panorama_are_measured() -> None:
 
 def test_one_that_comes_late_is_found_and_nothing_without_any() -> None:
     rng = np.random.default_rng(5)
-    watch, blind = MarkerWatch([("tag36h11", 7)]), MarkerWatch([])
-    for frame in range(EVERY + 2):
+    tracker, blind = MarkerTracker([("tag36h11", 7)]), MarkerTracker([])
+    for frame in range(SEARCH_EVERY + 2):
         picture = marked(frame, HEIGHT, corners_at(8, 60.0, 0.0), TAG if frame > 1 else 0 * TAG, rng)
-        watch.look(picture)
-        blind.look(picture)
-    assert watch.marks.tracks["tag36h11 7"][0].frames.tolist() == [EVERY, EVERY + 1]
+        tracker.update(picture)
+        blind.update(picture)
+    assert tracker.marks.tracks["tag36h11 7"][0].frames.tolist() == [SEARCH_EVERY, SEARCH_EVERY + 1]
     assert not blind.marks.tracks
 
 
 def test_a_number_the_dictionary_lacks_is_refused() -> None:
     with pytest.raises(SiteError, match="tag16h5 has the numbers 0 to 29, not 30"):
-        MarkerWatch([("tag16h5", 30)])
+        MarkerTracker([("tag16h5", 30)])

@@ -11,7 +11,7 @@ from savmap.errors import ModelError
 from savmap.vision.networks.segmenter import Segmenter
 
 from .made_up_networks import SIDE, constant, detr, edges, picture, redness, save, yolo
-from .test_segment import GOOD, write_model
+from .test_segmenter import GOOD, write_model
 
 NAMES = {0: "post", 1: "bar"}
 WHOLE = (SIDE / 2, SIDE / 2, SIDE, SIDE)
@@ -65,8 +65,8 @@ def test_a_mask_ends_with_its_box(tmp_path: Path) -> None:
 
 def test_yolo_exports_without_double_boxes_give_the_same(tmp_path: Path) -> None:
     boxes, image = [(LEFT, POST), (RIGHT, BAR)], picture(96, 64, (10, 80))
-    plain = Segmenter(yolo(tmp_path / "a.onnx", boxes, NAMES)).see(image)
-    complete = Segmenter(yolo(tmp_path / "b.onnx", boxes, NAMES, complete=True)).see(image)
+    plain = Segmenter(yolo(tmp_path / "a.onnx", boxes, NAMES)).predict(image)
+    complete = Segmenter(yolo(tmp_path / "b.onnx", boxes, NAMES, complete=True)).predict(image)
     assert np.array_equal(plain.maps, complete.maps)
     assert plain.maps[1:].max(axis=(1, 2)).min() > 0.9
 
@@ -186,7 +186,7 @@ def test_the_size_of_a_yolo_file_of_open_size(tmp_path: Path, imgsz: str, size: 
 def test_a_number_of_a_class_that_has_no_name(tmp_path: Path) -> None:
     network = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, (0.1, 0.1, 0.9))], NAMES, complete=True))
     with pytest.raises(ModelError, match="gives class 2, but its metadata names 2 from 0"):
-        network.see(picture(SIDE, SIDE))
+        network.predict(picture(SIDE, SIDE))
 
 
 def test_a_network_that_cannot_be_run_is_told_in_one_line(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_a_network_that_cannot_be_run_is_told_in_one_line(tmp_path: Path) -> Non
     told = {"task": "segment", "imgsz": "[96, 128]", "names": str(NAMES)}
     path = save(tmp_path / "m.onnx", nodes, shapes, told, "side")
     with pytest.raises(ModelError, match=r"m\.onnx: cannot be run on a picture of 128x96 \(") as caught:
-        Segmenter(path).see(picture(SIDE, SIDE))
+        Segmenter(path).predict(picture(SIDE, SIDE))
     assert "\n" not in str(caught.value)
 
 
@@ -229,7 +229,7 @@ def test_nothing_found_is_nothing(tmp_path: Path) -> None:
         yolo(tmp_path / "a.onnx", [(WHOLE, (0.1, 0.1))], NAMES),
         detr(tmp_path / "b.onnx", [[-9.0, -9.0]], ("labels", "masks")),
     ):
-        sight = Segmenter(path).see(picture(96, 64, (16, 32)))
-        assert sight.detections(0.5, 1) == []
-        assert np.all(sight.maps[0] == 1)
-        assert not sight.maps[1:].any()
+        segmentation = Segmenter(path).predict(picture(96, 64, (16, 32)))
+        assert segmentation.detections(0.5, 1) == []
+        assert np.all(segmentation.maps[0] == 1)
+        assert not segmentation.maps[1:].any()

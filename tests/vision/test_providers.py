@@ -10,9 +10,9 @@ import pytest
 from savmap.errors import ModelError
 from savmap.vision.networks.providers import PROVIDERS, choose, file_for
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.networks.session import opened
+from savmap.vision.networks.session import open_network
 
-from .test_segment import GOOD, write_model
+from .test_segmenter import GOOD, write_model
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
 OPENVINO, COREML = "OpenVINOExecutionProvider", "CoreMLExecutionProvider"
@@ -87,13 +87,13 @@ def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_float_network_runs_on_cuda(model: Path) -> None:
-    network = opened(model, 1, (), [CUDA, CPU])
+    network = open_network(model, 1, (), [CUDA, CPU])
     assert (network.provider, network.path.name, network.note) == ("cuda", "m.onnx", "")
 
 
 def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model: Path) -> None:
     Fake.start = [CPU]
-    network = opened(model, 1, ("cuda",), [CUDA, CPU])
+    network = open_network(model, 1, ("cuda",), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
     assert Fake.files == [f"m.onnx on {CUDA}", f"m.int8.onnx on {CPU}"]
     assert network.note.endswith("cuda cannot run it (CUDA driver version is insufficient); it runs on cpu")
@@ -102,7 +102,7 @@ def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model
 
 def test_a_provider_that_silently_does_not_start_is_told(model: Path) -> None:
     Fake.start, Fake.silent = [CPU], True
-    network = opened(model, 1, ("cuda",), [CUDA, CPU])
+    network = open_network(model, 1, ("cuda",), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
     assert network.note.endswith("cuda does not start here; it runs on cpu")
 
@@ -110,7 +110,7 @@ def test_a_provider_that_silently_does_not_start_is_told(model: Path) -> None:
 @pytest.mark.parametrize("silent", [True, False])
 def test_the_next_one_asked_for_takes_over_and_is_what_runs(model: Path, silent: bool) -> None:
     Fake.start, Fake.silent = [CUDA, CPU], silent
-    network = opened(model, 1, ("tensorrt", "cuda"), [TENSORRT, CUDA, CPU])
+    network = open_network(model, 1, ("tensorrt", "cuda"), [TENSORRT, CUDA, CPU])
     assert (network.provider, network.path.name) == ("cuda", "m.onnx")
     assert Fake.files[-1] == f"m.onnx on {CUDA}"
     assert network.note.endswith("; it runs on cuda")
@@ -118,13 +118,13 @@ def test_the_next_one_asked_for_takes_over_and_is_what_runs(model: Path, silent:
 
 def test_one_that_is_missing_and_one_that_does_not_start_are_both_told(model: Path) -> None:
     Fake.start, Fake.silent = [CPU], True
-    network = opened(model, 1, ("openvino", "cuda"), [CUDA, CPU])
+    network = open_network(model, 1, ("openvino", "cuda"), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
     assert "openvino not in this onnxruntime, which has cpu, cuda; cuda does not start here; it runs" in network.note
 
 
 def test_one_that_is_not_there_is_told_with_the_network(model: Path) -> None:
-    network = opened(model, 1, ("openvino",), [CPU])
+    network = open_network(model, 1, ("openvino",), [CPU])
     assert network.provider == "cpu"
     assert network.note == f"{model}: openvino not in this onnxruntime, which has cpu; it runs on cpu"
 
@@ -132,7 +132,7 @@ def test_one_that_is_not_there_is_told_with_the_network(model: Path) -> None:
 def test_a_broken_file_is_the_same_error_whatever_the_provider(tmp_path: Path) -> None:
     (tmp_path / "m.onnx").write_bytes(b"a text file, say")
     with pytest.raises(ModelError, match="not a usable ONNX model"):
-        opened(tmp_path / "m.onnx", 1, ("cuda",), [CUDA, CPU])
+        open_network(tmp_path / "m.onnx", 1, ("cuda",), [CUDA, CPU])
 
 
 def test_a_segmenter_says_on_what_it_runs(model: Path) -> None:

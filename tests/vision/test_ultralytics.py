@@ -58,14 +58,14 @@ def test_masks_are_ultralytics_own(
     network = Segmenter(path, 1, providers=("cpu",))
     assert (network.kind, network.classes, network.input_size) == ("YOLO-seg", ("upright", "beam"), (320, 256))
     image = picture(width, height)
-    sight = network.see(image)
+    segmentation = network.predict(image)
     own = ultralytics.YOLO(str(path), task="segment")
     told = own.predict(image[:, :, ::-1], conf=0.25, iou=0.7, retina_masks=True, verbose=False)[0]
     kinds = told.boxes.cls.numpy().astype(int)
     assert len(kinds) > 1
     for number in set(kinds):
         theirs = (told.masks.data.numpy()[kinds == number] > 0.5).any(axis=0)
-        ours = sight.maps[number + 1] > 0.5
+        ours = segmentation.maps[number + 1] > 0.5
         near = cv2.dilate(theirs.astype(np.uint8), np.ones((MARGIN_PX, MARGIN_PX), np.uint8)) > 0
         assert (ours & theirs).sum() > DOUBLED * theirs.sum()
         assert not (ours & ~near).any()

@@ -45,7 +45,7 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
     failed = len(rows) - len(mapped)
     lengths = [row.length_m for row in mapped if row.length_m is not None]
     references, off = sum(len(row.references) for row in mapped), sum(row.references_off for row in mapped)
-    ties, ties_off = report.site_map.ties, sum(1 for tie in report.site_map.ties if is_tie_off(tie))
+    ties, ties_off = report.site_map.matches, sum(1 for tie in report.site_map.matches if is_tie_off(tie))
     facts = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
     facts += [("failed", str(failed))] if failed else []
     facts += [(label, str(count)) for label, count in total_counts(rows).items()]

@@ -9,7 +9,7 @@ from savmap.report.page.summary import Summary
 from savmap.report.page.ties import is_tie_off, tie_hint
 from savmap.report.row_views import camera_paths, drawn_in
 from savmap.report.scene import MM, Figure, Label, Layer, Shape, frame_of, joined, metre_grid, path
-from savmap.types import Drawing, Floats, Placement, SiteMap, Tie
+from savmap.types import CrossRowMatch, Drawing, Floats, Placement, SiteMap
 
 _MARGIN, _BETWEEN_M = 2500.0, 1.5
 _TIES = {"tie": "seen from two rows", "tie off": "seen from two rows, off by more than 3 \u03c3"}
@@ -18,7 +18,7 @@ _TIES = {"tie": "seen from two rows", "tie off": "seen from two rows, off by mor
 def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
     """Rows by their places in the site's frame; those without one stacked beneath; None where there is nothing to show."""
     drawn = {row.name: row for row in rows if row.row and drawn_in(row.drawings, "plan")}
-    places = {name: place for name, place in site.placed.items() if name in drawn or name in site.failed}
+    places = {name: place for name, place in site.placements.items() if name in drawn or name in site.failed}
     if not drawn and not places:
         return None
     places |= _stacked([row for name, row in drawn.items() if name not in places], _corner(drawn, places))
@@ -43,7 +43,7 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
 
 def without_place(rows: Sequence[Summary], site: SiteMap) -> list[str]:
     """Names of the rows whose place in the site's frame is not known."""
-    return [row.name for row in rows if row.name not in site.placed]
+    return [row.name for row in rows if row.name not in site.placements]
 
 
 def _outlines(row: Summary) -> list[Floats]:
@@ -136,7 +136,7 @@ def _name(row: Summary, place: Placement) -> Label:
 
 def _tie_layers(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:
     styles: dict[str, list[Shape]] = {style: [] for style in _TIES}
-    for tie in site.ties:
+    for tie in site.matches:
         point = _tie_point(site, tie)
         if point is not None and tie.row_a in places:
             dot = path(_in_plan(point, places[tie.row_a]))
@@ -144,7 +144,7 @@ def _tie_layers(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:
     return [Layer(style, tuple(shapes)) for style, shapes in styles.items() if shapes]
 
 
-def _tie_point(site: SiteMap, tie: Tie) -> Floats | None:
+def _tie_point(site: SiteMap, tie: CrossRowMatch) -> Floats | None:
     """Where a structure that two rows see is in the first one: the middle (1, 3) of its vertices there."""
     row = site.rows.get(tie.row_a)
     structures = (structure for group in row.structures.values() for structure in group) if row else ()

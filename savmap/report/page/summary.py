@@ -103,7 +103,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             drawings=tuple(report.drawings.get(name, ())),
             score=scores.get(name),
             run=runs.get(name),
-            place=site.placed.get(name),
+            place=site.placements.get(name),
         )
         for name in names
     )

@@ -7,23 +7,23 @@ import numpy as np
 from savmap.report.numbers import centimetres, natural
 from savmap.report.page.summary import OFF_SIGMAS
 from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads, number_cell
-from savmap.types import Floats, Tie
+from savmap.types import CrossRowMatch, Floats
 
 _AXES = "xyz"
 
 
-def largest_residual(tie: Tie) -> float:
+def largest_residual(tie: CrossRowMatch) -> float:
     """The largest of its residuals in standard deviations; 0 where none is known."""
     known = ~np.isnan(tie.residual_m) & ~np.isnan(tie.sigma_m) & (tie.sigma_m > 0)
     return float(np.abs(tie.residual_m[known] / tie.sigma_m[known]).max(initial=0.0))
 
 
-def is_tie_off(tie: Tie) -> bool:
+def is_tie_off(tie: CrossRowMatch) -> bool:
     """Whether the two rows contradict each other there."""
     return largest_residual(tie) > OFF_SIGMAS
 
 
-def tie_hint(tie: Tie) -> str:
+def tie_hint(tie: CrossRowMatch) -> str:
     """Such as "A: upright 1 = B: upright 9, x +0.4 cm, z -1.0 cm (1.3 sigmas)"."""
     residuals = ", ".join(
         f"{axis} {centimetres(float(value), True)} cm"
@@ -34,9 +34,9 @@ def tie_hint(tie: Tie) -> str:
     return f"{tie.row_a}: {tie.id_a} = {tie.row_b}: {tie.id_b}, {residuals} ({sigmas})"
 
 
-def pair_table(ties: Sequence[Tie]) -> Table:
+def pair_table(ties: Sequence[CrossRowMatch]) -> Table:
     """A line for each two rows that see the same structures."""
-    pairs: dict[tuple[str, str], list[Tie]] = {}
+    pairs: dict[tuple[str, str], list[CrossRowMatch]] = {}
     for tie in ties:
         pairs.setdefault((tie.row_a, tie.row_b), []).append(tie)
     order = {name: k for k, name in enumerate(natural({name for pair in pairs for name in pair}))}
@@ -46,7 +46,7 @@ def pair_table(ties: Sequence[Tie]) -> Table:
     return Table("ties-by-pair", "Rows that share something, and what is left between them", heads(*names), lines)
 
 
-def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
+def tie_table(ties: Sequence[CrossRowMatch], anchors: Mapping[str, str]) -> Table:
     """A line for each structure that two rows see, the one that they place furthest apart first."""
     names = ("thing", "'in row", "'is", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3")
     lines = tuple(_tie_line(tie, anchors) for tie in sorted(ties, key=largest_residual, reverse=True))
@@ -54,7 +54,7 @@ def tie_table(ties: Sequence[Tie], anchors: Mapping[str, str]) -> Table:
     return Table("ties", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
 
 
-def _pair_line(pair: tuple[str, str], ties: Sequence[Tie]) -> Line:
+def _pair_line(pair: tuple[str, str], ties: Sequence[CrossRowMatch]) -> Line:
     residuals = np.array([tie.residual_m for tie in ties])
     off = sum(1 for tie in ties if is_tie_off(tie))
     cells = (
@@ -67,7 +67,7 @@ def _pair_line(pair: tuple[str, str], ties: Sequence[Tie]) -> Line:
     return Line(cells, "off" if off else "")
 
 
-def _tie_line(tie: Tie, anchors: Mapping[str, str]) -> Line:
+def _tie_line(tie: CrossRowMatch, anchors: Mapping[str, str]) -> Line:
     row_a, row_b = (Cell(name, link=f"#{anchors[name]}" if name in anchors else "") for name in (tie.row_a, tie.row_b))
     axes = (None if np.isnan(value) else float(value) for value in tie.residual_m)
     residuals = (centimetre_cell(value, True) for value in axes)

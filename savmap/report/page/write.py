@@ -74,6 +74,6 @@ def _times(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
 
 
 def _ties(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
-    ties = report.site_map.ties
+    ties = report.site_map.matches
     anchors = {row.name: row.anchor for row in rows}
     return {"pairs": pair_table(ties), "ties": tie_table(ties, anchors)} if ties else {"pairs": None}

@@ -1,7 +1,7 @@
-"""Masks of long thin things to the sub-pixel points of their two borders.
+"""From masks of long thin objects to sub-pixel points on their two borders.
 
-Everything here sees things that lie, from column to column: for things that stand, hand in transposed arrays. "Upper"
-and "lower" border are the ones at smaller and larger row.
+All functions expect objects that lie, from column to column: for objects that stand, give transposed arrays. The "upper" and the
+"lower" border are those at the smaller and the larger row.
 """
 
 from collections.abc import Sequence
@@ -11,17 +11,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.types import Bools, Floats, Ints, array_record
+from savmap.vision.regions import region_labels
+
 Bytes = NDArray[np.uint8]
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Probability = NDArray[np.float32]
 
 LEVEL = 0.5
 REACH_PX = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Runs:
     """Runs of set pixels down the columns of a mask, by column and then row: column, first and last row (n,)."""
 
@@ -55,10 +56,10 @@ def runs_of(mask: Bytes) -> Runs:
 
 
 def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> Bytes:
-    """The union (h, w) of masks, but for those that share more than `share` of their area with longer ones.
+    """The union (h, w) of masks, without those that share more than `share` of their area with longer ones.
 
-    Length is measured from column to column (`dimension` 0) or from row to row (1). Overlapping masks of one thing are
-    the second of the published mask errors (section III.C).
+    Length is measured from column to column (`dimension` 0) or from row to row (1). Overlapping masks of one object are
+    the second of the published mask errors (paper, section III-C).
     """
     layers = np.zeros(masks[0].shape, dtype=np.uint8)
     for mask in masks:
@@ -77,7 +78,7 @@ def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> By
 def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints]:
     """The runs down the columns of a mask (h, w), and the connected region (n,), from 1, that each is part of.
 
-    Left out is what runs on for fewer than `least_px` columns, and what bridges things: runs more than `most_thick`
+    Regions of fewer than `least_px` columns are left out, and so are runs that bridge objects: those more than `most_thick`
     times as thick as their region's median.
     """
     long = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), dtype=np.uint8)), dtype=np.uint8)
@@ -93,8 +94,7 @@ def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints
 
 
 def _regions(mask: Bytes, runs: Runs) -> Ints:
-    labels = cv2.connectedComponents(mask, connectivity=8)[1]
-    return labels[runs.first, runs.column].astype(np.int64)
+    return region_labels(mask)[runs.first, runs.column].astype(np.int64)
 
 
 def _medians(group: Ints, values: Ints) -> Ints:
@@ -120,8 +120,8 @@ def enveloped(runs: Runs, part: Ints) -> tuple[Runs, Ints]:
 def border_points(runs: Runs, probability: Probability) -> tuple[Floats, Floats]:
     """Rows (n,) of the upper and of the lower border of each run.
 
-    They are where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's
-    own border where it does not within a few pixels; nan where the picture's border cuts the run.
+    A border is where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's
+    own border if that does not happen within a few pixels; nan where the picture's border cuts the run.
     """
     height = probability.shape[0]
     upper = np.where(runs.first > 0, _passes(runs.column, runs.first, -1, probability), np.nan)

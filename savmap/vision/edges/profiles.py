@@ -1,11 +1,11 @@
-"""Grey profiles across straight edges, cut from a panorama at its own resolution.
+"""Grey profiles across straight edges, sampled from a panorama at its own resolution.
 
 An edge is cut into short pieces; each is averaged along its length and sampled across, along short normals only. No view
 is rendered for this.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from savmap.geometry import sphere
 from savmap.geometry.lines import Lines
-from savmap.types import FilmedPanorama, Floats, Ints, Panorama, ViewSpec
+from savmap.types import FilmedPanorama, Floats, Ints, Panorama, ViewSpec, array_record
 
 Singles = NDArray[np.float32]
 
@@ -27,7 +27,7 @@ LEBESGUE = 1.25**2
 
 
 def _radiance() -> Floats:
-    """Radiance (256,), 0..1, that a camera shows as each grey value: the sRGB curve and a film-like shoulder undone."""
+    """Radiance (256,), 0..1, of each grey value of a camera: the inverse of the sRGB curve and a film-like shoulder."""
     shown = np.arange(256) / 255
     decoded = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     radiance: Floats = decoded * SHOULDER / (1 + SHOULDER - decoded)
@@ -37,10 +37,10 @@ def _radiance() -> Floats:
 RADIANCE = _radiance()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Pieces:
-    """Short pieces of edges, in view pixels: edge (n,) that each belongs to, from 0; middle u and v (n,), slope (n,), half
-    length (n,). `stands`: u is the row and v the column (for things that stand), else u is the column."""
+    """Short pieces of edges, in view pixels: the number of its edge (n,), from 0; middle u and v (n,), slope (n,), half length (n,). `stands`: u is the row and v the column, else u is the column."""
 
     edge: Ints
     u: Floats
@@ -50,7 +50,8 @@ class Pieces:
     stands: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Profiles:
     """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart, the
     edge in the middle; and how many panorama pixels one view pixel across is (n,).
@@ -93,11 +94,13 @@ def profiles_of(
     patches = [_patches(spec, pieces, panorama.height, reach_px, least) for pieces in groups]
     if not patches:
         return []
+    patches = _side_by_side(patches, panorama.height)
     window = _window(panorama, patches)
-    return [Profiles(_across(window, own), own.scale) for own in patches]
+    return [Profiles(_across(window, patch), patch.scale) for patch in patches]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Patches:
     """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows` along
     the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
@@ -126,7 +129,8 @@ def _patches(spec: ViewSpec, pieces: Pieces, height: int, reach_px: float, least
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class _Window:
     """Radiance (h, w), 0..65535, of part of a panorama; its first column and row; the panorama's last row."""
 
@@ -136,14 +140,23 @@ class _Window:
     last_row: int
 
 
-def _window(panorama: Panorama, all_patches: Sequence[_Patches]) -> _Window:
-    """The part that patches lie in; they are moved by whole turns to lie next to one another."""
+def _side_by_side(patches: Sequence[_Patches], height: int) -> list[_Patches]:
+    """The patches, moved by whole turns of the panorama to lie next to one another."""
+    width = 2 * height
+    directions = np.concatenate([patch.nodes[0, :, 4] for patch in patches]) * np.float32(2 * np.pi / width)
+    first = np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
+    moved = []
+    for patch in patches:
+        nodes = patch.nodes.copy()
+        nodes[0] -= np.float32(width) * np.floor((nodes[0, :, 4:5] - np.float32(first)) / width)
+        moved.append(replace(patch, nodes=nodes))
+    return moved
+
+
+def _window(panorama: Panorama, patches: Sequence[_Patches]) -> _Window:
+    """The part of the panorama that patches, which lie next to one another, are sampled from."""
     height, width = panorama.height, 2 * panorama.height
-    directions = np.concatenate([own.nodes[0, :, 4] for own in all_patches]) * np.float32(2 * np.pi / width)
-    about = np.arctan2(np.sin(directions).mean(), np.cos(directions).mean()) * width / (2 * np.pi) - width / 2
-    for own in all_patches:
-        own.nodes[0] -= np.float32(width) * np.floor((own.nodes[0, :, 4:5] - np.float32(about)) / width)
-    extents = np.array([own.extent for own in all_patches])
+    extents = np.array([patch.extent for patch in patches])
     (left, top), (right, bottom) = np.floor(extents[:, 0].min(axis=0)), np.ceil(extents[:, 1].max(axis=0)) + 2
     columns, rows = (int(left), int(min(right, left + width))), (int(np.clip(top, 0, height - 1)), int(max(bottom, 1)))
     part, grey = _grey(panorama, rows, columns)
@@ -157,8 +170,8 @@ def _across(window: _Window, patches: _Patches) -> Singles:
     np.clip(y, 0, window.last_row, out=y)
     x -= window.left
     y -= window.top
-    found = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
-    total = found.reshape(len(found), patches.rows, -1).sum(axis=1, dtype=np.float32)
+    sampled = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
+    total = sampled.reshape(len(sampled), patches.rows, -1).sum(axis=1, dtype=np.float32)
     return np.asarray(total / np.float32(patches.rows * RADIANCE_UNIT), np.float32)
 
 
@@ -171,7 +184,7 @@ def _grey(panorama: Panorama, rows: tuple[int, int], columns: tuple[int, int]) -
 
 
 def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint8]:
-    """Columns [left, right) of a panorama, over the seam where need be."""
+    """Columns [left, right) of a panorama, which may cross the seam."""
     width = image.shape[1]
     turned = left // width * width
     left, right = left - turned, right - turned

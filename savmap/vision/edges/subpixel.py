@@ -1,22 +1,21 @@
-"""Where straight edges run, to a small part of a pixel, measured in the panorama (no view is rendered for this).
+"""Straight edges to a small part of a pixel, measured in the panorama (no view is rendered for this).
 
-A mask says what there is and roughly where. Here each of its edges is cut into short pieces; the profile of radiance across
-each gives the places where it changes most; the straight line that most pieces agree on is the edge, and how well they
-agree says how well it is known. Pieces that something hides agree with no line and drop out.
+A mask gives an object and roughly its place. Each edge of the mask is cut into short pieces, and the profile of radiance across a
+piece gives the places where radiance changes most. The edge is the straight line that most pieces agree on; its variance is how well
+they agree. Pieces hidden by something else agree with no line and are left out.
 
-Where a side face of the thing may be seen beyond its edge ("flank"), two lines run side by side: front against side face,
-and side face against what is behind. The inner one is the edge of the front. A change between two faces of the same paint
-may be faint, but it has one sign all along.
+Where a side face of the object may be visible beyond its edge ("flank"), two lines run side by side: front against side face, and side
+face against the background. The inner one is the edge of the front. A change between two faces of the same paint may be faint, but it
+has one sign all along.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from savmap.geometry.lines import Lines, weighted_lines, where
-from savmap.types import Floats, Ints, Panorama, ViewSpec
+from savmap.types import Bools, Floats, Ints, Panorama, ViewSpec, array_record
 from savmap.vision.edges.profiles import ACROSS_STEP, Pieces, Profiles, Singles, pieces_of, profiles_of
 
 
@@ -31,11 +30,11 @@ class Subpixel:
     - `least_support`: support that the chosen line must have, of 1, and `clear`: how many times that of any other line.
     - `least_share`, `least_pieces`: share and number of the pieces that must agree with it.
     - `inner`: share of the best line's support that a line further inside needs to be taken for the front's edge, and how
-      far inside it may be, as a share of the thing's thickness; `patterned_inner`: of things with a pattern.
-    - `depth`: how deep things are, as a multiple of their thickness; flanks that appear wider than `resolved` panorama
+      far inside it may be, as a share of the object's thickness; `patterned_inner`: of objects with a pattern.
+    - `depth`: how deep objects are, as a multiple of their thickness; flanks that appear wider than `resolved` panorama
       pixels are told from the front; narrow ones blur the edge by `unresolved` of their width.
     - `common_sigma`: what all pieces of an edge may be off together, panorama pixels; `patterned_sigma_px`: the same of
-      flanked edges of things with a pattern, which may have lines beside their edges.
+      flanked edges of objects with a pattern, which may have lines beside their edges.
     - `mask_sigma_px`, `flanked_sigma_px`: the same of edges that are left as masks have them.
     """
 
@@ -63,7 +62,6 @@ class Subpixel:
 
 __all__ = ["Edges", "Subpixel", "measured"]
 
-Bools = NDArray[np.bool_]
 
 LEAST_REACH = 4.5
 SHIFTS = np.linspace(-1.2, 1.2, 9)
@@ -75,12 +73,13 @@ BIWEIGHT = 4.7
 LEAST_SIGMA, MOST_SIGMA = 0.06, 0.4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Edges:
-    """g edges that masks suggest: lines v(u) in view pixels; `first` and `last` u (g,) where they were seen; `inside`
-    (g,): +1 where the thing lies at larger v, -1 at smaller; its `thickness` (g,) in pixels; tangent of the angle at which
-    its side face is seen beyond the edge, 0 where it is not (g,); `stands`: u is the row and v the column; `patterned`:
-    things have a pattern along them, such as rows of holes.
+    """g edges of masks: lines v(u) in view pixels; `first` and `last` u (g,) of the mask; `inside` (g,): +1 where the object lies at
+    larger v, -1 at smaller; its `thickness` (g,) in pixels; `flank` (g,), the tangent of the angle at which its side face is visible
+    beyond the edge, 0 where it is not; `stands`: u is the row and v the column; `patterned`: objects have a pattern along them, such
+    as rows of holes.
     """
 
     lines: Lines
@@ -103,7 +102,8 @@ class Edges:
         return (self.last - self.first) / 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@array_record
 class Changes:
     """Where radiance changes most across pieces (m,): the edge, how far along it (-1..1 from end to end), how far inwards of
     the mask's edge, view pixels; the change going inwards, grey levels a panorama pixel; panorama pixels a view pixel."""
@@ -118,19 +118,19 @@ class Changes:
 def measured(
     panorama: Panorama, spec: ViewSpec, groups: Sequence[Edges], settings: Subpixel | None = None
 ) -> list[tuple[Lines, Bools]]:
-    """For each group of edges: the edges as the panorama shows them, and which (g,) it shows.
+    """For each group of edges: the lines measured in the panorama, and which (g,) could be measured.
 
-    The others stay as they are, with the sigma of masks. Variances are px^2 of the view.
+    The others keep the mask's line, with the standard deviation of masks. Variances are px^2 of the view.
     """
     settings = settings or Subpixel()
-    pieces = [_pieces(edges, settings) for edges in groups]
-    cut = [own for own in pieces if len(own.edge)]
-    profiles = iter(profiles_of(panorama, spec, cut, settings.reach_px, LEAST_REACH))
+    cut = [_pieces(edges, settings) for edges in groups]
+    with_pieces = [pieces for pieces in cut if len(pieces.edge)]
+    profiles = iter(profiles_of(panorama, spec, with_pieces, settings.reach_px, LEAST_REACH))
     return [
-        _measured(edges, own, next(profiles), settings)
-        if len(own.edge)
+        _measured(edges, pieces, next(profiles), settings)
+        if len(pieces.edge)
         else (_as_masked(edges, settings), np.zeros(len(edges.first), dtype=np.bool_))
-        for edges, own in zip(groups, pieces, strict=True)
+        for edges, pieces in zip(groups, cut, strict=True)
     ]
 
 
@@ -146,12 +146,12 @@ def _measured(edges: Edges, pieces: Pieces, profiles: Profiles, settings: Subpix
     offset, shift, clear = _chosen(changes, edges, scale, numbers, settings)
     lines = _fitted(changes, edges, offset, shift, scale, settings)
     agree = (lines.inliers >= settings.least_pieces) & (lines.inliers >= settings.least_share * numbers)
-    found = clear & agree & np.isfinite(lines.offset) & np.isfinite(lines.slope_var)
-    return where(found, lines, _as_masked(edges, settings)), found
+    measured = clear & agree & np.isfinite(lines.offset) & np.isfinite(lines.slope_var)
+    return where(measured, lines, _as_masked(edges, settings)), measured
 
 
 def _as_masked(edges: Edges, settings: Subpixel) -> Lines:
-    """The masks' lines with the variance of what masks are off along a whole edge."""
+    """The masks' lines, with the variance of a mask's common error along an edge."""
     common = np.where(edges.flank > 0, settings.flanked_sigma_px, settings.mask_sigma_px)
     return replace(edges.lines, offset_var=edges.lines.offset_var + common**2)
 

@@ -1,39 +1,46 @@
-"""From a network's logits to probabilities."""
+"""What every kind of network gives of a picture, and the interface that the adapters of all kinds have."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection
+from savmap.types import Detection, array_record
+from savmap.types.common import read_only
+from savmap.vision.regions import connected_regions
 
 Probabilities = NDArray[np.float32]
 
+LARGEST = 60.0
+"""Beyond this a logistic function is 0 or 1 in float32, and its exponential soon too large."""
 
-def regions(label: str, probability: Probabilities, threshold: float, min_pixels: int) -> list[Detection]:
-    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, in scan order.
 
-    Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
+@dataclass(frozen=True, eq=False)
+@array_record
+class Segmentation:
+    """A network's answer to a picture.
+
+    `maps` (1 + classes, H, W) float32 are the classes' probabilities, background first. `owners` (classes, H, W) is the number of
+    the instance that a pixel belongs to, from 1 in its class, 0 for none; None for networks that do not separate instances.
     """
-    return parts(label, (probability > threshold).astype(np.uint8), probability, min_pixels)
 
+    classes: tuple[str, ...]
+    maps: Probabilities
+    owners: NDArray[np.int16] | None = None
 
-def parts(label: str, above: NDArray[np.uint8], probability: Probabilities, min_pixels: int) -> list[Detection]:
-    """Connected regions of the pixels that are not 0 in `above` (H, W), as `regions` gives them."""
-    count, numbers, stats, _ = cv2.connectedComponentsWithStatsWithAlgorithm(above, 8, cv2.CV_32S, cv2.CCL_GRANA)
-    kept = [number for number in range(1, count) if stats[number, cv2.CC_STAT_AREA] >= min_pixels]
-    found = []
-    for number in kept:
-        left, top, width, height = stats[number, :4]
-        place = slice(top, top + height), slice(left, left + width)
-        inside = numbers[place] == number
-        mask = np.zeros(numbers.shape, dtype=np.bool_)
-        mask[place] = inside
-        found.append(Detection(label, float(probability[place][inside].mean(dtype=np.float64)), mask, probability))
-    return found
+    def detections(self, threshold: float, min_pixels: int) -> list[Detection]:
+        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by class, and by instance
+        where the network separates them. All of a class share its probability over the whole picture."""
+        if self.owners is None:
+            return detections(self.maps, self.classes, threshold, min_pixels)
+        return [
+            detection
+            for label, probability, owner in zip(self.classes, self.maps[1:], self.owners, strict=True)
+            for number in range(1, int(owner.max()) + 1)
+            for detection in _detections(label, (owner == number) & (probability > threshold), probability, min_pixels)
+        ]
 
 
 def detections(maps: Probabilities, classes: Sequence[str], threshold: float, min_pixels: int) -> list[Detection]:
@@ -45,32 +52,31 @@ def detections(maps: Probabilities, classes: Sequence[str], threshold: float, mi
     ]
 
 
-@dataclass(frozen=True)
-class Sight:
-    """What a network saw in a picture: `maps` (1 + classes, H, W) float32, background first, and, of a network that tells
-    instances apart, whose each pixel is, `owners` (classes, H, W): the instance's number in its class, from 1; 0 nobody's."""
+def regions(label: str, probability: Probabilities, threshold: float, min_pixels: int) -> list[Detection]:
+    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, in scan order.
 
-    classes: tuple[str, ...]
-    maps: Probabilities
-    owners: NDArray[np.int16] | None = None
+    Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
+    """
+    return _detections(label, probability > threshold, probability, min_pixels)
 
-    def detections(self, threshold: float, min_pixels: int) -> list[Detection]:
-        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, instance by instance where
-        the network tells them apart. All of a class share its probability over the whole picture."""
-        if self.owners is None:
-            return detections(self.maps, self.classes, threshold, min_pixels)
-        return [
-            found
-            for label, probability, owner in zip(self.classes, self.maps[1:], self.owners, strict=True)
-            for number in range(1, int(owner.max()) + 1)
-            for found in parts(
-                label, ((owner == number) & (probability > threshold)).astype(np.uint8), probability, min_pixels
-            )
-        ]
+
+def _detections(label: str, above: NDArray[np.bool_], probability: Probabilities, min_pixels: int) -> list[Detection]:
+    connected = connected_regions(above.view(np.uint8))
+    shared = read_only(probability)
+    detections = []
+    for number in np.flatnonzero(connected.areas[1:] >= min_pixels) + 1:
+        left, top, width, height = connected.boxes[number].tolist()
+        place = slice(top, top + height), slice(left, left + width)
+        inside = connected.labels[place] == number
+        mask = np.zeros(connected.labels.shape, dtype=np.bool_)
+        mask[place] = inside
+        score = float(probability[place][inside].mean(dtype=np.float64))
+        detections.append(Detection(label, score, mask, shared))
+    return detections
 
 
 class Adapter(Protocol):
-    """A kind of network file, opened. `names` are the network's own classes in its own order."""
+    """An opened network of one kind. `names` are the network's own classes in its own order."""
 
     kind: str
     names: tuple[str, ...]
@@ -80,22 +86,12 @@ class Adapter(Protocol):
         """Width and height of the input, None where the file leaves them open."""
         ...
 
-    def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
-        """What it sees in a picture (H, W, 3) uint8 RGB of any size. `labels`: for each of `names` the class that it counts as,
-        None where it is not asked for; `classes`: those that are, in order."""
+    def predict(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Segmentation:
+        """Segment a picture (H, W, 3) uint8 RGB of any size. `labels` gives for each of `names` the class that it counts as, None
+        to leave it out; `classes` are these classes, in order."""
         ...
 
 
-LARGEST = 60.0
-"""Beyond this a logistic function is 0 or 1 in float32, and its exponential soon too large."""
-
-
 def logistic(logits: Probabilities) -> Probabilities:
-    """Of each by itself, in 0..1."""
+    """The logistic function of each logit, in 0..1."""
     return np.asarray(1 / (1 + np.exp(-np.clip(logits, -LARGEST, LARGEST))), np.float32)
-
-
-def softmax(logits: Probabilities, axis: int) -> Probabilities:
-    """Of those along an axis, which then sum to 1."""
-    exponentials = np.exp(logits - logits.max(axis=axis, keepdims=True))
-    return np.asarray(exponentials / exponentials.sum(axis=axis, keepdims=True), np.float32)

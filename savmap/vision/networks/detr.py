@@ -14,13 +14,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from savmap.errors import ModelError
-from savmap.vision.networks.adapter import Sight, logistic, softmax
-from savmap.vision.networks.instances import Instance, put_together
+from savmap.vision.networks.adapter import Segmentation, logistic
+from savmap.vision.networks.instances import Instance, merged
 from savmap.vision.networks.letterbox import WHITE, planes, stretched
 from savmap.vision.networks.session import Run
-from savmap.vision.networks.signature import Face, Tensor
+from savmap.vision.networks.signature import OnnxSignature, Tensor
 
 KIND = "DETR-like"
 LAYOUT = "DETR-like (labels, class_queries_logits, logits or pred_logits (1, q, classes), masks (1, q, h, w))"
@@ -36,49 +37,51 @@ class Detr:
 
     kind = KIND
 
-    def __init__(self, face: Face, run: Run) -> None:
-        scores = _scores(face)
+    def __init__(self, signature: OnnxSignature, run: Run) -> None:
+        scores = _scores(signature)
         self._run = run
-        self._numbers = face.outputs.index(scores), face.outputs.index(face.of_rank(4)[0])
+        self._numbers = signature.outputs.index(scores), signature.outputs.index(signature.of_rank(4)[0])
         self._softmax = scores.name in SOFTMAX
-        self.names = _names(face, scores, int(self._softmax))
-        self.input_size = face.input_size
+        self.names = _names(signature, scores, int(self._softmax))
+        self.input_size = signature.input_size
 
-    def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
-        """Queries that are sure of a class asked for, put together."""
+    def predict(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Segmentation:
+        """The queries that are sure of one of the classes, merged."""
         picture, fit = stretched(image, self.input_size or _rounded_up(image))
         outputs = self._run((planes(picture) / WHITE - MEAN) / DEVIATION)
         logits, masks = (outputs[number][0].astype(np.float32) for number in self._numbers)
-        scores = softmax(logits, 1)[:, :-1] if self._softmax else logistic(logits)
+        scores = softmax(logits, axis=1)[:, :-1] if self._softmax else logistic(logits)
         kinds, best = scores.argmax(axis=1), scores.max(axis=1)
         whole = np.array([0, 0, fit.width, fit.height])
-        found = [
+        instances = [
             Instance(label, float(best[query]), masks[query], whole)
             for query in np.flatnonzero(best >= LEAST_SCORE).tolist()
             if (label := labels[kinds[query]]) is not None
         ]
-        return put_together(found, classes, fit)
+        return merged(instances, classes, fit)
 
 
-def recognises(face: Face) -> bool:
+def accepts(signature: OnnxSignature) -> bool:
     """Whether a file has the inputs and outputs of this kind."""
-    known = [output for output in face.of_rank(3) if output.name in LOGISTIC + SOFTMAX]
-    return face.takes_picture and len(known) == 1 and len(face.of_rank(4)) == 1
+    known = [output for output in signature.of_rank(3) if output.name in LOGISTIC + SOFTMAX]
+    return signature.takes_picture and len(known) == 1 and len(signature.of_rank(4)) == 1
 
 
-def _scores(face: Face) -> Tensor:
-    return next(output for output in face.of_rank(3) if output.name in LOGISTIC + SOFTMAX)
+def _scores(signature: OnnxSignature) -> Tensor:
+    return next(output for output in signature.of_rank(3) if output.name in LOGISTIC + SOFTMAX)
 
 
-def _names(face: Face, scores: Tensor, nothing: int) -> tuple[str, ...]:
+def _names(signature: OnnxSignature, scores: Tensor, nothing: int) -> tuple[str, ...]:
     """The classes; `nothing`: how many of the scores are for no object."""
-    count, names = scores.shape[2], face.names
+    count, names = scores.shape[2], signature.names
     if names is None and count is None:
-        raise ModelError(f"{face.path}: neither its metadata nor the shape of `{scores.name}` tells its classes")
+        raise ModelError(f"{signature.path}: neither its metadata nor the shape of `{scores.name}` tells its classes")
     if names is None or count is None:
         return names or tuple(map(str, range((count or 0) - nothing)))
     if len(names) != count - nothing:
-        raise ModelError(f"{face.path}: its metadata names {len(names)} classes, but {scores} has {count - nothing}")
+        raise ModelError(
+            f"{signature.path}: its metadata names {len(names)} classes, but {scores} has {count - nothing}"
+        )
     return names
 
 

@@ -1,4 +1,4 @@
-"""Pictures fitted into a network's input, and where its coarse masks lie in the picture."""
+"""Pictures fitted into a network's input, and the place of the network's coarse masks in the picture."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ WHITE = np.float32(255)
 
 @dataclass(frozen=True)
 class Fit:
-    """A picture of `width` x `height` pixels in an input of `size` (w, h): enlarged `across` and `down` times, its upper left
-    corner at (left, top) of the input. Pixel centres are at integer coordinates."""
+    """A picture of `width` x `height` pixels in an input of `size` (w, h): scaled by `across` and `down`, its upper left corner at
+    (left, top) of the input. Pixel centres are at integer coordinates."""
 
     width: int
     height: int
@@ -45,7 +45,7 @@ class Fit:
 
 
 def letterboxed(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np.uint8], Fit]:
-    """A picture (H, W, 3) as large as it fits into `size` (w, h), in the middle of grey, as ultralytics' LetterBox places it."""
+    """A picture (H, W, 3) scaled to fit into `size` (w, h), in the middle of a grey canvas, as ultralytics' LetterBox does."""
     height, width = image.shape[:2]
     ratio = min(size[0] / width, size[1] / height)
     inner = round(width * ratio), round(height * ratio)
@@ -56,7 +56,7 @@ def letterboxed(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArra
 
 
 def stretched(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np.uint8], Fit]:
-    """A picture (H, W, 3) drawn to `size` (w, h), whatever its shape was."""
+    """A picture (H, W, 3) scaled to `size` (w, h), its aspect ratio not kept."""
     height, width = image.shape[:2]
     return _resized(image, size), Fit(width, height, size, size[0] / width, size[1] / height)
 
@@ -66,27 +66,8 @@ def planes(picture: NDArray[np.uint8]) -> Probabilities:
     return np.stack(cv2.split(picture)).astype(np.float32)[None]
 
 
-def sampled(mask: Probabilities, fit: Fit, window: NDArray[np.int64]) -> Probabilities:
-    """A mask (rows, columns) over the network's input, at the picture's pixels in a window (4,), interpolated linearly."""
-    (across, right), (down, below) = fit.on_grid(mask.shape[1], mask.shape[0])
-    columns = np.arange(window[0], window[2]) * across + right
-    rows = np.arange(window[1], window[3]) * down + below
-    between: Probabilities = _between(_between(mask, rows).T, columns).T
-    return between
-
-
-def _between(mask: Probabilities, at: NDArray[np.float64]) -> Probabilities:
-    """Rows of a mask at fractional numbers `at`; beyond the first and last one these go on."""
-    inside = np.clip(at, 0, len(mask) - 1)
-    lower = np.minimum(inside.astype(np.int64), max(len(mask) - 2, 0))
-    weight = (inside - lower).astype(np.float32)[:, None]
-    upper = np.minimum(lower + 1, len(mask) - 1)
-    between: Probabilities = mask[lower] * (1 - weight) + mask[upper] * weight
-    return between
-
-
 def _resized(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
     if (image.shape[1], image.shape[0]) == size:
         return image
-    how = cv2.INTER_AREA if image.shape[1] > size[0] else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(image, size, interpolation=how), np.uint8)
+    interpolation = cv2.INTER_AREA if image.shape[1] > size[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, size, interpolation=interpolation), np.uint8)

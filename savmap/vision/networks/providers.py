@@ -1,7 +1,7 @@
-"""onnxruntime's execution providers: which of them a network runs on, and which of two files fits it.
+"""onnxruntime's execution providers: which of them a network runs on, and which of two model files fits it.
 
-Asked for by name, or else what is there: CUDA, then OpenVINO, each only in a package of onnxruntime that was built with it, then
-the processor. TensorRT, which builds its engine for minutes, and CoreML, which every macOS package has, are taken only by name.
+Without a choice by name: CUDA, then OpenVINO, each where the installed package of onnxruntime was built with it, then the processor.
+TensorRT, which builds its engine for minutes, and CoreML, which every macOS package has, are used only if they are chosen by name.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ PROVIDERS = {
 }
 AUTOMATIC = ("cuda", "openvino")
 FLOATING = ("cuda", "tensorrt", "coreml")
-"""Those that run 8-bit integers, as savmap's networks have them, slower than float32, or not at all."""
+"""Providers that run 8-bit integers slower than float32, or not at all."""
 INT8, FLOAT = ".int8.onnx", ".onnx"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Providers by their short names, the first one first, and a line where it is not as it was asked for."""
+    """Providers by their short names, best first, and a note where one that was asked for is missing."""
 
     names: tuple[str, ...]
     note: str = ""
@@ -33,8 +33,8 @@ class Choice:
 def choose(asked: Sequence[str], available: Sequence[str] | None = None) -> Choice:
     """Providers to run on: those asked for that are `available` (onnxruntime's names; default: what it says), else the automatic
     ones; the processor comes last, and does what the others cannot."""
-    there = _available() if available is None else available
-    present = [name for name, full in PROVIDERS.items() if full in there]
+    installed = _available() if available is None else available
+    present = [name for name, full in PROVIDERS.items() if full in installed]
     missing = [name for name in asked if name not in present]
     chosen = [name for name in asked or AUTOMATIC if name in present]
     if "cpu" in chosen:
@@ -51,13 +51,13 @@ def file_for(model: Path, first: str) -> Path:
 
 def options(names: Sequence[str], threads: int) -> list[tuple[str, dict[str, str]]]:
     """Providers with their settings, as onnxruntime takes them."""
-    own = {"openvino": {"device_type": "CPU", "num_of_threads": str(threads)}}
-    return [(PROVIDERS[name], own.get(name, {})) for name in names]
+    settings = {"openvino": {"device_type": "CPU", "num_of_threads": str(threads)}}
+    return [(PROVIDERS[name], settings.get(name, {})) for name in names]
 
 
 def short(full: str) -> str:
     """The short name of one of onnxruntime's."""
-    return next((name for name, own in PROVIDERS.items() if own == full), full)
+    return next((name for name, provider in PROVIDERS.items() if provider == full), full)
 
 
 def runtime_version() -> str:
@@ -70,5 +70,5 @@ def runtime_version() -> str:
 def _available() -> Sequence[str]:
     import onnxruntime
 
-    found: Any = onnxruntime.get_available_providers()
-    return list(found)
+    available: Any = onnxruntime.get_available_providers()
+    return list(available)

@@ -1,4 +1,4 @@
-"""An ONNX file opened by onnxruntime, on the first of the chosen providers that starts; the processor, the last one, always does."""
+"""ONNX files opened by onnxruntime, on the first of the chosen providers that starts; the processor comes last and always starts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,27 +11,29 @@ from numpy.typing import NDArray
 
 from savmap.errors import ModelError
 from savmap.vision.networks.providers import choose, file_for, options, short
-from savmap.vision.networks.signature import Face, face_of
+from savmap.vision.networks.signature import OnnxSignature, read_signature
 
 ADVICE = "train one with `savmap train`, or point `model` at a file that savmap reads (docs/networks.md)"
 
 Run = Callable[[NDArray[np.float32]], list[Any]]
-"""The network: its input (1, 3, h, w) to all its outputs. Raises ModelError where it cannot be run."""
+"""Runs the network: from its input (1, 3, h, w) to all its outputs. Raises ModelError where it fails."""
 
 
 @dataclass(frozen=True)
-class Opened:
-    """A network ready to run: the file that was read, what it shows of itself, the provider that runs it, and a line where this is not as
-    it was asked for."""
+class OpenNetwork:
+    """A network ready to run: the file that was read, its signature, the provider that runs it, and a note where that is not the
+    provider that was asked for."""
 
     path: Path
-    face: Face
+    signature: OnnxSignature
     run: Run
     provider: str
     note: str = ""
 
 
-def opened(path: Path, threads: int = 1, asked: Sequence[str] = (), available: Sequence[str] | None = None) -> Opened:
+def open_network(
+    path: Path, threads: int = 1, asked: Sequence[str] = (), available: Sequence[str] | None = None
+) -> OpenNetwork:
     """Open a file. `asked`: providers by their short names, none for the automatic choice; `available`: see `choose`.
 
     Raises ModelError for a file that is missing or is no ONNX model.
@@ -42,17 +44,17 @@ def opened(path: Path, threads: int = 1, asked: Sequence[str] = (), available: S
     notes = [choice.note] if choice.note else []
     failure: Exception | None = None
     for number, provider in enumerate(choice.names):
-        own = file_for(path, provider)
+        file = file_for(path, provider)
         try:
-            session = _session(own, threads, choice.names[number:])
+            session = _session(file, threads, choice.names[number:])
         except Exception as error:
             failure = error
             notes.append(f"{provider} cannot run it ({_line(error)})")
             continue
         if short(session.get_providers()[0]) == provider:
-            face = face_of(own, session)
+            signature = read_signature(file, session)
             note = f"{path}: {'; '.join(notes)}; it runs on {provider}" if notes else ""
-            return Opened(own, face, _run(session, face), provider, note)
+            return OpenNetwork(file, signature, _run(session, signature), provider, note)
         notes.append(f"{provider} does not start here")
     raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from failure
 
@@ -65,17 +67,17 @@ def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
     return onnxruntime.InferenceSession(str(path), settings, providers=options(names, threads), enable_fallback=0)
 
 
-def _run(session: Any, face: Face) -> Run:
-    half = bool(face.inputs) and face.inputs[0].kind == "tensor(float16)"
-    name = face.inputs[0].name if face.inputs else ""
+def _run(session: Any, signature: OnnxSignature) -> Run:
+    half = bool(signature.inputs) and signature.inputs[0].kind == "tensor(float16)"
+    name = signature.inputs[0].name if signature.inputs else ""
 
     def run(planes: NDArray[np.float32]) -> list[Any]:
         try:
-            found: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
+            outputs: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
         except Exception as error:
             size = f"{planes.shape[3]}x{planes.shape[2]}"
-            raise ModelError(f"{face.path}: cannot be run on a picture of {size} ({_line(error)})") from error
-        return found
+            raise ModelError(f"{signature.path}: cannot be run on a picture of {size} ({_line(error)})") from error
+        return outputs
 
     return run
 

@@ -1,4 +1,4 @@
-"""What an ONNX file shows of itself: its inputs, outputs and metadata, by which an adapter is chosen."""
+"""An ONNX file's signature, by which its adapter is chosen: inputs, outputs and metadata."""
 
 import ast
 import json
@@ -14,7 +14,7 @@ Side = int | None
 
 @dataclass(frozen=True)
 class Tensor:
-    """An input or output: its name, its shape (None for a side that is not fixed), onnxruntime's name of its type."""
+    """An input or output: its name, its shape (None for a dimension that is not fixed), and onnxruntime's name of its type."""
 
     name: str
     shape: tuple[Side, ...]
@@ -26,7 +26,7 @@ class Tensor:
 
 
 @dataclass(frozen=True)
-class Face:
+class OnnxSignature:
     """A file's inputs, outputs and metadata."""
 
     path: Path
@@ -35,12 +35,12 @@ class Face:
     metadata: Mapping[str, str]
 
     def __str__(self) -> str:
-        found = f"inputs {_listed(self.inputs)}; outputs {_listed(self.outputs)}"
+        tensors = f"inputs {_listed(self.inputs)}; outputs {_listed(self.outputs)}"
         named = [f"{key} = {self.metadata[key]}" for key in ("savmap.format", "task") if key in self.metadata]
-        return "; ".join([found, *named])
+        return "; ".join([tensors, *named])
 
     def of_rank(self, rank: int) -> tuple[Tensor, ...]:
-        """Outputs with so many sides."""
+        """Outputs with so many dimensions."""
         return tuple(output for output in self.outputs if len(output.shape) == rank)
 
     @property
@@ -72,10 +72,10 @@ class Face:
         return None
 
 
-def face_of(path: Path, session: Any) -> Face:
-    """The face of a file that onnxruntime has opened."""
+def read_signature(path: Path, session: Any) -> OnnxSignature:
+    """The signature of a file that onnxruntime has opened."""
     metadata = dict(session.get_modelmeta().custom_metadata_map)
-    return Face(path, _tensors(session.get_inputs()), _tensors(session.get_outputs()), metadata)
+    return OnnxSignature(path, _tensors(session.get_inputs()), _tensors(session.get_outputs()), metadata)
 
 
 def _tensors(nodes: Sequence[Any]) -> tuple[Tensor, ...]:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import ModelError
-from savmap.vision.networks.adapter import Sight
-from savmap.vision.networks.instances import Instance, put_together
+from savmap.vision.networks.adapter import Segmentation
+from savmap.vision.networks.instances import Instance, merged
 from savmap.vision.networks.letterbox import WHITE, letterboxed, planes
 from savmap.vision.networks.session import Run
-from savmap.vision.networks.signature import Face, Tensor
+from savmap.vision.networks.signature import OnnxSignature, Tensor
 
 KIND = "YOLO-seg"
 LAYOUT = "YOLO-seg (output0 (1, 4 + classes + m, n), output1 (1, m, h/4, w/4))"
@@ -27,7 +27,7 @@ LEAST_SCORE, MOST_OVERLAP, MOST_FOUND = 0.25, 0.7, 300
 """As ultralytics predicts unless told otherwise."""
 USUAL_SIZE = (640, 640)
 
-Floats = NDArray[np.float32]
+Singles = NDArray[np.float32]
 
 
 class Yolo:
@@ -35,49 +35,49 @@ class Yolo:
 
     kind = KIND
 
-    def __init__(self, face: Face, run: Run) -> None:
-        rows, prototypes = _outputs(face)
-        self._path, self._run = face.path, run
-        self._numbers = face.outputs.index(rows), face.outputs.index(prototypes)
+    def __init__(self, signature: OnnxSignature, run: Run) -> None:
+        rows, prototypes = _outputs(signature)
+        self._path, self._run = signature.path, run
+        self._numbers = signature.outputs.index(rows), signature.outputs.index(prototypes)
         self._masks = prototypes.shape[1] or 32
-        self._complete = _is_complete(rows, self._masks, face.names)
-        self.names = face.names or _numbered(face, rows, self._masks)
-        self.input_size = face.input_size or _size_in_metadata(face)
+        self._complete = _is_complete(rows, self._masks, signature.names)
+        self.names = signature.names or _numbered(signature, rows, self._masks)
+        self.input_size = signature.input_size or _size_in_metadata(signature)
         channels = 6 + self._masks if self._complete else 4 + len(self.names) + self._masks
-        found = rows.shape[2 if self._complete else 1]
-        if found not in (None, channels):
+        given = rows.shape[2 if self._complete else 1]
+        if given not in (None, channels):
             raise ModelError(
-                f"{face.path}: {len(self.names)} classes and {self._masks} masks make {channels} numbers a box, "
-                f"but {rows} has {found}; export the network again"
+                f"{signature.path}: {len(self.names)} classes and {self._masks} masks make {channels} numbers a box, "
+                f"but {rows} has {given}; export the network again"
             )
 
-    def see(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Sight:
-        """Instances of the classes asked for, put together."""
+    def predict(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Segmentation:
+        """The instances of the classes, merged."""
         picture, fit = letterboxed(image, self.input_size)
         outputs = self._run(planes(picture) / WHITE)
         rows, prototypes = (outputs[number][0].astype(np.float32) for number in self._numbers)
-        boxes, scores, kinds, coefficients = _ends(rows) if self._complete else self._found(rows)
+        boxes, scores, kinds, coefficients = _ends(rows) if self._complete else self._suppressed(rows)
         sure = np.flatnonzero(scores >= LEAST_SCORE)
         self._require_named(kinds[sure])
-        chosen = [one for one in sure.tolist() if labels[kinds[one]] is not None][:MOST_FOUND]
+        chosen = [box for box in sure.tolist() if labels[kinds[box]] is not None][:MOST_FOUND]
         cell = self.input_size[0] / prototypes.shape[2]
         windows = fit.window(boxes[chosen].astype(np.float64), cell)
         logits = np.tensordot(coefficients[chosen], prototypes, 1)
-        found = [
-            Instance(str(labels[kinds[one]]), float(scores[one]), logit, window)
-            for one, logit, window in zip(chosen, logits, windows, strict=True)
+        instances = [
+            Instance(str(labels[kinds[box]]), float(scores[box]), logit, window)
+            for box, logit, window in zip(chosen, logits, windows, strict=True)
         ]
-        return put_together(found, classes, fit)
+        return merged(instances, classes, fit)
 
     def _require_named(self, kinds: NDArray[np.int64]) -> None:
-        """Raises ModelError for numbers of classes that the metadata does not name."""
+        """Raise ModelError for numbers of classes that the metadata does not name."""
         unknown = kinds[(kinds < 0) | (kinds >= len(self.names))]
         if unknown.size:
             raise ModelError(f"{self._path}: gives class {unknown[0]}, but its metadata names {len(self.names)} from 0")
 
-    def _found(self, rows: Floats) -> tuple[Floats, Floats, NDArray[np.int64], Floats]:
-        """Boxes by their corners (k, 4), scores, numbers of classes and coefficients of what is found, the surest first, each once
-        (non-maximum suppression by class)."""
+    def _suppressed(self, rows: Singles) -> tuple[Singles, Singles, NDArray[np.int64], Singles]:
+        """Boxes by their corners (k, 4), scores, numbers of classes and coefficients, the surest first, after non-maximum suppression
+        by class."""
         count = len(self.names)
         columns = rows.T
         kinds = columns[:, 4 : 4 + count].argmax(axis=1)
@@ -94,25 +94,29 @@ class Yolo:
         )
         chosen = np.asarray(kept, np.int64).reshape(-1)
         boxes = np.asarray(np.hstack([corners, corners + sizes])[chosen], np.float32)
-        own = likely[chosen]
-        return boxes, scores[own], kinds[own], columns[own, 4 + count :]
+        rows_kept = likely[chosen]
+        return boxes, scores[rows_kept], kinds[rows_kept], columns[rows_kept, 4 + count :]
 
 
-def recognises(face: Face) -> bool:
+def accepts(signature: OnnxSignature) -> bool:
     """Whether a file has the inputs and outputs of this kind, and says nothing else of its task."""
-    if not face.takes_picture or len(face.outputs) != 2 or face.metadata.get("task", "segment") != "segment":
+    if (
+        not signature.takes_picture
+        or len(signature.outputs) != 2
+        or signature.metadata.get("task", "segment") != "segment"
+    ):
         return False
-    if len(face.of_rank(3)) != 1 or len(face.of_rank(4)) != 1:
+    if len(signature.of_rank(3)) != 1 or len(signature.of_rank(4)) != 1:
         return False
-    rows, prototypes = _outputs(face)
+    rows, prototypes = _outputs(signature)
     channels = prototypes.shape[1]
-    if channels is None or rows.shape[1] is None or _is_complete(rows, channels, face.names):
-        return "names" in face.metadata
+    if channels is None or rows.shape[1] is None or _is_complete(rows, channels, signature.names):
+        return "names" in signature.metadata
     return rows.shape[1] > 4 + channels
 
 
-def _outputs(face: Face) -> tuple[Tensor, Tensor]:
-    return face.of_rank(3)[0], face.of_rank(4)[0]
+def _outputs(signature: OnnxSignature) -> tuple[Tensor, Tensor]:
+    return signature.of_rank(3)[0], signature.of_rank(4)[0]
 
 
 def _is_complete(rows: Tensor, masks: int, names: Sequence[str] | None) -> bool:
@@ -120,22 +124,22 @@ def _is_complete(rows: Tensor, masks: int, names: Sequence[str] | None) -> bool:
     return rows.shape[2] == 6 + masks and rows.shape[1] != 4 + len(names or ()) + masks
 
 
-def _numbered(face: Face, rows: Tensor, masks: int) -> tuple[str, ...]:
+def _numbered(signature: OnnxSignature, rows: Tensor, masks: int) -> tuple[str, ...]:
     if rows.shape[1] is None:
-        raise ModelError(f"{face.path}: its metadata has no `names`; export the network again")
+        raise ModelError(f"{signature.path}: its metadata has no `names`; export the network again")
     return tuple(map(str, range(rows.shape[1] - 4 - masks)))
 
 
-def _size_in_metadata(face: Face) -> tuple[int, int]:
+def _size_in_metadata(signature: OnnxSignature) -> tuple[int, int]:
     """Width and height that a network without a fixed size was made for: `imgsz`, [height, width] or one number for both."""
     try:
-        given = ast.literal_eval(face.metadata["imgsz"])
+        given = ast.literal_eval(signature.metadata["imgsz"])
         height, width = (given, given) if isinstance(given, int) else map(int, given)
     except (KeyError, ValueError, SyntaxError, TypeError):
         return USUAL_SIZE
     return (width, height) if width > 0 and height > 0 else USUAL_SIZE
 
 
-def _ends(rows: Floats) -> tuple[Floats, Floats, NDArray[np.int64], Floats]:
-    """Boxes, scores, numbers of classes and coefficients where double boxes were left out by the network itself."""
+def _ends(rows: Singles) -> tuple[Singles, Singles, NDArray[np.int64], Singles]:
+    """The same of a network that leaves out double boxes itself."""
     return rows[:, :4], rows[:, 4], rows[:, 5].astype(np.int64), rows[:, 6:]

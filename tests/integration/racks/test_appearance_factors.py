@@ -3,6 +3,7 @@
 import gtsam
 import made_up_rack as made
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfect_maps import Row, structures_of, surveyed_row
-from savmap.report.plots import write_face_view
 
+from savmap.report.picture import write_row_view
 from savmap.types import FrameTable, RowMap, Trajectory
 from savmap_shelves.drawing import draw
 from savmap_shelves.evaluation import evaluate
@@ -44,7 +44,7 @@ def test_a_picture_of_it(surveyed: Row, tmp_path: Path) -> None:
     structures = structures_of(surveyed)
     trajectory = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, trajectory, {"shelves": tuple(structures)}, ())
-    write_face_view(draw(structures, surveyed, {}), row, tmp_path / "face.png")
+    write_row_view(row, draw(structures, surveyed, {}), "face", tmp_path / "face.png")
     assert (tmp_path / "face.png").stat().st_size > 10_000
 
 

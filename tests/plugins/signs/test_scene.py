@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from savmap.sim.raycast import corners as face_corners
-from savmap.sim.surfaces import surfaces_of
 
-from savmap.sim.scene import SceneError, parse_scene
+from savmap.sim.random_scene import random_scene
+from savmap.sim.render.raycast import corners as face_corners
+from savmap.sim.render.surfaces import surfaces_of
 from savmap.sim.scene.build import build
-from savmap.types.scenes import FACES, Box, Face, Material
+from savmap.sim.scene.files import parse_scene
+from savmap.types.scenes import FACES, Box, Face, Material, SceneError
 from savmap_signs.simulation.scene import Plate, corners
 
 
@@ -48,3 +49,17 @@ def test_a_print_is_the_right_way_up_on_its_face(face: Face, size: tuple[float, 
 def test_a_row_that_is_not_placed_is_told() -> None:
     with pytest.raises(SceneError, match="does not place a row Q"):
         build(parse_scene(scene(row="Q")))
+
+
+def test_random_signs_hang_on_what_stands_there() -> None:
+    built = build(random_scene(12, ["signs"]))
+    plates = built.scene.structures["signs"]["plates"]
+    assert random_scene(12, ["signs"]).structures["signs"]["plates"] == plates
+    fronts = built.site.fronts["A"]
+    on_rack = [plate for plate in plates if plate.get("row") == "A" and plate.get("facing", "+z") == "+z"]
+    assert on_rack
+    for plate in on_rack:
+        x, y, z = plate["at"]
+        held = [f for f in fronts if f.low[0] <= x <= f.high[0] and f.low[1] <= y <= f.high[1]]
+        assert held
+        assert z > max(front.high[2] for front in held) - 0.001

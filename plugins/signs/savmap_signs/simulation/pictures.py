@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from savmap.errors import ending_in_one_line
@@ -19,6 +18,7 @@ from savmap.sim.drive.views import CameraSample, sample_camera
 from savmap.sim.random_scene import classes_of, random_scene
 from savmap.sim.render.shade import Image, Mask, Renderer, renderer
 from savmap.sim.scene.build import build
+from savmap.vision.regions import connected_regions
 
 PLUGIN, NAME = "signs", "sign"
 VIEWS_A_SCENE = 10
@@ -60,10 +60,10 @@ def _camera(scene: Renderer, rng: np.random.Generator) -> CameraSample:
 
 def _judged(mask: Mask, value: int) -> Mask:
     """The mask with signs of fewer than `LEAST_PX` pixels left unjudged."""
-    _, numbers, stats, _ = cv2.connectedComponentsWithStats((mask == value).astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < LEAST_PX
+    regions = connected_regions((mask == value).astype(np.uint8))
+    small = regions.areas < LEAST_PX
     small[0] = False
-    return np.where(small[numbers], IGNORED, mask).astype(np.uint8)
+    return np.where(small[regions.labels], IGNORED, mask).astype(np.uint8)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

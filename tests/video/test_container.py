@@ -6,7 +6,7 @@ import pytest
 from av.codec.hwaccel import HWAccel
 
 from savmap.errors import VideoError
-from savmap.video import decode
+from savmap.video import container
 from savmap.video.reader import Clip, panoramas
 
 from .made_up_video import evenly, write_video
@@ -25,14 +25,14 @@ BUILT_WITH = ["cuda", "vaapi", "drm", "qsv"]
     ],
 )
 def test_what_is_tried(wish: str, names: list[str]) -> None:
-    assert decode.candidates(wish, BUILT_WITH) == names
+    assert container.candidates(wish, BUILT_WITH) == names
 
 
 @pytest.fixture
 def tried(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    monkeypatch.setattr(decode, "_FOUND", {})
-    monkeypatch.setattr(decode, "hwdevices_available", lambda: BUILT_WITH)
-    monkeypatch.delenv(decode.VARIABLE, raising=False)
+    monkeypatch.setattr(container, "_WORKING", {})
+    monkeypatch.setattr(container, "hwdevices_available", lambda: BUILT_WITH)
+    monkeypatch.delenv(container.HARDWARE_VARIABLE, raising=False)
     return []
 
 
@@ -43,7 +43,7 @@ def test_the_first_that_decodes_is_taken_and_asked_once(tried: list[object]) -> 
             raise PermissionError("no such device")
         return len(tried) == 3
 
-    found = [decode.accelerator("hevc", decodes) for _ in range(2)]
+    found = [container.accelerator("hevc", decodes) for _ in range(2)]
     assert len(tried) == 3
     assert all(isinstance(one, HWAccel) for one in found)
     assert found[0] is not found[1]
@@ -57,14 +57,14 @@ def test_without_one_the_processor_decodes(tried: list[object], error: Exception
             raise error
         return False
 
-    assert decode.accelerator("hevc", decodes) is None
-    assert decode.accelerator("hevc", decodes) is None
+    assert container.accelerator("hevc", decodes) is None
+    assert container.accelerator("hevc", decodes) is None
     assert len(tried) == 3
 
 
 def test_off_touches_no_device(tried: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(decode.VARIABLE, "off")
-    assert decode.accelerator("hevc", lambda device: True) is None
+    monkeypatch.setenv(container.HARDWARE_VARIABLE, "off")
+    assert container.accelerator("hevc", lambda device: True) is None
 
 
 def test_large_video_comes_out_the_same_on_a_machine_without_a_device(
@@ -73,8 +73,8 @@ def test_large_video_comes_out_the_same_on_a_machine_without_a_device(
     """Devices are really tried here: those that FFmpeg knows and this machine lacks."""
     path = write_video(tmp_path / "a.mp4", evenly(6, 15))
     plain = [panorama.image for panorama in panoramas(Clip(path))]
-    monkeypatch.setattr(decode, "LARGE_PIXELS", 100)
-    monkeypatch.setattr(decode, "_FOUND", {})
+    monkeypatch.setattr(container, "LARGE_PIXELS", 100)
+    monkeypatch.setattr(container, "_WORKING", {})
     again = [panorama.image for panorama in panoramas(Clip(path))]
-    assert decode._FOUND
+    assert container._WORKING
     assert all((one == other).all() for one, other in zip(plain, again, strict=True))

@@ -1,4 +1,4 @@
-"""Frames as planes of luma and colour show what the same frames show in RGB."""
+"""Decoding: frames as planes show what the same frames show in RGB; frames at chosen times cost few others."""
 
 from pathlib import Path
 
@@ -8,7 +8,9 @@ import pytest
 from av.video.reformatter import VideoReformatter
 
 from savmap.types import FilmedPanorama, Planes
-from savmap.video.decode import picture_of, rgb_from_yuv
+from savmap.video.clip import DecodeReport
+from savmap.video.container import exact_key_times, probe_file
+from savmap.video.decode import frames_from, picture_of, rgb_from_yuv
 from savmap.video.reader import Clip, panoramas, preview_frames
 
 from .made_up_video import evenly, picture, write_video
@@ -92,3 +94,34 @@ def test_shrunk_key_frames_stay_planes(tmp_path: Path) -> None:
     path = write_video(tmp_path / "a.mp4", evenly(60, 30))
     keys, _ = preview_frames(Clip(path), keys=3, pairs=1, max_height=60)
     assert all(isinstance(key, FilmedPanorama) and key.planes.blue.shape == (16, 32) for key in keys)
+
+
+def plain_video(path: Path, b_frames: int = 0) -> Path:
+    """Two hundred frames, a key frame every ten."""
+    coding = f"log-level=none:keyint=10:min-keyint=10:scenecut=0:bframes={b_frames}"
+    return write_video(path, evenly(200, 30), "libx265", options={"x265-params": coding})
+
+
+def test_frames_at_key_frames_cost_one_each(tmp_path: Path) -> None:
+    info, report = probe_file(plain_video(tmp_path / "a.mp4")), DecodeReport()
+    keys = exact_key_times(info)
+    np.testing.assert_allclose(keys, np.arange(20) / 3, atol=1e-3)
+    found = [next(frames)[0] for frames in frames_from(info, keys[[2, 5, 6]].tolist(), report=report)]
+    assert found == keys[[2, 5, 6]].tolist()
+    assert report.decoded == 3
+
+
+def test_no_frame_is_decoded_twice(tmp_path: Path) -> None:
+    info, report = probe_file(plain_video(tmp_path / "a.mp4")), DecodeReport()
+    wanted = [0.1, 0.15, 0.3, 4.0]
+    found = [next(frames)[0] for frames in frames_from(info, wanted, margin_s=0, report=report)]
+    assert found == pytest.approx([0.1, 5 / 30, 0.3, 4.0], abs=1e-3)
+    assert report.decoded == 10 + 1
+
+
+def test_with_b_frames_the_first_frame_in_time_is_found(tmp_path: Path) -> None:
+    info = probe_file(plain_video(tmp_path / "a.mp4", b_frames=3))
+    assert not len(exact_key_times(info))
+    wanted = [1 / 3, 61 / 30, 121 / 30]
+    found = [next(frames)[0] for frames in frames_from(info, wanted)]
+    assert found == pytest.approx(wanted, abs=1e-3)

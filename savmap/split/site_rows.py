@@ -1,4 +1,4 @@
-"""Passes as rows of a site file, for a person to confirm: a new file, or rows added to one that is there."""
+"""Passes as rows of a site file, for a person to confirm: a new file, or rows added to an existing one."""
 
 import json
 import os
@@ -11,8 +11,8 @@ import yaml
 from savmap.errors import OutputError, SiteError
 from savmap.files.atomic import read_text, write_text
 from savmap.site.load import load_site
-from savmap.split.records import PassFound
-from savmap.split.sheet import clock
+from savmap.split.contact_sheet import clock
+from savmap.split.records import DetectedPass
 
 _STEM = "pass"
 _HEAD = """\
@@ -27,18 +27,18 @@ version: 1
 
 
 def check_new(path: Path) -> None:
-    """Raises OutputError where there is a file already."""
+    """Raise OutputError where the file exists already."""
     if path.exists():
-        raise OutputError(f"{path}: is there already; add the rows to it with --into, or give another name with -o")
+        raise OutputError(f"{path}: already exists; add the rows to it with --into, or give another name with -o")
 
 
-def new_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
-    """Write a site file with a row for each side of each pass. Raises OutputError where there is a file already."""
+def new_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None:
+    """Write a site file with a row for each side of each pass. Raises OutputError where the file exists already."""
     check_new(path)
     write_text(path, _HEAD.format(video=video.name) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  "))
 
 
-def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
+def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None:
     """Add the rows to the end of a site file's `rows`, and leave every other byte as it is.
 
     Raises SiteError where the file is not a site file, or has its rows within braces.
@@ -62,7 +62,7 @@ def add_to_site(passes: Sequence[PassFound], video: Path, path: Path) -> None:
 
 
 def _after(text: str, node: yaml.Node) -> int:
-    """The index in the text of the line after the last one that a node stands on."""
+    """The index in the text at which the line after a node begins."""
     while isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         node = last[1] if isinstance(last, tuple) else last
@@ -71,23 +71,23 @@ def _after(text: str, node: yaml.Node) -> int:
 
 
 def _past_comments(text: str, at: int, indent: str) -> int:
-    """The index after the comments from `at` on that belong to the last row, for they stand further in than its name."""
+    """The index after the comments from `at` on that belong to the last row: they are indented further than its name."""
     found = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
     return found.end() if found else at
 
 
-def _rows(passes: Sequence[PassFound], video: str, first: int, indent: str) -> str:
+def _rows(passes: Sequence[DetectedPass], video: str, first: int, indent: str) -> str:
     lines = []
-    for number, one in enumerate(passes, start=first):
-        span = f"{clock(one.start_s)} to {clock(one.end_s)}"
-        lines.append(f"# pass {number}: {span}, heading {one.heading_deg:+.0f} degrees against the first pass, confidence {one.confidence:.2f}")  # fmt: skip
-        for side in one.sides:
+    for number, detected in enumerate(passes, start=first):
+        span = f"{clock(detected.start_s)} to {clock(detected.end_s)}"
+        lines.append(f"# pass {number}: {span}, heading {detected.heading_deg:+.0f} degrees against the first pass, confidence {detected.confidence:.2f}")  # fmt: skip
+        for side in detected.sides:
             lines += [
                 f"{_STEM}-{number}-{side}:",
                 "  passes:",
                 f"    - video: {json.dumps(video, ensure_ascii=False)}",
-                f"      start_s: {one.start_s:.2f}",
-                f"      end_s: {one.end_s:.2f}",
+                f"      start_s: {detected.start_s:.2f}",
+                f"      end_s: {detected.end_s:.2f}",
                 f"      side: {side}",
             ]
     return "".join(f"{indent}{line}\n" for line in lines)

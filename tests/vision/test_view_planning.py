@@ -34,7 +34,7 @@ def pass_preview(yaw: float, pitch: float, roll: float, step: float = 0.07) -> P
     rig = turned(yaw, pitch, roll)
     keys = [hall(x, rig, i) for i, x in enumerate(places)]
     pairs = [(keys[i], hall(places[i] + step, rig, i)) for i in (1, 3)]
-    return PassPreview.look(keys, pairs)
+    return PassPreview.of_frames(keys, pairs)
 
 
 def redness(spec: ViewSpec, panorama: Panorama) -> float:
@@ -185,4 +185,4 @@ def test_overview_has_a_tile_a_view_and_frame() -> None:
 
 def test_no_building_in_a_blank_picture() -> None:
     with pytest.raises(StructureError, match="no building directions"):
-        PassPreview.look([Panorama(0, 0.0, np.full((256, 512, 3), 90, np.uint8))])
+        PassPreview.of_frames([Panorama(0, 0.0, np.full((256, 512, 3), 90, np.uint8))])

@@ -10,7 +10,7 @@ import pytest
 from savmap.geometry import pinhole, sphere
 from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
 from savmap.video.decode import rgb_from_yuv
-from savmap.vision.views import KEPT_TABLES, Coarser, Region, Renderer
+from savmap.vision.views import KEPT_TABLES, Region, RegionPyramid, Renderer
 
 VIEWS = [
     ViewSpec("ahead", 0, hfov_deg=90),
@@ -54,12 +54,12 @@ def test_view_is_what_the_directions_look_like(spec: ViewSpec, height: int, larg
 def test_coarser_regions_are_what_the_panorama_gives(second: Region) -> None:
     """Whether they lie inside the last one or not, over the seam."""
     image = np.random.default_rng(3).integers(0, 256, (64, 128), dtype=np.uint8)
-    coarser = Coarser(image)
+    coarser = RegionPyramid(image)
     for region, halvings in ((Region(4, 60, 96, 60), 1), (second, 2)):
         turned = np.roll(image, -region.left, axis=1)[region.top : region.bottom, : region.width]
         for _ in range(halvings):
             turned = cv2.resize(turned, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        assert np.array_equal(coarser.part(region, halvings), turned)
+        assert np.array_equal(coarser.region(region, halvings), turned)
 
 
 @pytest.mark.parametrize("spec", [view for view in VIEWS if view.roll_deg == 0], ids=lambda spec: spec.name)

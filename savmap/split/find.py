@@ -1,0 +1,103 @@
+"""From a recording to its passes, a site file with a row for each side of each pass, and a contact sheet."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from savmap.errors import StructureError, VideoError
+from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps, write_picture
+from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
+from savmap.split.motion import Motion, motion_of
+from savmap.split.passes import find_passes
+from savmap.split.records import DetectedPass, SplitResult, SplitSettings
+from savmap.split.site_rows import add_to_site, check_new, new_site
+from savmap.types.progress import Monitor, SilentMonitor
+from savmap.video.clip import DecodeReport, VideoInfo
+from savmap.video.reader import probe
+
+DEFAULTS = SplitSettings()
+
+
+def split(
+    recording: Path,
+    output: Path = Path("site.yaml"),
+    into: Path | None = None,
+    sheet: Path | None = None,
+    settings: SplitSettings = DEFAULTS,
+    monitor: Monitor | None = None,
+) -> SplitResult:
+    """Find a recording's passes, and write them into a new site file, or into an existing one (`into`), with a contact sheet.
+
+    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found, SiteError and OutputError for
+    files that are in the way or cannot be written.
+    """
+    if into is None:
+        check_new(output)
+    if sheet is not None:
+        check_picture(sheet)
+    result = find(recording, settings, monitor)
+    if into is None:
+        new_site(result.passes, recording, output)
+    else:
+        add_to_site(result.passes, recording, into)
+    if sheet is not None:
+        stamps = [stamp for detected in result.passes for stamp in picture_stamps(detected)]
+        pictures = pictures_at(probe(recording), stamps, THUMB_WIDTH)
+        write_picture(contact_sheet(result.passes, pictures, result.stamps_s, result.travel_deg), sheet)
+    return result
+
+
+def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor | None = None) -> SplitResult:
+    """The passes of a recording: sampled coarsely, then more finely where passes begin and end.
+
+    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found.
+    """
+    info = probe(recording)
+    if info.codec == "images":
+        raise VideoError(f"{recording}: is a folder of pictures; only a video is split into passes")
+    report, monitor = DecodeReport(), monitor or SilentMonitor()
+    motions = _motions(info, coarse_stamps(info, settings.every_s), settings, report, monitor, "looking for passes")
+    if len(motions) < 2:
+        raise VideoError(
+            f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged"
+        )
+    coarse = find_passes(motions, settings)
+    closer = _closer_stamps(coarse.passes, motions, settings)
+    motions += _motions(info, closer, settings, report, monitor, "looking closer at their ends")
+    result = find_passes(_in_order(motions), settings)
+    if not result.passes:
+        raise StructureError(
+            f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more with "
+            "structure close beside it; is it a drive through aisles, in equirectangular video?"
+        )
+    share = report.decoded / max(info.duration_s * info.rate_fps, 1.0)
+    return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, decoded_share=share)
+
+
+def _motions(
+    info: VideoInfo,
+    stamps_s: list[float],
+    settings: SplitSettings,
+    report: DecodeReport,
+    monitor: Monitor,
+    doing: str,
+) -> list[Motion]:
+    pairs = frame_pairs(info, stamps_s, settings, report)
+    return [motion_of(pair) for pair in monitor.each(pairs, doing, len(stamps_s))]
+
+
+def _closer_stamps(passes: tuple[DetectedPass, ...], motions: list[Motion], settings: SplitSettings) -> list[float]:
+    """Times around the passes' ends, between the samples there."""
+    ends = [end for detected in passes for end in (detected.start_s, detected.end_s)]
+    stamps = [motion.stamp_s for motion in motions]
+    wanted = set[float]()
+    for before, after in pairwise(stamps):
+        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
+            parts = round((after - before) / settings.closer_s)
+            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
+    return sorted(wanted)
+
+
+def _in_order(motions: list[Motion]) -> list[Motion]:
+    """Sorted by time, each time once."""
+    return [motion for _, motion in sorted({motion.stamp_s: motion for motion in motions}.items())]

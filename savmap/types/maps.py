@@ -1,0 +1,153 @@
+"""Records of maps: structures, rows, and rows in the frame of their site."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from savmap.types.common import Axis, Floats, Ints, array_record, require
+from savmap.types.pictures import ViewSpec
+from savmap.types.rows import FrameTable, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Structure:
+    """A mapped structure: vertices (n, 3) m in the row's frame with covariances (n, 3, 3) m^2 and labels (n), and edges (m, 2),
+    pairs of vertex numbers from 0."""
+
+    id: str
+    label: str
+    vertices: Floats
+    covariances: Floats
+    vertex_labels: tuple[str, ...]
+    edges: Ints
+    attributes: Mapping[str, float | int | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices)
+        require(
+            self.vertices.shape == (count, 3) and self.covariances.shape == (count, 3, 3),
+            self,
+            "vertices (n, 3), covariances (n, 3, 3)",
+        )
+        require(len(self.vertex_labels) == count, self, "vertices and vertex_labels differ in number")
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class CrossRowLandmark:
+    """A point of a structure that another row may have mapped too.
+
+    `id` is the structure's. Landmarks of one `kind` look alike, so that one may be taken for another. `place` (3,) m in the row's
+    frame has `covariance` (3, 3) m^2. `axes` are those of the row along which both rows see the landmark in the same place.
+    `behind_m`: only rows back to back share the landmark, with faces no further apart than that; None: any rows may.
+    """
+
+    id: str
+    kind: str
+    place: Floats
+    covariance: Floats
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    behind_m: float | None = None
+
+    def __post_init__(self) -> None:
+        require(self.place.shape == (3,) and self.covariance.shape == (3, 3), self, "place (3,), covariance (3, 3)")
+        require(bool(self.axes), self, "at least one axis is needed")
+
+
+@dataclass(frozen=True)
+class ReferenceUse:
+    """A reference as the solve used it: its name, the given value, its standard deviation and the solved value, all in `unit`."""
+
+    name: str
+    value: float
+    sigma: float
+    solved: float
+    unit: str = "m"
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class RowMap:
+    """The map of one row: frames, views by name, trajectory, structures by plugin, references, and figures for the report."""
+
+    name: str
+    frames: FrameTable
+    views: Mapping[str, ViewSpec]
+    trajectory: Trajectory
+    structures: Mapping[str, tuple[Structure, ...]]
+    references: tuple[ReferenceUse, ...]
+    report: Mapping[str, float | int | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Placement:
+    """Where a row stands in the site's frame (y up, metres): its origin at (x, 0, z), its x axis turned by `heading_deg` about y,
+    counter-clockwise as seen from above. `covariance` (3, 3) of x m, z m and heading in degrees."""
+
+    x_m: float
+    z_m: float
+    heading_deg: float
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")
+
+    @property
+    def site_from_row(self) -> Floats:
+        """Transform (4, 4)."""
+        turn = np.deg2rad(self.heading_deg)
+        cos, sin = np.cos(turn), np.sin(turn)
+        transform: Floats = np.array([[cos, 0, sin, self.x_m], [0, 1, 0, 0], [-sin, 0, cos, self.z_m], [0, 0, 0, 1]])
+        return transform
+
+    def points(self, points: Floats) -> Floats:
+        """Points (n, 3) of the row in the site's frame."""
+        transform = self.site_from_row
+        moved: Floats = points @ transform[:3, :3].T + transform[:3, 3]
+        return moved
+
+    def covariances(self, points: Floats, covariances: Floats) -> Floats:
+        """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame; the placement's own covariance is added."""
+        turn = self.site_from_row[:3, :3]
+        arm = points @ turn.T
+        slopes = np.zeros((len(points), 3, 3))
+        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        whole: Floats = turn @ covariances @ turn.T + slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
+        return whole
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class CrossRowMatch:
+    """A structure, or a stretch of frames, that two rows have in common, by its id in either row.
+
+    `residual_m` (3,) is b's place less a's in the site's frame, once the rows are placed; `sigma_m` (3,) is its standard
+    deviation. Both are NaN along axes that the match does not measure.
+    """
+
+    row_a: str
+    row_b: str
+    id_a: str
+    id_b: str
+    residual_m: Floats
+    sigma_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class SiteMap:
+    """The map of a site.
+
+    `rows`: the mapped rows by name. `made_by`: versions of software and models. `failed`: rows that could not be mapped, and why.
+    `placements`: where rows stand in the site's frame, as far as that is known. `matches`: what neighbouring rows have in common.
+    """
+
+    rows: Mapping[str, RowMap]
+    made_by: Mapping[str, str]
+    failed: Mapping[str, str] = field(default_factory=dict)
+    placements: Mapping[str, Placement] = field(default_factory=dict)
+    matches: tuple[CrossRowMatch, ...] = ()
