@@ -13,6 +13,7 @@ from savmap.site.schema import schema_text
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SOURCES = ("savmap", "plugins", "tests", "bench", "docs", "examples")
 GENERATED = {ROOT / "docs/reference/settings.md", ROOT / "docs/reference/command-line.md"}
 
 
@@ -53,6 +54,13 @@ def test_links_to_files_hold(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
         path = (page.parent / target).resolve()
         assert path in GENERATED or path.exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_modules_named_in_pages_exist(page: Path) -> None:
+    files = [path.as_posix() for top in SOURCES for path in (ROOT / top).rglob("*.py")]
+    for name in re.findall(r"`([\w./-]+\.py)`", page.read_text(encoding="utf-8")):
+        assert any(path.endswith(f"/{name}") for path in files), name
 
 
 def test_pictures_are_small() -> None:
