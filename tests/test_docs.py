@@ -6,10 +6,12 @@ import re
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 from savmap.cli.app import COMMANDS
 from savmap.site.schema import schema_text
+from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -47,6 +49,17 @@ def test_command_line_page_names_every_command(generated: ModuleType) -> None:
     for name in (*COMMANDS, "plugin new"):
         assert f"## savmap {name}\n" in page
     assert "--camera-height" in page
+
+
+def test_python_page_reads_records_as_they_are() -> None:
+    vertex = Structure("post 1", "post", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64))
+    path = Trajectory(np.arange(1), np.eye(4)[None])
+    row = RowMap("1", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"shelves": (vertex,)}, ())
+    names = {"site_map": SiteMap({"1": row}, {}), "np": np}
+    page = (ROOT / "docs" / "python-api.md").read_text(encoding="utf-8").split("## What comes back")[1]
+    for block in page.split("\n## ")[0].split("```python\n")[1:]:
+        exec(block.split("```")[0], names)
+    assert names["sigmas_m"] == pytest.approx(np.ones((1, 3)))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
