@@ -20,8 +20,8 @@ from observed_rows import Mapped, given, made, mapped, tracked
 from savmap.files.atomic import write_text
 from savmap.graph import Calibration, Shutter, Stitching
 from savmap.report.evaluation import mean_absolute_error
+from savmap.sim.drive.optics import Optics
 from savmap.sim.observations import MaskErrors
-from savmap.sim.optics import Optics
 from savmap.types import Floats, pool
 
 ROOT = Path(__file__).parent.parent

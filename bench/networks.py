@@ -29,7 +29,7 @@ from savmap.report.evaluation import mean_absolute_error
 from savmap.report.site_report import evaluation_of, plugins_of_map
 from savmap.site.job import job_for
 from savmap.site.overrides import overrides_of
-from savmap.train.dataset import IGNORE, read_dataset
+from savmap.train.data.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure, pool
 from savmap.vision.networks.segmenter import Segmenter
 

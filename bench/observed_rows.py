@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from savmap.sim.optics import Optics
 
 from savmap.graph import (
     Calibration,
@@ -24,9 +23,10 @@ from savmap.graph import (
 )
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.row import Row
+from savmap.pipeline.records import RowRequest
 from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.observations import MaskErrors, observe
+from savmap.sim.drive.optics import Optics
+from savmap.sim.observations import MaskErrors
 from savmap.sim.scene.build import Built, build
 from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
@@ -35,7 +35,7 @@ from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.bias import BiasSettings
 from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
-from savmap_shelves.simulation.observed import observed_features
+from savmap_shelves.simulation.observed import observe, observed_features
 from savmap_shelves.tracking import track_structures
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)
@@ -165,7 +165,7 @@ def start_of(one: Made, known: Given, truth: bool = False) -> Trajectory:
     if truth:
         return Trajectory(np.arange(len(one.path.origins)), true_poses(one))
     travel = float(np.ptp(one.path.origins[:, 0]))
-    return initial_path(Row("A", (), known.references, round(travel, 0)), one.seen)
+    return initial_path(RowRequest("A", (), (), known.references, round(travel, 0)), one.seen)
 
 
 def true_poses(one: Made) -> Floats:

@@ -14,13 +14,12 @@ from typing import Any
 
 import yaml
 
+import savmap
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
-from savmap.jobs import run
-from savmap.jobs.scheduler import RunOptions
+from savmap.report.evaluation import as_json
 from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
-from savmap.site.job import job_for
 
 ROOT = Path(__file__).parent.parent
 
@@ -47,9 +46,8 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     """Map a site and score it; an error counts as everything missing and is named."""
     start = time.perf_counter()
     try:
-        list(run.run(job_for(site, None, output), RunOptions(fresh=True)))
-        evaluation = run.evaluate_files(output / "map.json", site.with_name("survey.json"))
-        figures = json.loads(run.scores_json(evaluation))
+        site_map = savmap.map_site(site, output=output)
+        figures = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
         figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "lights") if key in figures}
     except SavmapError as error:
         figures = {"error": str(error)}
