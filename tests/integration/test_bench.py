@@ -33,6 +33,7 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     assert set(observed.METHODS) == {"ours", "published"}
 
 
+@pytest.mark.slow
 def test_what_is_off_about_a_camera_is_found() -> None:
     import calibration
 

@@ -23,6 +23,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+@pytest.mark.slow
 def test_recovers_truth() -> None:
     world = made.world(0)
     solution = made.solved(world)
@@ -127,6 +128,7 @@ def test_variables_are_eliminated_along_the_aisle(small: made.World) -> None:
     assert keys[-1] == ORIGIN
 
 
+@pytest.mark.slow
 def test_the_same_twice(small: made.World) -> None:
     first, second = made.solved(small), made.solved(small)
     assert np.array_equal(first.trajectory.world_from_rig, second.trajectory.world_from_rig)
