@@ -25,7 +25,8 @@ REACH_M = 10.0
 OFF_SIGMA = 4.0
 BACK_DEG, LEAST_DEPTH_M, MOST_UNSURE_M = 10.0, 0.2, 0.8
 
-FindLandmarks = Callable[[str, Sequence[Structure]], Sequence[CrossRowLandmark]]
+FindLandmarks = Callable[[str, str, Sequence[Structure]], Sequence[CrossRowLandmark]]
+"""A plugin's `cross_row_landmarks` hook, by row, plugin and the plugin's structures in that row."""
 Landmarks = Mapping[str, Sequence[CrossRowLandmark]]
 """A row's landmarks by plugin and kind."""
 
@@ -47,8 +48,8 @@ def assembled(
 ) -> Assembly:
     """The site map with its rows placed.
 
-    `priors`: placements from the site file. `recordings`: the recording that the times of a row's pass belong to. `find_landmarks`: a
-    plugin's `shared` hook, by the plugin's name. `square_deg`: how far rows may turn from a common grid of right angles, or None. A
+    `priors`: placements from the site file. `recordings`: the recording that the times of a row's pass belong to. `find_landmarks`: asks a
+    plugin of one row. `square_deg`: how far rows may turn from a common grid of right angles, or None. A
     row without a prior that has nothing in common with another row is not placed. Raises PluginError for a plugin that fails.
     """
     rows = site_map.rows
@@ -94,7 +95,7 @@ def landmarks_of(row: RowMap, find_landmarks: FindLandmarks) -> dict[str, list[C
     """A row's landmarks by plugin and kind."""
     landmarks: dict[str, list[CrossRowLandmark]] = {}
     for plugin, structures in row.structures.items():
-        for landmark in find_landmarks(plugin, structures):
+        for landmark in find_landmarks(row.name, plugin, structures):
             landmarks.setdefault(f"{plugin} {landmark.kind}", []).append(landmark)
     return landmarks
 

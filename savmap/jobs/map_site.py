@@ -86,13 +86,12 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
 def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
     """The map with its rows placed in the site's frame where something tells, and a line for each thing the user should know."""
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
-    row = next(iter(plugins))
     try:
         result = assembled(
             site_map,
             placements(job.site),
             footage,
-            lambda plugin, structures: plugins[row][plugin].shared(structures=structures),
+            lambda row, plugin, structures: plugins[row][plugin].shared(structures=structures),
         )
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)

@@ -1,13 +1,17 @@
 """Records of maps: structures, rows, and rows in the frame of their site."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from savmap.types.common import Axis, Floats, Ints, array_record, require
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,3 +155,25 @@ class SiteMap:
     failed: Mapping[str, str] = field(default_factory=dict)
     placements: Mapping[str, Placement] = field(default_factory=dict)
     matches: tuple[CrossRowMatch, ...] = ()
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and
+        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, and the structure's attributes."""
+        import pandas  # slow to import
+
+        return pandas.DataFrame(list(self._vertices()))
+
+    def _vertices(self) -> Iterator[dict[str, object]]:
+        for row in self.rows.values():
+            for plugin, structures in row.structures.items():
+                for structure in structures:
+                    yield from _vertex_lines(row.name, plugin, structure)
+
+
+def _vertex_lines(row: str, plugin: str, structure: Structure) -> Iterator[dict[str, object]]:
+    whole = {"row": row, "plugin": plugin, "structure": structure.id, "label": structure.label}
+    vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True)
+    for label, position, covariance in vertices:
+        place = dict(zip(("x_m", "y_m", "z_m"), position.tolist(), strict=True))
+        sigmas = dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        yield {**whole, "vertex": label, **place, **sigmas, **structure.attributes}

@@ -100,7 +100,7 @@ def row(
     )
 
 
-def ask(plugin: str, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
+def ask(row: str, plugin: str, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Lamps are shared whole, uprights along x with the other face of the rack."""
     return [
         CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0])

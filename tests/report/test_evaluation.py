@@ -60,7 +60,7 @@ def test_nothing_matched_gives_nulls_not_zeros() -> None:
 def test_rows_are_asked_of_the_plugins_that_mapped_them() -> None:
     asked = []
 
-    def ask(plugin: str, structures: Sequence[Structure], surveyed: Mapping[str, Any]) -> Score:
+    def ask(row: str, plugin: str, structures: Sequence[Structure], surveyed: Mapping[str, Any]) -> Score:
         asked.append((plugin, surveyed["n"]))
         return score([0.01]) if plugin == "one" else Score()
 

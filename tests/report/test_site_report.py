@@ -60,7 +60,7 @@ def survey(tmp_path: Path, name: str) -> Path:
 
 def test_whatever_is_drawn_of_a_structure_has_its_name(site: SiteMap) -> None:
     row = site.rows["A"]
-    drawn = drawings_of(row, plugins_of_map(site), None, {})
+    drawn = drawings_of(row, plugins_of_map(site)["A"], None, {})
     assert {own.name for own in drawn} == {"upright 1", "upright 2", "light 1"}
 
 
@@ -83,7 +83,7 @@ class AskedPlugin:
 def test_plugins_score_and_draw_a_row_once(site: SiteMap) -> None:
     asked: list[tuple[str, str]] = []
     plugins: Any = {name: AskedPlugin(name, asked) for name in ("shelves", "lights")}
-    report = report_for(site, plugins, Survey({"A": {}}))
+    report = report_for(site, {"A": plugins}, Survey({"A": {}}))
     page_text(report)
     assert sorted(asked) == [(name, hook) for name in ("lights", "shelves") for hook in ("draw", "evaluate")]
     assert report.evaluation is not None
