@@ -41,7 +41,7 @@ def moved(site_map: SiteMap, row: str, thing: str, by: tuple[float, float, float
     return replace(site_map, rows={**site_map.rows, row: replace(own, structures={"made up": tuple(found)})})
 
 
-def test_a_camera_path_that_two_rows_share_places_one_across_the_aisle() -> None:
+def test_shared_camera_path_places_the_row_across_the_aisle() -> None:
     site_map = site(1, np.random.default_rng(1))
     found = assembled(site_map, {}, one_drive_an_aisle(list(site_map.rows)), ask).site_map
     assert off(found.placements["1L"], Placement(0, 0, 0, np.eye(3))) == pytest.approx([0, 0, 0], abs=1e-6)
@@ -52,7 +52,7 @@ def test_a_camera_path_that_two_rows_share_places_one_across_the_aisle() -> None
     assert np.abs(found.matches[1].residual_m).max() < 0.2
 
 
-def test_frames_sampled_at_other_times_of_the_same_recording_tie_too() -> None:
+def test_frames_of_one_recording_at_other_times_tie_rows() -> None:
     site_map = site(1, np.random.default_rng(2), noise=Noise(path=0.0))
     own = site_map.rows["1R"]
     keep = np.arange(30)
@@ -88,7 +88,7 @@ def test_a_regular_site_comes_out_square() -> None:
     assert np.abs(sides).max() < 0.03
 
 
-def test_without_right_angles_rows_keep_the_headings_they_were_given() -> None:
+def test_rows_without_right_angles_keep_their_headings() -> None:
     rng = np.random.default_rng(3)
     site_map = site(3, rng)
     known = {
@@ -147,7 +147,7 @@ def test_a_lamp_that_is_another_one_is_left_out_and_named() -> None:
     )
 
 
-def test_a_match_that_does_not_fit_the_others_is_left_out_and_named() -> None:
+def test_match_that_does_not_fit_is_left_out_and_named() -> None:
     """Where headings are hardly known, lamps at the row's end may be far from where they should be, until the row is placed."""
     rng = np.random.default_rng(7)
     site_map = moved(site(1, rng), "1R", "lamp 7", (0.0, 0.0, 0.6))
@@ -186,7 +186,7 @@ def test_a_row_that_nothing_ties_stays_without_a_place() -> None:
     assert list(site_lines(alone)) == []
 
 
-def test_a_place_that_was_given_wrongly_is_named_and_bends_no_other_aisle() -> None:
+def test_wrong_place_is_named_and_bends_no_other_aisle() -> None:
     rng = np.random.default_rng(10)
     site_map = site(3, rng)
     known = priors(truth(3), rng, sigma_m=0.05, sigma_deg=0.1)
@@ -207,7 +207,7 @@ def test_what_is_known_exactly_is_no_trouble() -> None:
     assert off(found.site_map.placements["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=1e-6)
 
 
-def test_rows_without_anything_in_them_keep_the_places_they_were_given() -> None:
+def test_empty_rows_keep_their_given_places() -> None:
     site_map = site(1, np.random.default_rng(13))
     empty = {
         name: replace(

@@ -25,6 +25,7 @@ def test_what_is_a_url_and_what_is_not() -> None:
         where("nosuch://a")
 
 
+@pytest.mark.slow
 def test_a_map_from_url_to_url_is_that_from_path_to_path(tmp_path: Path) -> None:
     clip = upath.UPath("memory://footage/aisle.mp4")
     clip.write_bytes((EXAMPLE / "aisle-dev.mp4").read_bytes())

@@ -21,7 +21,7 @@ def exact(slope: list[float], at_zero: list[float], variance: float = 0.01) -> L
     return Lines(zero, np.array(slope), np.array(at_zero), zero, same, zero, zero + 100, zero + 100)
 
 
-def test_without_outliers_it_is_the_least_squares_line_of_the_paper() -> None:
+def test_line_without_outliers_is_the_least_squares_line() -> None:
     u, v = points(0.12, 40.0, noise=0.05)
     line = line_of(u, v)
     slope, at_zero = np.linalg.lstsq(np.stack([u, np.ones_like(u)], -1), v, rcond=None)[0]

@@ -13,7 +13,7 @@ def turned(*degrees: float) -> np.ndarray:
     return Rotation.from_euler("y", np.array(degrees)[:, None], degrees=True).as_matrix()
 
 
-def test_rotations_are_interpolated_on_the_sphere_and_held_outside() -> None:
+def test_rotations_are_interpolated_on_the_sphere() -> None:
     found = rotations_at(np.array([0.0, 3.0, 4.5, 9.0]), KNOWN, turned(0, 90, 120))
     np.testing.assert_allclose(found, turned(0, 45, 105, 120), atol=1e-12)
 

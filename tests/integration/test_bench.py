@@ -33,6 +33,7 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     assert set(observed.METHODS) == {"ours", "published"}
 
 
+@pytest.mark.slow
 def test_what_is_off_about_a_camera_is_found() -> None:
     import calibration
 
@@ -43,6 +44,7 @@ def test_what_is_off_about_a_camera_is_found() -> None:
     assert calibration.line("both", found).startswith("both")
 
 
+@pytest.mark.slow
 def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.CaptureFixture[str]) -> None:
     import site46
     from site_rows import Task

@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 from savmap.cli.app import app
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 

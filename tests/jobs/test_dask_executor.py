@@ -17,7 +17,7 @@ from savmap.types.progress import SilentMonitor
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 distributed = pytest.importorskip("distributed")
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 
 def dask(*arguments: str) -> "subprocess.Popen[bytes]":

@@ -12,9 +12,7 @@ from savmap.types import SiteMap
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
-def test_a_plugin_that_fails_at_the_end_costs_the_rows_places_alone(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_plugin_failing_in_assembly_costs_only_the_places(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fails(*_: object) -> None:
         raise PluginError("plugin `things` failed in `shared`")
 

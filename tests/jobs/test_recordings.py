@@ -8,7 +8,7 @@ from savmap.pipeline.measure import recordings
 from savmap.site.model import Pass
 
 
-def test_passes_of_one_video_are_one_recording_at_any_rate_and_folders_at_one_rate(tmp_path: Path) -> None:
+def test_passes_of_one_video_are_one_recording(tmp_path: Path) -> None:
     video, folder = tmp_path / "aisle.mp4", tmp_path / "pictures"
     folder.mkdir()
     passes = [

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 KILLS = 5
 
@@ -58,7 +60,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_killed_at_any_moment_and_run_again_it_gives_the_same_map(undisturbed: Path, tmp_path: Path) -> None:
+def test_a_killed_run_repeated_gives_the_same_map(undisturbed: Path, tmp_path: Path) -> None:
     moments = random.Random(7)
     path = site(tmp_path)
     for _ in range(KILLS):

@@ -30,7 +30,7 @@ def site() -> SiteMap:
 
 
 @pytest.mark.parametrize("name", ["A21-03", "a21-03", "plate 1"])
-def test_a_thing_is_found_by_what_is_written_on_it_and_by_its_id(site: SiteMap, name: str) -> None:
+def test_structure_is_found_by_its_text_and_by_its_id(site: SiteMap, name: str) -> None:
     assert list(map(str, find_structures(site, name))) == [
         'row A, plate 1 "A21-03", section 3: x 2.000, y 1.800, z 0.000 m (+- 1 mm); in the site x 12.000, y 1.800, z 1.000 m'
     ]

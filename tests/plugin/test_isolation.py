@@ -22,6 +22,8 @@ from savmap.report.site_report import plugins_of_map
 from savmap.site.job import job_for
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
+pytestmark = pytest.mark.slow
+
 IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
 AFTERWARDS = ("evaluate", "draw")
 FRAMES = 8

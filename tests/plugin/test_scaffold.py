@@ -46,6 +46,7 @@ def test_everything_bears_its_name_and_nothing_that_of_the_template(project: Pat
     assert "your choice" in (project / "pyproject.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_its_tests_pass_as_written(project: Path, tmp_path: Path) -> None:
     """With an entry point as pip would write it; .ci/wheels does the same with real wheels."""
     facts = tmp_path / "savmap_lamp_posts-0.1.0.dist-info"

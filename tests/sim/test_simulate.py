@@ -134,6 +134,7 @@ def test_numbers_that_a_data_set_cannot_have(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_data_set_is_labelled_and_repeats(tmp_path: Path, scene_with: Callable[..., Scene]) -> None:
     for name in ("a", "b"):
         write(tmp_path / name, 4, 1, "row", scene_of=lambda seed: scene_with(seed=seed))

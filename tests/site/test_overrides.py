@@ -46,7 +46,7 @@ def test_options_set_keys_that_are_there_and_new_ones(tmp_path: Path) -> None:
     assert found.joint is False
 
 
-def test_values_are_yaml_null_takes_away_and_names_with_dots_are_quoted(tmp_path: Path) -> None:
+def test_values_are_yaml_and_null_removes_a_key(tmp_path: Path) -> None:
     found = site(
         tmp_path, 'rows."b.1".place={x_m: 1, z_m: 2, heading_deg: 180}', "plugins.shelves.threshold=null", "rows.A="
     )

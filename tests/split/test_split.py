@@ -19,6 +19,8 @@ from savmap.split.frame_pairs import FramePair, sample_stamps
 from savmap.split.motion import motion_of
 from savmap.split.passes import find_passes
 
+pytestmark = pytest.mark.slow
+
 ONE = DetectedPass(12.5, 70.25, 180.0, 40.0, ("left",), 0.9, 0.0)
 
 
@@ -79,7 +81,7 @@ def test_the_way_along_the_rows_ends_is_no_pass() -> None:
     assert [one.heading_deg for one in found] == [0.0, 180.0]
 
 
-def test_a_cart_that_stands_or_crosses_an_empty_hall_has_no_pass() -> None:
+def test_cart_that_stands_or_crosses_a_hall_has_no_pass() -> None:
     hall = block((-30, 30), (-30, 30), 0.6)
     assert not looked(hall, cart([(0, 0), (0.2, 0)], stops=[(0.1, 20.0)])).passes
     assert len(looked(hall, cart([(-8, 0), (8, 0)])).passes) <= 1
@@ -115,7 +117,7 @@ def test_the_site_file_holds_the_passes_and_is_not_overwritten(woven: Woven, tmp
 
 
 @pytest.mark.parametrize("ending", ["", "\n", "\n\n# the end\n", "\njoint: false\n"])
-def test_rows_are_added_to_a_site_file_that_is_otherwise_left_alone(tmp_path: Path, ending: str) -> None:
+def test_rows_are_added_and_the_site_file_is_else_unchanged(tmp_path: Path, ending: str) -> None:
     from savmap.split.site_rows import add_to_site
 
     path = tmp_path / "site.yaml"

@@ -115,6 +115,7 @@ def test_options_of_fine_tuning_need_a_network(tmp_path: Path, monkeypatch: pyte
         train(plan)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
 class TestWithTorch:
     @pytest.fixture(autouse=True)

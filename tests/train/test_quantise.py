@@ -15,6 +15,8 @@ from savmap.video.reader import Clip, panoramas
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.views import Renderer
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parent.parent.parent
 CLIP = ROOT / "examples" / "aisle-dev" / "aisle-dev.mp4"
 FACE, CEILING = ViewSpec("face", yaw_deg=-80.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 89.0, hfov_deg=110.0)

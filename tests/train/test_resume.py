@@ -18,6 +18,7 @@ from savmap.train.plan import TrainingPlan
 from .conftest import MODELS
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning"),
     pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="the extra `train` is not installed"),
 ]

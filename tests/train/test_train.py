@@ -27,6 +27,7 @@ def test_importing_does_not_import_torch() -> None:
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
+@pytest.mark.slow
 class TestWithTorch:
     @pytest.fixture(autouse=True)
     def _needs_torch(self) -> None:

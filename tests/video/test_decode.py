@@ -70,7 +70,7 @@ def test_other_frames_come_as_rgb(name: str, space: int) -> None:
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_the_matrix_takes_black_white_and_primaries_where_they_belong(full: bool) -> None:
+def test_matrix_converts_black_white_and_primaries(full: bool) -> None:
     matrix = rgb_from_yuv(0.2126, 0.0722, full)
     low, high, half = (0, 255, 127.5) if full else (16, 235, 112)
     assert matrix @ [low, 128, 128, 1] == pytest.approx([0, 0, 0], abs=1e-6)

@@ -82,7 +82,7 @@ def test_one_frame_is_found_by_scouting(tmp_path: Path) -> None:
     assert (len(keys), len(pairs)) == (1, 0)
 
 
-def test_what_follows_a_damaged_frame_is_skipped_up_to_the_next_key_frame(tmp_path: Path) -> None:
+def test_damage_skips_frames_up_to_the_next_key_frame(tmp_path: Path) -> None:
     path = broken.put(tmp_path, "a.mp4", broken.base("libx264", "mp4"))
     data = bytearray(path.read_bytes())
     at = data.index(b"mdat") + 4

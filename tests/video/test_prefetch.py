@@ -13,7 +13,7 @@ def makers() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "savmap-ahead"]
 
 
-def test_items_come_in_order_and_a_generator_runs_in_one_other_thread() -> None:
+def test_items_come_in_order_from_one_other_thread() -> None:
     threads = set()
 
     def numbers() -> Iterator[int]:

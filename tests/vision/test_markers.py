@@ -31,6 +31,7 @@ def seen(yaw_deg: float, pitch_deg: float, frames: int = 17) -> tuple[MarkerTrac
     return tracker.marks, truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("yaw_deg", "pitch_deg"), [(100.0, 0.0), (180.0, -45.0), (-30.0, 25.0)])
 def test_corners_are_found_without_bias(yaw_deg: float, pitch_deg: float) -> None:
     marks, truth = seen(yaw_deg, pitch_deg)

@@ -31,7 +31,7 @@ def bars(*boxes: tuple[int, int, int, int], shape: tuple[int, int] = (60, 80)) -
     return mask
 
 
-def test_a_bridge_between_two_bars_is_taken_out_and_no_region_has_to_do_with_both() -> None:
+def test_bridge_between_two_bars_is_removed() -> None:
     mask = bars((10, 15, 0, 80), (40, 45, 0, 80), (10, 45, 30, 45))
     runs, region = separated(mask.view(np.uint8), 5, 3.0)
     assert runs.thickness.max() == 5
@@ -77,7 +77,7 @@ def test_borders_are_where_the_probability_is_a_half() -> None:
         np.testing.assert_allclose(seen_lower, lower, atol=1e-5)
 
 
-def test_borders_at_the_pictures_border_are_unknown_and_without_a_crossing_the_masks_own() -> None:
+def test_borders_at_the_pictures_border_are_unknown() -> None:
     mask = bars((0, 6, 0, 5), (30, 40, 10, 20), shape=(40, 20))
     upper, lower = border_points(runs_of(mask.view(np.uint8)), mask.astype(np.float32))
     np.testing.assert_allclose(upper, [np.nan] * 5 + [29.5] * 10)

@@ -91,7 +91,7 @@ def test_the_float_network_runs_on_cuda(model: Path) -> None:
     assert (network.provider, network.path.name, network.note) == ("cuda", "m.onnx", "")
 
 
-def test_a_provider_that_raises_gives_way_to_the_processor_and_to_its_file(model: Path) -> None:
+def test_provider_that_raises_is_replaced_by_the_processor(model: Path) -> None:
     Fake.start = [CPU]
     network = open_network(model, 1, ("cuda",), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
@@ -116,7 +116,7 @@ def test_the_next_one_asked_for_takes_over_and_is_what_runs(model: Path, silent:
     assert network.note.endswith("; it runs on cuda")
 
 
-def test_one_that_is_missing_and_one_that_does_not_start_are_both_told(model: Path) -> None:
+def test_missing_and_failing_providers_are_both_reported(model: Path) -> None:
     Fake.start, Fake.silent = [CPU], True
     network = open_network(model, 1, ("openvino", "cuda"), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")

@@ -142,7 +142,7 @@ def test_of_two_lines_as_likely_none_is_taken() -> None:
     assert not found[0]
 
 
-def test_a_faint_edge_is_found_where_noise_hides_it_in_every_piece() -> None:
+def test_faint_edge_is_found_although_noise_hides_each_piece() -> None:
     strips = [replace(strip, bright=0.135) for strip in STRIPS]
     lines, found = measured(photographed(filled(strips, 0.1), noise=3.0), SPEC, edges_of(strips, off=0.4))
     assert found.mean() > 0.6

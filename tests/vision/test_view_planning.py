@@ -63,6 +63,7 @@ def degrees_between(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(Rotation.from_matrix(a.T @ b).magnitude()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", TURNS, ids=str)
 def test_face_is_found_whichever_way_the_camera_is_turned(turn: tuple[float, float, float]) -> None:
     face = choose_face(pass_preview(*turn), redness)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import gtsam
 import made_up_rack as made
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -140,6 +141,7 @@ def flows_of(poses: Floats) -> list[Flow]:
     return found
 
 
+@pytest.mark.slow
 def test_points_steady_the_camera_where_structures_say_little() -> None:
     world = made.world(11, sections=3, frames=60, noise_px=1.5, misses=0.2, bridge=None)
     problem = made.problem(world, made.begin(world))

@@ -66,6 +66,7 @@ def test_believed_masks_make_widths_too_large(wide: made.World) -> None:
     assert mapped(wide, published(wide.rack.lowest), published_way=True)[0] > 0.02
 
 
+@pytest.mark.slow
 def test_sigmas_allow_for_a_bias_that_is_not_estimated(wide: made.World) -> None:
     plain, considered = (
         mapped(wide, GridSettings(wide.rack.lowest, bias=bias)) for bias in (NO_BIAS, BiasSettings(0.5, 0.25, 0.25))

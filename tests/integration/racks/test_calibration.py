@@ -65,6 +65,7 @@ def error(world: made.World, solution: Solution) -> float:
     return float(np.abs(np.concatenate([x, y])).mean())
 
 
+@pytest.mark.slow
 def test_halves_turned_against_one_another_are_found(small: made.World) -> None:
     spoilt = stitched(small)
     plain = solved(spoilt, None)

@@ -16,6 +16,8 @@ from savmap.graph.joint.shared_measurements import shared_measurements
 from savmap.graph.keys import frame_key
 from savmap.types import Track
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 30
 SAME = [range(FRAMES)] * 2
 OTHER = [range(FRAMES), range(100, 100 + FRAMES)]

@@ -10,6 +10,8 @@ from savmap.errors import SiteError, SolveError
 from savmap.graph import Problem, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def four() -> made.World:

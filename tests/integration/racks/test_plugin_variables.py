@@ -110,6 +110,7 @@ def test_a_variable_that_nothing_binds_is_refused() -> None:
         Constraints("things", {}, image_measurements((), {}, {}), (), {}, variables={THING: gtsam.Pose2()})
 
 
+@pytest.mark.slow
 def test_rows_solved_together_keep_their_own_variables() -> None:
     a, b = two_faces.faces(4)
     of_a, of_b = two_faces.problems(a, b)

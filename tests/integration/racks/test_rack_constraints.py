@@ -47,6 +47,7 @@ def test_no_grid_is_an_error(small: made.World) -> None:
         constrain(uprights, small.facts, made.begin(small))
 
 
+@pytest.mark.slow
 def test_beams_may_stand_back(small: made.World) -> None:
     """Beams 1 cm behind the uprights: on one plane (as published) their heights are stretched, else it is found out."""
     set_back = made.world(8, sections=3, frames=40, bridge=1, setback_m=0.01)

@@ -23,6 +23,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+@pytest.mark.slow
 def test_recovers_truth() -> None:
     world = made.world(0)
     solution = made.solved(world)
@@ -35,6 +36,7 @@ def test_recovers_truth() -> None:
     assert solution.warnings == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "published"])
 @pytest.mark.parametrize(("speed", "height", "distance"), [(1.3, 0.3, 1.3), (0.7, -0.3, 0.7)])
 def test_poor_start(small: made.World, kind: str, speed: float, height: float, distance: float) -> None:
@@ -54,6 +56,7 @@ def test_linear_start_is_the_better_one(small: made.World) -> None:
     assert linear < 0.1 < published
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, 0.1])
 def test_outliers_are_found(share: float) -> None:
     world = made.world(7, frames=60, outliers=share)
@@ -65,6 +68,7 @@ def test_outliers_are_found(share: float) -> None:
     assert len(solution.rejected) == solution.report["rejected"]
 
 
+@pytest.mark.slow
 def test_sigmas_are_honest() -> None:
     """Normalised errors over several racks, the references being off by their own sigmas too."""
     off: dict[int, list[np.ndarray]] = {0: [], 1: []}
@@ -124,6 +128,7 @@ def test_variables_are_eliminated_along_the_aisle(small: made.World) -> None:
     assert keys[-1] == ORIGIN
 
 
+@pytest.mark.slow
 def test_the_same_twice(small: made.World) -> None:
     first, second = made.solved(small), made.solved(small)
     assert np.array_equal(first.trajectory.world_from_rig, second.trajectory.world_from_rig)

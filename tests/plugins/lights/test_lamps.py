@@ -139,6 +139,7 @@ def test_lamps_seen_in_every_third_frame_are_as_well_supported() -> None:
         track_lamps(features, facts(), path())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frames", "given", "every"), [(0, None, 1), (199, None, 1), (250, None, 2), (771, None, 4), (771, 1, 1)]
 )

@@ -56,6 +56,7 @@ def test_read_gives_nothing_without_the_extra_and_notes_it(monkeypatch: pytest.M
     assert "pip install 'savmap[signs]'" in str(reading.missing_packages_note())
 
 
+@pytest.mark.slow
 @READS
 def test_read_reads_a_sign_in_a_panorama() -> None:
     from savmap.geometry.pinhole import project

@@ -8,6 +8,7 @@ from rack_pictures import HEIGHT, WIDTH, Camera, Picture, Rack
 from savmap_shelves.boundaries import extract_features
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("levels", LEVELS)
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_clean_masks_give_every_edge_within_a_third_of_a_pixel(camera: str, levels: str) -> None:

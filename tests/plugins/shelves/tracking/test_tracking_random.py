@@ -7,6 +7,8 @@ from tracking_truth import counted, shares
 
 from savmap_shelves.tracking import track_structures
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("seed", range(20))
 def test_random_short_rows_are_counted_exactly(seed: int) -> None:

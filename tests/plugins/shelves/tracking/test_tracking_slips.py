@@ -10,6 +10,8 @@ from tracking_truth import counted, shares
 from savmap.types import Feature
 from savmap_shelves.tracking import track_structures
 
+pytestmark = pytest.mark.slow
+
 ONE = synth.Pass(rate=4, speed=0.9, distance=1.7)
 
 
