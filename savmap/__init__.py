@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from savmap.jobs.api import evaluate, export, load_map, map_site, map_video
     from savmap.maps.map_file import write_map
     from savmap.plugin.hookspecs import hookimpl
+    from savmap.plugin.protocol import Plugin
     from savmap.types import (
         CrossRowLandmark,
         Detection,
@@ -48,6 +49,7 @@ __all__ = [
     "Monitor",
     "Panorama",
     "Placement",
+    "Plugin",
     "ReferenceUse",
     "RowFacts",
     "RowMap",
@@ -74,6 +76,7 @@ _MODULES = {
     "Monitor": "savmap.types.progress",
     "write_map": "savmap.maps.map_file",
     "hookimpl": "savmap.plugin.hookspecs",
+    "Plugin": "savmap.plugin.protocol",
     **dict.fromkeys(("evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
 }
 
