@@ -29,6 +29,7 @@ AFTERWARDS = ("evaluate", "draw")
 FRAMES = 8
 PLUGINS = '''
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 import numpy as np
@@ -67,6 +68,10 @@ class Good:
             raise RuntimeError("oh")
         if self.config.fails_in == f"{hook} by exit":
             raise SystemExit(0)
+        if self.config.fails_in == f"{hook} by ending the process":
+            os._exit(0)
+        if self.config.fails_in == f"{hook} by sleeping":
+            time.sleep(600)
 
     @hookimpl
     def render_views(self, pass_preview, predict):
@@ -268,6 +273,42 @@ def test_a_row_is_mapped_without_a_plugin_that_exits_or_answers_nan(
     assert f"plugin `bad` {says}" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
     with pytest.raises(PluginFailedError, match=f"plugin `bad` {says}"):
         mapped(site(place, tmp_path, "fail", how), tmp_path / "fail")
+
+
+ENDS = [
+    ("track by ending the process", "plugin `bad` ended the process in `track`"),
+    ("extract_features by ending the process", "plugin `bad` ended the process in `extract_features`"),
+    ("describe by sleeping", "plugin `bad` did not return from `describe` within 3 s (plugin_timeout_s)"),
+]
+
+
+def limited(path: Path) -> Path:
+    """The site file with a short limit for hooks."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**content, "plugin_timeout_s": 3}), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("how", "says"), ENDS)
+def test_hook_that_ends_its_process_is_skipped(place: Path, tmp_path: Path, how: str, says: str) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
+        mapped(limited(site(place, tmp_path, "skip", how)), out, jobs=1)
+    assert structures(out, "A", "bad") == []
+    assert len(structures(out, "A", "good")) == 12
+    assert says in (out / "savmap.log").read_text(encoding="utf-8")
+    assert json.loads((out / "run.json").read_text(encoding="utf-8"))["rows"]["A"]["plugins_failed"] == {"bad": says}
+
+
+@pytest.mark.parametrize(("how", "says"), ENDS)
+def test_hook_that_ends_its_process_fails_its_row(place: Path, tmp_path: Path, how: str, says: str) -> None:
+    path = limited(site(place, tmp_path, "fail", how, rows="AB"))
+    with pytest.raises(RowsFailedError) as caught:
+        mapped(path, tmp_path / "out", jobs=2)
+    assert caught.value.exit_code == 10
+    site_map = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
+    assert site_map["failed"] == {"A": says}
+    assert list(site_map["rows"]) == ["B"]
 
 
 def test_structures_stay_where_only_their_relations_fail(place: Path, tmp_path: Path) -> None:
