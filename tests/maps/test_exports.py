@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.cli import tools
+from savmap.cli.commands.results import export
 from savmap.errors import OutputError, PluginError, SiteError
 from savmap.maps.map_file import write_map
 from savmap.plugin import manager
@@ -40,9 +40,12 @@ def two(tmp_path: Path) -> Path:
     return tmp_path / "two.json"
 
 
-def test_ply_has_vertices_edges_and_a_colour_for_each_label(one: Path, tmp_path: Path) -> None:
+def test_ply_has_vertices_edges_and_a_colour_for_each_label(
+    one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "new" / "map.ply"
-    assert list(tools.export(one, "ply", path)) == [f"wrote {path}"]
+    export(one, "ply", path)
+    assert capsys.readouterr().out == f"wrote {path}\n"
     head, body = path.read_text(encoding="ascii").split("end_header\n")
     assert head.startswith("ply\nformat ascii 1.0\n")
     assert "element vertex 6\n" in head
@@ -54,7 +57,7 @@ def test_ply_has_vertices_edges_and_a_colour_for_each_label(one: Path, tmp_path:
 
 
 def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
-    list(tools.export(two, "csv", tmp_path / "map.csv"))
+    export(two, "csv", tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     assert len(lines) == 12
@@ -66,11 +69,11 @@ def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
 
 def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"rows A, B have no place in the site's; choose with --row"):
-        list(tools.export(two, "ply", tmp_path / "map.ply"))
-    list(tools.export(two, "ply", tmp_path / "map.ply", row="B"))
+        export(two, "ply", tmp_path / "map.ply")
+    export(two, "ply", tmp_path / "map.ply", row="B")
     assert "row B" in (tmp_path / "map.ply").read_text(encoding="ascii")
     with pytest.raises(SiteError, match="--row C"):
-        list(tools.export(two, "ply", tmp_path / "map.ply", row="C"))
+        export(two, "ply", tmp_path / "map.ply", row="C")
 
 
 def placed_site(tmp_path: Path, *names: str) -> Path:
@@ -86,7 +89,7 @@ def placed_site(tmp_path: Path, *names: str) -> Path:
 
 def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) -> None:
     site = placed_site(tmp_path, "A", "B")
-    list(tools.export(site, "csv", tmp_path / "map.csv"))
+    export(site, "csv", tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         lines = [line for line in csv.DictReader(file) if line["structure"] == "bar 1"]
     first, other = lines[2], lines[5]
@@ -95,7 +98,7 @@ def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) ->
     assert [float(first[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.1005, 0.01, 0.2002], abs=1e-4)
     assert [float(other[f"{axis}_m"]) for axis in "xyz"] == pytest.approx([6, 7, 5])
     assert [float(other[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.5001, 0.01, 0.6001], abs=1e-4)
-    list(tools.export(site, "ply", tmp_path / "map.ply"))
+    export(site, "ply", tmp_path / "map.ply")
     head, body = (tmp_path / "map.ply").read_text(encoding="ascii").split("end_header\n")
     assert "comment savmap site, rows A, B, metres\n" in head
     assert "element vertex 12\n" in head
@@ -105,19 +108,19 @@ def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) ->
 
 def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
     site = placed_site(tmp_path, "A")
-    list(tools.export(site, "csv", tmp_path / "map.csv"))
+    export(site, "csv", tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         frames = {(line["row"], line["frame"]) for line in csv.DictReader(file)}
     assert frames == {("A", "site"), ("B", "row")}
     with pytest.raises(OutputError, match="rows B have no place"):
-        list(tools.export(site, "ply", tmp_path / "map.ply"))
-    list(tools.export(site, "ply", tmp_path / "map.ply", row="B"))
+        export(site, "ply", tmp_path / "map.ply")
+    export(site, "ply", tmp_path / "map.ply", row="B")
     assert "row B, metres" in (tmp_path / "map.ply").read_text(encoding="ascii")
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="format obj: known formats are csv, ply"):
-        list(tools.export(one, "obj", tmp_path / "map.obj"))
+        export(one, "obj", tmp_path / "map.obj")
 
 
 def test_a_plugins_format_is_written_whole_or_not_at_all(
@@ -137,9 +140,9 @@ def test_a_plugins_format_is_written_whole_or_not_at_all(
     monkeypatch.setattr(manager.load_class("lights"), "exporters", hookimpl(formats), raising=False)
     before = set(tmp_path.iterdir())
     with pytest.raises(PluginError, match="exporter `half` failed: ValueError: no more"):
-        list(tools.export(one, "half", tmp_path / "map.half"))
+        export(one, "half", tmp_path / "map.half")
     assert set(tmp_path.iterdir()) == before
-    list(tools.export(one, "csv", tmp_path / "map.csv"))
+    export(one, "csv", tmp_path / "map.csv")
     assert (tmp_path / "map.csv").read_text(encoding="utf-8") == "fine"
     with pytest.raises(OutputError, match="cannot be written"):
-        list(tools.export(one, "csv", one / "map.csv"))
+        export(one, "csv", one / "map.csv")

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from savmap.cli import tools
+from savmap.cli.commands.installation import plugin_lines, schema_of
+from savmap.cli.commands.results import export
 from savmap.errors import PluginError, SiteError
 from savmap.maps.map_file import write_map
 from savmap.plugin import manager
@@ -42,7 +43,7 @@ def broken(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_it_is_listed_with_the_reason_beside_the_others(broken: str) -> None:
-    lines = list(tools.plugin_lines())
+    lines = list(plugin_lines())
     (line,) = [line for line in lines if line.startswith("  broken ")]
     assert REASONS[broken] in line
     assert {"shelves", "lights", "signs", broken} <= {line.split()[0] for line in lines if not line.startswith(" ")}
@@ -50,15 +51,15 @@ def test_it_is_listed_with_the_reason_beside_the_others(broken: str) -> None:
 
 def test_maps_are_exported_and_an_unknown_format_names_it(broken: str, tmp_path: Path) -> None:
     write_map(SiteMap({}, {}), tmp_path / "map.json")
-    list(tools.export(tmp_path / "map.json", "csv", tmp_path / "map.csv"))
+    export(tmp_path / "map.json", "csv", tmp_path / "map.csv")
     assert (tmp_path / "map.csv").is_file()
     with pytest.raises(SiteError, match=r"known formats are csv, .*ply") as caught:
-        list(tools.export(tmp_path / "map.json", "obj", tmp_path / "map.obj"))
+        export(tmp_path / "map.json", "obj", tmp_path / "map.obj")
     assert REASONS[broken] in str(caught.value)
 
 
 def test_the_schema_of_site_files_has_the_others(broken: str) -> None:
-    settings = json.loads(tools.schema("site"))["properties"]["plugins"]["properties"]
+    settings = json.loads(schema_of("site"))["properties"]["plugins"]["properties"]
     assert "shelves" in settings
     assert broken not in settings
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from savmap.cli import tools
+from savmap.cli.commands.installation import schema_of
 from savmap.site.layout import placements
 from savmap.site.load import read_draft, site_of
 from savmap.site.preflight import settings_problems
@@ -30,8 +30,8 @@ def test_the_published_schema_is_current() -> None:
 
 
 def test_the_command_prints_both() -> None:
-    assert json.loads(tools.schema("site"))["title"] == "savmap site file"
-    assert "RowEntry" in json.loads(tools.schema("map"))["$defs"]
+    assert json.loads(schema_of("site"))["title"] == "savmap site file"
+    assert "RowEntry" in json.loads(schema_of("map"))["$defs"]
 
 
 def test_the_example_is_valid() -> None:

@@ -1,6 +1,7 @@
-"""Commands about maps that are made: scores, report, other formats, where a thing is."""
+"""Commands about maps that are made: scores, report, other formats, where a structure is."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -46,18 +47,28 @@ def export(
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:
     """Write a map in another format."""
-    from savmap.cli import tools
+    from savmap.errors import SiteError
+    from savmap.maps.exports import export_map
+    from savmap.maps.map_file import read_map
+    from savmap.plugin.manager import exporters, load_installed
 
-    for line in tools.export(map_file, name, output, row):
-        typer.echo(line)
+    site_map = read_map(map_file)
+    if row is not None:
+        if row not in site_map.rows:
+            raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
+        site_map = replace(site_map, rows={row: site_map.rows[row]})
+    broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
+    export_map(site_map, name, output, exporters(), broken)
+    typer.echo(f"wrote {output}")
 
 
 def find(
     name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
 ) -> None:
-    """Say where in a map a thing is."""
-    from savmap.cli import tools
+    """Say where in a map a structure is."""
+    from savmap.maps.map_file import read_map
+    from savmap.maps.search import find_structures
 
-    for line in tools.find(map_file, name):
-        typer.echo(line)
+    for hit in find_structures(read_map(map_file), name):
+        typer.echo(hit)

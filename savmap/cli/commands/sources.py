@@ -1,13 +1,17 @@
 """Commands that make what maps are made from: footage, passes in it, labelled pictures, networks."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from savmap.cli.commands.options import Output, Sets
 from savmap.files.urls import where
+
+if TYPE_CHECKING:
+    from savmap.split import SplitResult
 
 
 def split(
@@ -17,10 +21,32 @@ def split(
     sheet: Annotated[Path | None, typer.Option(help="Write a contact sheet of the passes (PNG).")] = None,
 ) -> None:
     """Find the passes through aisles in a long recording, and write them into a site file to be confirmed."""
-    from savmap.cli import tools
+    from savmap.cli.console import Console
+    from savmap.split import split as find_and_write
 
-    for line in tools.split(recording, output, into, sheet):
+    with Console(Path(os.devnull)) as console:
+        result = find_and_write(recording, output, into, sheet, monitor=console)
+    for line in _passes(result):
         typer.echo(line)
+    typer.echo(f"wrote {into or output}: look through it before mapping")
+    if sheet is not None:
+        typer.echo(f"wrote {sheet}")
+    typer.echo(
+        f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
+        f"{result.decoded_share:.0%} of the recording"
+    )
+
+
+def _passes(result: "SplitResult") -> Iterator[str]:
+    """A table of the passes that were found."""
+    from savmap.split.contact_sheet import clock
+
+    yield "pass     start       end   heading  sides        confidence"
+    for number, row_pass in enumerate(result.passes, start=1):
+        yield (
+            f"{number:4d}  {clock(row_pass.start_s):>8}  {clock(row_pass.end_s):>8}  {row_pass.heading_deg:+6.0f}"
+            f"    {' and '.join(row_pass.sides):<14} {row_pass.confidence:4.2f}"
+        )
 
 
 def simulate(

@@ -3,11 +3,13 @@
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
@@ -82,7 +84,7 @@ _prepared: list[_Task] = []
 def frames(scene: Renderer, path: Drive, workers: int) -> Iterator[Image]:
     """The drive's panoramas (width / 2, width, 3) RGB in order, at most a few of them in memory at a time."""
     task = _Task(scene, path, _exposed(scene, path))
-    with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
+    with _one_opencv_thread(), ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
         pending: deque[Future[Image]] = deque()
         for index in range(len(path.origins)):
             pending.append(pool.submit(_frame, index))
@@ -90,6 +92,18 @@ def frames(scene: Renderer, path: Drive, workers: int) -> Iterator[Image]:
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()
+
+
+@contextmanager
+def _one_opencv_thread() -> Iterator[None]:
+    """While this lasts, OpenCV works in the calling thread alone: a forked process that inherits its pool would wait for threads that it
+    does not have."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def encode(images: Iterable[Image], cart: Cart, path: Path) -> None:
