@@ -2,7 +2,7 @@
 
 import difflib
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
 from pathlib import Path
@@ -400,13 +400,6 @@ def loaded_plugin(
     except (Exception, SystemExit) as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {format_error(error)}") from error
     return LoadedPlugin(name, plugin, settings, manager, providers)
-
-
-def open_plugins(
-    names: Iterable[str], configs: Callable[[str], Mapping[str, Any]], where: str, providers: tuple[str, ...] = ()
-) -> Sequence[LoadedPlugin]:
-    """The named plugins at work, in that order, each once."""
-    return [open_plugin(name, configs(name), where, providers) for name in dict.fromkeys(names)]
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:

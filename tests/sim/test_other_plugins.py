@@ -2,21 +2,19 @@
 
 import sys
 from collections.abc import Callable, Mapping
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from savmap.errors import PluginFailedError
 from savmap.sim.dataset import view_mask
 from savmap.sim.drive.views import sample_camera
 from savmap.sim.random_scene import random_scene
 from savmap.sim.render.raycast import Caster
 from savmap.sim.scene.build import build
-from savmap.sim.scene.build import random_section as ask_random_section
 from savmap.sim.scene.files import Scene
-from savmap.types.scenes import FACES, Box, Goods, Hall, Look, Material, RandomSection, SceneError, SceneParts, Site
+from savmap.types.scenes import FACES, Box, Material, RandomSection, SceneError, SceneParts, Site
 
 CLASSES = ("upright", "beam", "light")
 
@@ -102,14 +100,3 @@ def test_a_plugin_switches_off_and_adds_distractors(scene_with: Callable[..., Sc
     cartons = [own.material.texture == "carton" for own in built.boxes]
     assert not any(cartons)
     assert any(own.material.texture == "carton" for own in build(plain).boxes)
-
-
-def test_an_answer_that_is_no_section_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    room = SimpleNamespace(ask=lambda *_, **__: {"x": []})
-    monkeypatch.setattr("savmap.sim.scene.build.installed", lambda: {"crates": None})
-    monkeypatch.setattr("savmap.sim.scene.build.open_plugin", lambda *_: room)
-    site = Site(Hall(), Goods(), Look(), {})
-    with pytest.raises(
-        PluginFailedError, match="plugin `crates` returned dict from `random_section`, not RandomSection"
-    ):
-        ask_random_section("crates", np.random.default_rng(0), site, None)
