@@ -76,7 +76,14 @@ def graph(network: SegmentationNetwork) -> onnx.ModelProto:
         )
     if program is None:
         raise RuntimeError("torch gave no ONNX program")
-    return program.model_proto
+    return without_traces(program.model_proto)
+
+
+def without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
+    """The model without the exporter's notes on its nodes and values: they name files of the machine that wrote it."""
+    for part in (*model.graph.node, *model.graph.value_info):
+        del part.metadata_props[:]
+    return model
 
 
 def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping[str, object], output: Path) -> None:
