@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 from savmap.geometry.pinhole import project
 from savmap.geometry.triangulate import nearest_points
@@ -23,7 +23,7 @@ from savmap.graph import (
 )
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
+from savmap.types import Feature, Floats, FrameTable, RowFacts, Structure, Track, Trajectory, ViewPlan, ViewSpec
 
 FRAMES = 12
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -66,6 +66,8 @@ def triangulated(track: Track, start: Trajectory) -> Floats:
 class Config(BaseModel):
     """`known`: whether the plugin knows the length of its structure."""
 
+    model_config = ConfigDict(extra="forbid")
+
     known: bool = False
 
 
@@ -82,6 +84,18 @@ class Wall:
 
     def relations(self, keys: dict[str, int]) -> tuple[Relation, ...]:
         return (fixed_coordinate("x", keys["post 0"]), *(fixed_coordinate("z", key) for key in keys.values()))
+
+    @hookimpl
+    def render_views(self) -> ViewPlan:
+        return ViewPlan(())
+
+    @hookimpl
+    def extract_features(self) -> list[Feature]:
+        return []
+
+    @hookimpl
+    def describe(self) -> list[Structure]:
+        return []
 
     @hookimpl
     def track(self) -> list[Track]:
