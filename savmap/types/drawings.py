@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from savmap.types.common import Floats
+from savmap.types.common import Floats, array_record
 
 Kind = Literal["polygon", "line", "point"]
 Role = Literal["survey", "mapped", "off"]
@@ -12,6 +12,7 @@ Picture = Literal["face", "plan"]
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Drawing:
     """A shape of points (n, 3) m in the row's frame, closed where `kind` is "polygon".
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from savmap.errors import SiteError
-from savmap.types.common import Floats
+from savmap.types.common import Floats, array_record
 
 Face = Literal["-x", "+x", "-y", "+y", "-z", "+z"]
 FACES: tuple[Face, ...] = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -49,6 +49,7 @@ class Material:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Box:
     """A box: `size` (3,) m along its own axes, `center` (3,) m, `rotation` (3, 3) world_from_box.
 
@@ -143,6 +144,7 @@ class RowPlace(Strict):
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class RowFrame:
     """A row's own frame in the world: `world_from_row` (3, 3), `origin` (3,) m; `mapped` as in the scene file."""
 

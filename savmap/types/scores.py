@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from savmap.types.common import Floats
+from savmap.types.common import Floats, array_record
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Distances:
     """Points scored by their distance to the survey's: matched distances (n,) m, and how many points have no partner."""
 

@@ -74,7 +74,7 @@ def test_lamps_alone_from_an_earlier_maps_path(mapped: Path, tmp_path: Path) -> 
 def test_check_finds_nothing_wrong_and_says_what_a_run_takes(tmp_path: Path) -> None:
     told = savmap("check", site(tmp_path, fps=1.0), "-o", tmp_path / "out")
     assert "views in" in told
-    assert "17 frames; looking at them will take about" in told
+    assert "17 frames; measuring them will take about" in told
     assert "no problem found" in told
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["views-A-pass-1.jpg"]
 
