@@ -45,11 +45,11 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A pass with the views of it that the plugin, in its row's room, wants; every `every`-th frame is looked at, and the one after
+    """A pass with the views of it that the plugin, opened for its row, wants; every `every`-th frame is looked at, and the one after
     it."""
 
     row: str
-    room: LoadedPlugin
+    loaded: LoadedPlugin
     aimed: PassPlan
     specs: Sequence[ViewSpec]
     frames: int
@@ -92,7 +92,7 @@ def label(
     require_footage(job)
     prepare(output)
     recordings = aimed_recordings(job, name, count, monitor)
-    predictors, classes = predictors_of(recordings), recordings[0].room.classes
+    predictors, classes = predictors_of(recordings), recordings[0].loaded.classes
     candidates = [
         candidate
         for number, predictor in enumerate(predictors)
@@ -125,15 +125,15 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
     is, and another not. Raises StructureError where it wants none of any."""
     renderer, recordings = Renderer(), list[Recording]()
     for row, content in job.site.rows.items():
-        rooms = plugins_for(job, row)
-        segmenters = SegmenterPool(rooms)
-        room = next(room for room in rooms if room.name == plugin)
+        opened = plugins_for(job, row)
+        segmenters = SegmenterPool(opened)
+        loaded = next(loaded for loaded in opened if loaded.name == plugin)
         for name, row_pass in zip(pass_names(content.passes), content.passes, strict=True):
             monitor.note(f"row {row}, {name}: aiming the views")
-            aimed, _ = plan_pass(name, row_pass, rooms, segmenters, renderer, None)
+            aimed, _ = plan_pass(name, row_pass, opened, segmenters, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
             frames = expected_frames(aimed.clip, probe(aimed.clip.path))
-            recordings.append(Recording(row, room, aimed, specs, frames))
+            recordings.append(Recording(row, loaded, aimed, specs, frames))
     total = sum(recording.frames * len(recording.specs) for recording in recordings)
     if total == 0:
         raise StructureError(
@@ -147,10 +147,10 @@ def predictors_of(recordings: Sequence[Recording]) -> list[ViewPredictor]:
     """Each recording's: rows may have networks of their own. Recordings with one network share it."""
     segmenters: dict[object, SegmenterPool] = {}
     predictors = []
-    for room in (recording.room for recording in recordings):
-        network = room.model, tuple(sorted(room.class_names.items())), room.providers
-        segmenters[network] = segmenters.get(network) or SegmenterPool([room])
-        predictors.append(ViewPredictor(segmenters[network].networks[room.name], room.classes))
+    for loaded in (recording.loaded for recording in recordings):
+        network = loaded.model, tuple(sorted(loaded.class_names.items())), loaded.providers
+        segmenters[network] = segmenters.get(network) or SegmenterPool([loaded])
+        predictors.append(ViewPredictor(segmenters[network].networks[loaded.name], loaded.classes))
     return predictors
 
 

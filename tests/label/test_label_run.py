@@ -176,12 +176,12 @@ def test_no_more_views_are_looked_at_than_six_for_each_that_is_wanted(
 def test_each_row_is_looked_at_with_its_own_network(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[Path] = []
 
-    def segmenters(rooms: Sequence[Any]) -> SimpleNamespace:
-        opened.append(rooms[0].model)
-        return SimpleNamespace(networks={"posts": rooms[0].model})
+    def segmenters(plugins: Sequence[Any]) -> SimpleNamespace:
+        opened.append(plugins[0].model)
+        return SimpleNamespace(networks={"posts": plugins[0].model})
 
     monkeypatch.setattr("savmap.label.run.SegmenterPool", segmenters)
-    rooms = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
-    predictors = predictors_of([replace(recording, room=room) for room in rooms])  # type: ignore[arg-type]
+    opened_plugins = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
+    predictors = predictors_of([replace(recording, loaded=loaded) for loaded in opened_plugins])  # type: ignore[arg-type]
     assert [str(one.segmenter) for one in predictors] == ["a", "b", "a"]
     assert opened == [Path("a"), Path("b")]

@@ -18,17 +18,19 @@ BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
 UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
 
 
-def describe(tracks: Sequence[Track], solution: Solution, room: str = "shelves") -> list[Structure]:
+def describe(tracks: Sequence[Track], solution: Solution, plugin: str = "shelves") -> list[Structure]:
     """Uprights, then beams, from left to right and from the bottom up.
 
     An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured.
     """
     grid = grid_of(tracks)
-    landmarks = solution.landmarks_of(room)
-    return [*_uprights(grid, landmarks, solution, room), *_beams(grid, landmarks, solution, room)]
+    landmarks = solution.landmarks_of(plugin)
+    return [*_uprights(grid, landmarks, solution, plugin), *_beams(grid, landmarks, solution, plugin)]
 
 
-def _uprights(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, room: str) -> Iterator[Structure]:
+def _uprights(
+    grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, plugin: str
+) -> Iterator[Structure]:
     """The uprights of which both edges were tracked."""
     for upright in sorted({number for number, _ in grid.columns}):
         if (upright, "left") not in grid.columns or (upright, "right") not in grid.columns:
@@ -39,7 +41,7 @@ def _uprights(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solu
         attributes = {
             "upright": upright,
             "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
-            "width_sigma_m": solution.difference_sigma(room, left, right, 0),
+            "width_sigma_m": solution.difference_sigma(plugin, left, right, 0),
         }
         yield _structure(f"upright {upright}", "upright", UPRIGHT_CORNERS, ends, attributes)
 
@@ -70,7 +72,7 @@ def _at_height(landmark: Landmark, y: float, sigma: float) -> tuple[Floats, Floa
     return np.array([landmark.position[0], y, landmark.position[2]]), covariance
 
 
-def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, room: str) -> Iterator[Structure]:
+def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, plugin: str) -> Iterator[Structure]:
     """The beams of which both edges were tracked."""
     for section, beam in sorted({(section, beam) for section, beam, _ in grid.rows}):
         if not all((section, beam, edge) in grid.rows for edge in ("lower", "upper")):
@@ -81,7 +83,7 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             "section": section,
             "beam": beam,
             "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
-            "height_sigma_m": solution.difference_sigma(room, lower, upper, 1),
+            "height_sigma_m": solution.difference_sigma(plugin, lower, upper, 1),
         }
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 

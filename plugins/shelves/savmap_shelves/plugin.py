@@ -80,13 +80,13 @@ class Shelves:
     def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
         from savmap_shelves.constraints import constrain, grid_settings
 
-        return constrain(tracks, facts, start, room=self.name, settings=grid_settings(self.config))
+        return constrain(tracks, facts, start, plugin=self.name, settings=grid_settings(self.config))
 
     @hookimpl
     def describe(self, tracks: Sequence[Track], solution: "Solution") -> list[Structure]:
         from savmap_shelves.mapping import describe
 
-        return describe(tracks, solution, room=self.name)
+        return describe(tracks, solution, plugin=self.name)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

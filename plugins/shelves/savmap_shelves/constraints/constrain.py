@@ -77,7 +77,7 @@ def constrain(
     tracks: Sequence[Track],
     facts: RowFacts,
     start: Trajectory,
-    room: str = "shelves",
+    plugin: str = "shelves",
     settings: GridSettings | None = None,
 ) -> Constraints:
     """The rack's part of the graph.
@@ -92,13 +92,13 @@ def constrain(
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
     weighted, dof = _weighted(tracks, grid, facts, start, settings)
     observed = (*weighted, *feet)
-    keys = KeySpace(room).keys(track.name for track in (*tracks, *feet))
+    keys = KeySpace(plugin).keys(track.name for track in (*tracks, *feet))
     initial = _initial_grid(tracks, grid, start, settings)
     alternatives = _section_references(grid, keys, settings, facts.name)
     biases = mask_biases(observed, facts.views, start, settings.bias)
     certain = next(iter(alternatives.values())) if len(alternatives) == 1 else ()
     return Constraints(
-        room,
+        plugin,
         keys,
         image_measurements(observed, keys, facts.views, dof=dof, biases=biases),
         (*_grid_lines(grid, keys), *_plane(tracks, keys, settings), *certain, *_floor(feet, keys)),
