@@ -106,6 +106,12 @@ class Pallets:
         return scene(section, rng, site)
 
     @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
+        from savmap_pallets.scene import random_section
+
+        return random_section(rng, site, drawn)
+
+    @hookimpl
     def exporters(self) -> Mapping[str, Callable[[SiteMap, Path], None]]:
         from savmap_pallets.export import write_pallets
 
