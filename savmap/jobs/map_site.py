@@ -10,7 +10,7 @@ from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
-from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
+from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog, write_log
@@ -61,12 +61,7 @@ def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     Raises the first row's error where no row could be mapped, and SavmapError's kinds for what is wrong with the job.
     """
     require_ready(job)
-    with failures_gathered() as failures, warnings_as_notes(monitor):
-        mapped, site_map, plugins = _site_map(job, options, monitor, NoCache())
-        survey = _survey(job)
-        evaluation = evaluation_of(site_map, survey, plugins) if survey else None
-    failed_plugins = _failed_plugins(mapped.log) | {failure.plugin for failure in failures}
-    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins))
+    return _run(job, options, monitor, NoCache(), write=False)
 
 
 def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
@@ -75,12 +70,7 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
     solved: map.json, run.json, report.html, site.resolved.json, pictures of each row. Raises as `map_job` does, and OutputError.
     """
-    cache = FolderCache(job.output, options.fresh)
-    with failures_gathered() as failures, warnings_as_notes(monitor):
-        mapped, site_map, plugins = _site_map(job, options, monitor, cache)
-        evaluation, files = _write_results(job, site_map, mapped.log, plugins, cache)
-    failed_plugins = _failed_plugins(mapped.log) | {failure.plugin for failure in failures}
-    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files)
+    return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
 
 
 def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
@@ -113,30 +103,35 @@ def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
     return paths
 
 
-def _site_map(
-    job: Job, options: RunOptions, monitor: Monitor, cache: RowCache
-) -> tuple[MappedRows, SiteMap, PluginsByRow]:
-    """The rows' maps in one frame, and the plugins that made them."""
+def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
+    """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
     if job.note:
         monitor.note(job.note)
     mapped = map_rows_of(job, options, monitor, cache)
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
-    site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
-    for note in notes:
-        monitor.note(note)
-    return mapped, site_map, plugins
+    survey = read_survey(job.site.survey) if job.site.survey else None
+    with failures_gathered() as failures, warnings_as_notes(monitor):
+        site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
+        for note in notes:
+            monitor.note(note)
+        if write:
+            evaluation, files = _write_results(job, site_map, mapped.log, plugins, survey, cache)
+        else:
+            evaluation, files = evaluation_of(site_map, survey, plugins) if survey else None, ()
+    failed_plugins = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
+    failed_plugins |= {failure.plugin for failure in failures}
+    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files)
 
 
 def _write_results(
-    job: Job, site_map: SiteMap, log: RunLog, plugins: PluginsByRow, cache: RowCache
+    job: Job, site_map: SiteMap, log: RunLog, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, each row's two pictures, and the box plot where there is a
     survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
     write_log(log, job.output / "run.json")
     write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
-    survey = _survey(job)
     report = report_for(site_map, plugins, survey, log, _title(job.source))
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
@@ -158,14 +153,6 @@ def _write_results(
 
 def _row_views(row: str, folder: Path) -> list[Path]:
     return [folder / f"{kind}-{file_name(row)}.png" for kind in ("face", "plan")]
-
-
-def _survey(job: Job) -> Survey | None:
-    return read_survey(job.site.survey) if job.site.survey else None
-
-
-def _failed_plugins(log: RunLog) -> set[str]:
-    return {name for row in log.rows.values() for name in row.plugins_failed}
 
 
 def _title(source: Path) -> str:

@@ -41,7 +41,7 @@ class WithProbabilities(nn.Module):
 
 
 def metadata(classes: Sequence[str], recipe: Mapping[str, object]) -> dict[str, str]:
-    """The metadata that `savmap.stages.segment` reads, and the training recipe."""
+    """The metadata that `savmap.vision.networks.segmenter` reads, and the training recipe."""
     return {
         "savmap.format": "semantic",
         "savmap.version": MODEL_VERSION,

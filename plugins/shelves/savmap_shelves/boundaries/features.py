@@ -78,7 +78,7 @@ def extract_features(
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
-    With the panorama that the view was cut from, the edges are measured there (savmap.stages.subpixel).
+    With the panorama that the view was cut from, the edges are measured there (savmap.vision.edges.subpixel).
     """
     settings = settings or BoundarySettings()
     least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
