@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.graph import published_start
+from savmap.graph import CameraPriors, camera_priors, published_start
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.records import RowRequest
 from savmap.types import Floats, Trajectory
@@ -14,6 +14,13 @@ from savmap.vision.attitude import attitudes
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
+
+
+def first_poses(row: RowRequest, measurements: RowMeasurements) -> tuple[Trajectory, CameraPriors]:
+    """The first poses of a row's frames, and the frames as the graph takes them. Raises StructureError."""
+    start = initial_path(row, measurements)
+    priors = camera_priors(measurements.facts, start, row.gauge_references, fixed=row.path, calibration=row.calibration)
+    return start, priors
 
 
 def initial_path(row: RowRequest, measurements: RowMeasurements) -> Trajectory:

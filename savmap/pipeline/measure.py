@@ -1,6 +1,6 @@
 """The only walk over pixels: every frame decoded once, in order; every view rendered and segmented once."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -17,6 +17,7 @@ from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, 
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
+from savmap.vision.evidence import Look
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.view_planning import Manual, PassPreview
@@ -118,6 +119,16 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
     return dict(zip(pass_names(passes), sources, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredPasses:
+    """What a walk over a row's passes gave: its measurements, how each pass was looked at, and, by plugin, its network's looks at the
+    views, for those plugins whose structure lies in planes."""
+
+    measurements: RowMeasurements
+    plans: Sequence[PassPlan]
+    looks: Mapping[str, Sequence[Look]]
+
+
 def measure_row(
     row: str,
     passes: Sequence[Pass],
@@ -126,7 +137,7 @@ def measure_row(
     attitudes: Mapping[str, Floats] | None = None,
     markers: Sequence[Label] = (),
     appearance: bool = False,
-) -> RowMeasurements:
+) -> MeasuredPasses:
     """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
@@ -140,13 +151,15 @@ def measure_row(
         plugins, segmenters, renderer, MarkerTracker(markers), FlowTracker() if appearance else NullFlowTracker()
     )
     walk.notes += segmenters.notes
+    plans = []
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: choosing the views")
         plan, _ = plan_pass(name, row_pass, plugins, segmenters, renderer, known.get(name))
         walk.over(row, plan, monitor)
+        plans.append(plan)
     facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
     failures = failed(plugins)
-    return RowMeasurements(
+    measurements = RowMeasurements(
         facts,
         {plugin: [] if plugin in failures else features for plugin, features in walk.features.items()},
         {**walk.attitudes, **known},
@@ -156,6 +169,24 @@ def measure_row(
         walk.flow.flows,
         failures,
     )
+    return MeasuredPasses(measurements, plans, walk.looks)
+
+
+def rendered(
+    clip: Clip,
+    first: int,
+    report: DecodeReport,
+    render: Callable[[Panorama], list[View]],
+    monitor: Monitor,
+    text: str,
+) -> Iterator[tuple[Panorama, list[View]]]:
+    """The frames of a clip, numbered from `first`, with their views, which other threads render ahead of their turn."""
+    total = expected_frames(clip, probe(clip.path))
+    with ThreadPoolExecutor(WORKERS) as pool:
+        ahead = ((panorama, pool.submit(render, panorama)) for panorama in panoramas(clip, first, report))
+        with prefetch(ahead, DEPTH) as frames:
+            for panorama, views in monitor.each(frames, text, total):
+                yield panorama, views.result()
 
 
 class RowWalk:
@@ -184,20 +215,16 @@ class RowWalk:
         self.features: dict[str, list[Feature]] = {plugin.name: [] for plugin in plugins}
         self.locators: set[str] = set()
         self.notes: list[str] = []
+        self.looks: dict[str, list[Look]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
-        report = DecodeReport()
-        first = len(self.passes)
-        total = expected_frames(plan.clip, probe(plan.clip.path))
-        with ThreadPoolExecutor(WORKERS) as pool:
-            rendered = (
-                (panorama, pool.submit(self._render, panorama, plan))
-                for panorama in panoramas(plan.clip, first, report)
-            )
-            with prefetch(rendered, DEPTH) as frames:
-                for panorama, views in monitor.each(frames, f"row {row}, {plan.name}: measuring", total):
-                    self._extract(panorama, views.result(), plan)
+        report, first = DecodeReport(), len(self.passes)
+        text = f"row {row}, {plan.name}: measuring"
+        for panorama, views in rendered(
+            plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
+        ):
+            self._extract(panorama, views, plan)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(
                 f"{plan.clip.path}: {len(self.passes) - first} frames in the range of {plan.name} are too few to map from"
@@ -238,6 +265,8 @@ class RowWalk:
                 self.features[plugin.name] += plugin.extract_features(
                     view, self.segmenters.detect(plugin, view), panorama
                 )
+                if plugin.name in self.looks:
+                    self.looks[plugin.name].append(Look.of(view, self.segmenters.predict(plugin, view)))
 
     def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

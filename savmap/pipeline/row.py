@@ -6,7 +6,7 @@ from typing import TypeVar
 from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
-from savmap.pipeline.initial_poses import initial_attitudes, initial_path
+from savmap.pipeline.initial_poses import first_poses, initial_attitudes
 from savmap.pipeline.measure import RowMeasurements, measure_row
 from savmap.pipeline.records import (
     DescribedRow,
@@ -17,6 +17,7 @@ from savmap.pipeline.records import (
     SolvedRow,
     TrackedRow,
 )
+from savmap.pipeline.second_look import look_again
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor
@@ -49,29 +50,23 @@ def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After])
 
 
 def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
-    """Render the views, detect, and extract features: the only walk over the pixels. Raises SavmapError."""
+    """Render the views, detect, and extract features; once more where the evidence of all frames together shows other structures
+    than single frames do. The only walks over the pixels. Raises SavmapError."""
     if row.measurements is not None:
         return MeasuredRow(row, row.measurements)
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
-    return MeasuredRow(
-        row,
-        measure_row(row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance),
+    walked = measure_row(
+        row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance
     )
+    return MeasuredRow(row, look_again(row, walked, monitor))
 
 
 def locate(row: MeasuredRow) -> LocatedRow:
     """The first poses of the frames, in the row's frame. Raises StructureError."""
     request, measurements = row.request, row.measurements
-    start = initial_path(request, measurements)
-    frames = graph.camera_priors(
-        measurements.facts,
-        start,
-        request.gauge_references,
-        fixed=request.path,
-        calibration=request.calibration,
-    )
+    start, frames = first_poses(request, measurements)
     return LocatedRow(**vars(row), start=start, frames=frames)
 
 

@@ -62,12 +62,15 @@ if TYPE_CHECKING:
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
     from savmap.types import Drawing as Drawing
+    from savmap.types import Expected as Expected
     from savmap.types import Feature as Feature
     from savmap.types import Floats as Floats
     from savmap.types import FrameTable as FrameTable
     from savmap.types import Ints as Ints
     from savmap.types import Measured as Measured
     from savmap.types import Panorama as Panorama
+    from savmap.types import PlaneEvidence as PlaneEvidence
+    from savmap.types import PlanePatch as PlanePatch
     from savmap.types import RowFacts as RowFacts
     from savmap.types import Score as Score
     from savmap.types import SiteMap as SiteMap

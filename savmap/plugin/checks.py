@@ -9,9 +9,11 @@ import numpy as np
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Expected,
     Feature,
     Floats,
     Measured,
+    PlanePatch,
     RowFacts,
     Structure,
     Track,
@@ -23,6 +25,9 @@ from savmap.types import (
 if TYPE_CHECKING:
     from savmap.graph import Constraints
     from savmap.types import Drawing, Score
+
+
+MOST_CELLS = 20_000_000
 
 
 def require(condition: bool, fault: str) -> None:
@@ -74,6 +79,26 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
         require(not unknown, f"{where}: no view `{''.join(unknown[:1])}` in the row")
         require(_finite(track.pixels), f"{where}: a pixel is not finite")
         _require_covariances(track.covariances, where)
+
+
+def check_patches(patches: Sequence[PlanePatch]) -> None:
+    """Patches of different names, finite, of a size that memory holds, with sides that are unit vectors at right angles."""
+    _require_distinct((patch.name for patch in patches), "planes with the name")
+    for patch in patches:
+        where = f"plane `{patch.name}`"
+        require(_finite([*patch.origin, *patch.right, *patch.up, *patch.size]), f"{where}: a number is not finite")
+        sides = np.array([patch.right, patch.up])
+        require(np.allclose(sides @ sides.T, np.eye(2), atol=1e-6), f"{where}: right and up are not orthonormal")
+        require(patch.shape[0] * patch.shape[1] <= MOST_CELLS, f"{where}: more than {MOST_CELLS} cells")
+
+
+def check_expected(expected: Sequence[Expected], classes: Sequence[str]) -> None:
+    """Outlines of three corners or more, finite, of the plugin's classes."""
+    for number, thing in enumerate(expected):
+        where = f"expected object {number} (`{thing.label}`)"
+        require(thing.label in classes, f"{where}: the plugin has no such class")
+        require(len(thing.outline) >= 3, f"{where}: an outline has three corners or more")
+        require(_finite(thing.outline), f"{where}: a corner is not finite")
 
 
 def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import CrossRowLandmark, Detection, Structure, View
+from savmap.types import CrossRowLandmark, Detection, Expected, Floats, PlaneEvidence, PlanePatch, Structure, View
 
 if TYPE_CHECKING:
     from savmap.types import Drawing, Score
@@ -17,6 +17,18 @@ MIN_PIXELS = 12
 def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
     """Connected regions of the network's classes above the threshold, instance by instance where it tells them apart."""
     return segmenter.detections(view.image, threshold, MIN_PIXELS)
+
+
+@hookimpl(trylast=True)
+def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
+    """None: the structure is not looked for in planes."""
+    return []
+
+
+@hookimpl(trylast=True)
+def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+    """What was tracked is right."""
+    return []
 
 
 @hookimpl(trylast=True)

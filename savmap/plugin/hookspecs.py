@@ -14,9 +14,12 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Expected,
     Feature,
     Floats,
     Panorama,
+    PlaneEvidence,
+    PlanePatch,
     RowFacts,
     SiteMap,
     Structure,
@@ -77,6 +80,18 @@ def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start
     `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them (never None for a
     plugin that declares `needs_path`). Raises StructureError where there is nothing to map.
     """
+
+
+@hookspec(firstresult=True)
+def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
+    """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the plugin's landmarks,
+    by name. Asked of plugins that find the face. Default: none, and nothing is looked at again."""
+
+
+@hookspec(firstresult=True)
+def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+    """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then every frame is
+    measured again, with these in mind. Default: none, what was tracked is right."""
 
 
 @hookspec(firstresult=True)

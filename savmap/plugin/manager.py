@@ -18,9 +18,12 @@ from savmap.plugin.protocol import Plugin, class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Expected,
     Feature,
     Floats,
     Panorama,
+    PlaneEvidence,
+    PlanePatch,
     RowFacts,
     Structure,
     Track,
@@ -224,6 +227,28 @@ class LoadedPlugin:
             attitudes=attitudes,
             start=start,
         )
+
+    def planes(self, points: Mapping[str, Floats]) -> list[PlanePatch]:
+        """The planes that the structure lies in, by the first positions of its landmarks."""
+        return self._ask_list("planes", PlanePatch, checks.check_patches, points=points)
+
+    def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+        """The objects that the evidence shows, where that is not what was tracked."""
+        return self._ask_list(
+            "expect",
+            Expected,
+            lambda expected: checks.check_expected(expected, self.classes),
+            points=points,
+            evidence=evidence,
+        )
+
+    def before_pixels(self) -> "LoadedPlugin":
+        """The plugin with the defaults of the settings that are not used on pixels (`after_pixels`)."""
+        later = set(getattr(self.instance, "after_pixels", ()))
+        settings = type(self.config)(
+            **{name: getattr(self.config, name) for name in type(self.config).model_fields if name not in later}
+        )
+        return loaded_plugin(self.name, type(self.instance), settings, self.providers)
 
     def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":
         """The plugin's part of the factor graph, in its own key space."""

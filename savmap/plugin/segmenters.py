@@ -46,6 +46,10 @@ class SegmenterPool:
         """The plugin's detections in a view."""
         return plugin.detect(view, self.networks[plugin.name])
 
+    def predict(self, plugin: LoadedPlugin, view: View) -> Segmentation:
+        """What the plugin's network gives for a view."""
+        return self.networks[plugin.name].predict(view.image)
+
     def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
         """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are left alone."""
         if not plugin.has("detect"):

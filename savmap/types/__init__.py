@@ -7,6 +7,7 @@ at integer coordinates.
 
 from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, Place, array_record
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
+from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
 from savmap.types.maps import CrossRowLandmark, CrossRowMatch, Placement, ReferenceUse, RowMap, SiteMap, Structure
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
@@ -23,6 +24,7 @@ __all__ = [
     "Distances",
     "Drawing",
     "Evaluation",
+    "Expected",
     "Feature",
     "FilmedPanorama",
     "Floats",
@@ -35,6 +37,8 @@ __all__ = [
     "Picture",
     "Place",
     "Placement",
+    "PlaneEvidence",
+    "PlanePatch",
     "Planes",
     "ReferenceUse",
     "Role",

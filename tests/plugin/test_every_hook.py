@@ -22,7 +22,10 @@ from savmap.types import (
     CrossRowLandmark,
     Detection,
     Drawing,
+    Expected,
     Feature,
+    PlaneEvidence,
+    PlanePatch,
     Score,
     SiteMap,
     Structure,
@@ -76,6 +79,23 @@ def ask_extract_features() -> dict[str, Any]:
 def ask_track() -> dict[str, Any]:
     plugin, given = asked("track", [TRACK])
     assert plugin.track([FEATURE], FACTS, np.eye(3)[None], PATH) == [TRACK]
+    return given
+
+
+PATCH = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+
+
+def ask_planes() -> dict[str, Any]:
+    plugin, given = asked("planes", [PATCH])
+    assert plugin.planes({"thing 1": np.zeros(3)}) == [PATCH]
+    return given
+
+
+def ask_expect() -> dict[str, Any]:
+    expected = Expected("thing", np.eye(3))
+    seen = PlaneEvidence(PATCH, ("thing",), np.zeros((1, 10, 10)), np.zeros((10, 10)), np.zeros((10, 10, 3), np.uint8))
+    plugin, given = asked("expect", [expected])
+    assert plugin.expect({"thing 1": np.zeros(3)}, [seen]) == [expected]
     return given
 
 
@@ -157,6 +177,8 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "detect": ask_detect,
     "extract_features": ask_extract_features,
     "track": ask_track,
+    "planes": ask_planes,
+    "expect": ask_expect,
     "constrain": ask_constrain,
     "describe": ask_describe,
     "relate": ask_relate,

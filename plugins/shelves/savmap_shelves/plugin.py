@@ -14,9 +14,12 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Expected,
     Feature,
     Floats,
     Panorama,
+    PlaneEvidence,
+    PlanePatch,
     RowFacts,
     Structure,
     Track,
@@ -75,6 +78,21 @@ class Shelves:
         from savmap_shelves.tracking import track_structures
 
         return track_structures(features, facts, attitudes=attitudes)
+
+    @hookimpl
+    def planes(self, points: Mapping[str, Floats]) -> list[PlanePatch]:
+        from savmap_shelves.evidence import face_patch, tracked_grid
+
+        grid = tracked_grid(points)
+        return [face_patch(grid)] if grid else []
+
+    @hookimpl
+    def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+        from savmap_shelves.evidence import expected_grid, outlines, tracked_grid
+
+        tracked = tracked_grid(points)
+        found = expected_grid(evidence[0], tracked) if tracked else None
+        return outlines(found) if found else []
 
     @hookimpl
     def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":

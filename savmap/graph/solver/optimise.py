@@ -1,7 +1,7 @@
 """The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change."""
 
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import gtsam
@@ -83,10 +83,12 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
 
 @dataclass(frozen=True, eq=False)
 class LocatedCamera:
-    """A first path of the camera, and what of its scale and place was assumed for want of references (see `Problem`)."""
+    """A first path of the camera, what of its scale and place was assumed for want of references (see `Problem`), and the first
+    positions (3,) of every plugin's landmarks, by plugin and name."""
 
     path: Trajectory
     assumed: tuple[str, ...] = ()
+    points: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
 
 
 def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
@@ -95,7 +97,15 @@ def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
     place are not observable."""
     iterate = converged(problem, SolveOptions(rounds=1))
     path = solution_of(iterate).trajectory if sigmas else trajectory(iterate.problem, iterate.estimate)
-    return LocatedCamera(path, iterate.problem.assumed)
+    return LocatedCamera(path, iterate.problem.assumed, positions(iterate.problem, iterate.estimate))
+
+
+def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Floats]]:
+    """The landmarks' positions (3,), by plugin and name."""
+    return {
+        part.plugin: {name: estimate.points[problem.index(key)] for name, key in part.keys.items()}
+        for part in problem.parts
+    }
 
 
 def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:

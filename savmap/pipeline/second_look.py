@@ -1,0 +1,118 @@
+"""The second look: what all frames show together, on the planes that structures lie in, may differ from what single frames showed.
+
+Once the camera's path is roughly known, the network's probabilities of all frames are added up on these planes
+(savmap.vision.evidence). Where a plugin finds other objects in them than were tracked, every frame is measured again with these in
+mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from savmap import graph
+from savmap.errors import SiteError, SolveError, StructureError
+from savmap.graph import References
+from savmap.pipeline.initial_poses import first_poses
+from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
+from savmap.pipeline.records import RowRequest
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.types import Detection, Expected, Feature, Panorama, Trajectory, View, ViewSpec
+from savmap.types.progress import Monitor
+from savmap.video.reader import DecodeReport
+from savmap.vision.evidence import LookSettings, expected_detections, gather
+from savmap.vision.views import Renderer
+
+LOOKS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """The objects that a plugin expects, and the path of the camera, both in the unit of that path."""
+
+    objects: Sequence[Expected]
+    path: Trajectory
+
+
+def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
+    """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked."""
+    measurements = walked.measurements
+    for plugin in row.plugins:
+        if plugin.name not in walked.looks or plugin.name not in measurements.locators or plugin.failure is not None:
+            continue
+        for _ in range(LOOKS):
+            expectation = expect(row, plugin, walked, measurements)
+            if expectation is None:
+                break
+            monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.objects)} objects")
+            features = measure_again(row.name, plugin, walked, expectation, monitor)
+            measurements = replace(measurements, features={**measurements.features, plugin.name: features})
+    return measurements
+
+
+def expect(
+    row: RowRequest, plugin: LoadedPlugin, walked: MeasuredPasses, measurements: RowMeasurements
+) -> Expectation | None:
+    """What a plugin expects by the evidence; None where that is what it tracked, or where it cannot be tracked at all.
+
+    The scale of the path may be an assumed one: no reference is used, for other references are no reason to look again.
+    """
+    alone = plugin.before_pixels()
+    bare = replace(row, references=References(), travel_m=None, calibration=None)
+    try:
+        start, frames = first_poses(bare, measurements)
+        features, facts = measurements.features[plugin.name], measurements.facts
+        tracks = alone.track(features, facts, start.world_from_rig[:, :3, :3], row.path)
+        constraints = alone.constrain(tracks, facts, row.path or start)
+        located = graph.locate_camera(graph.merge(frames, constraints, partial=True))
+    except (StructureError, SolveError, SiteError):
+        return None
+    points, looks = located.points[plugin.name], walked.looks[plugin.name]
+    evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]
+    objects = plugin.expect(points, evidence) if evidence else []
+    return Expectation(objects, located.path) if objects else None
+
+
+def measure_again(
+    row: str, plugin: LoadedPlugin, walked: MeasuredPasses, expectation: Expectation, monitor: Monitor
+) -> list[Feature]:
+    """The features of a plugin in all passes, measured where objects are expected."""
+    look = SecondLook(plugin, expectation)
+    passes = walked.measurements.facts.frames.passes
+    features: list[Feature] = []
+    for plan in walked.plans:
+        views = [spec for (owner, _), spec in plan.views().items() if owner == plugin.name]
+        text = f"row {row}, {plan.name}: looking again"
+        render = partial(look.render, views=views)
+        for panorama, shown in rendered(plan.clip, passes.index(plan.name), DecodeReport(), render, monitor, text):
+            features += look.features(panorama, shown)
+    return features
+
+
+class SecondLook:
+    """Measures in single frames what is expected there."""
+
+    def __init__(self, plugin: LoadedPlugin, expectation: Expectation) -> None:
+        self.plugin, self.objects = plugin, expectation.objects
+        self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), LookSettings()
+        self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
+
+    def render(self, panorama: Panorama, views: Sequence[ViewSpec]) -> list[View]:
+        """A panorama's views, about which the network has been asked; none where the camera's pose is not known."""
+        known = panorama.frame in self.poses
+        shown = [self.renderer.render(panorama, spec) for spec in views if known and spec.shows(panorama.frame)]
+        for view in shown:
+            self.segmenters.predict(self.plugin, view)
+        return shown
+
+    def features(self, panorama: Panorama, views: Sequence[View]) -> list[Feature]:
+        """What the plugin extracts from the expected objects in a panorama's views."""
+        return [
+            feature
+            for view in views
+            for feature in self.plugin.extract_features(view, self._detections(view), panorama)
+        ]
+
+    def _detections(self, view: View) -> list[Detection]:
+        segmentation = self.segmenters.predict(self.plugin, view)
+        return expected_detections(view, segmentation, self.poses[view.frame], self.objects, self.settings)

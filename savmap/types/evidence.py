@@ -1,0 +1,80 @@
+"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, and what is expected there."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types.common import Floats, array_record, require
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class PlanePatch:
+    """A rectangle of a plane in the row's frame, in square cells.
+
+    `origin` (3,) is its lower left corner; `right` and `up` (3,) are unit vectors along its sides; `size` (2,) is its width and
+    height, and `cell` the side of a cell, all in the unit of the camera's path: metres where references give its scale. Row 0 of
+    the cells is at the top.
+    """
+
+    name: str
+    origin: Floats
+    right: Floats
+    up: Floats
+    size: Floats
+    cell: float
+
+    def __post_init__(self) -> None:
+        require(self.cell > 0 and bool(np.all(np.asarray(self.size) > 0)), self, "size and cell must be positive")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        columns, rows = np.ceil(self.size / self.cell).astype(int).tolist()
+        return max(rows, 1), max(columns, 1)
+
+    @cached_property
+    def across(self) -> Floats:
+        """Distance of each column's middle from the left side (columns,)."""
+        return np.asarray((np.arange(self.shape[1]) + 0.5) * self.cell)
+
+    @cached_property
+    def heights(self) -> Floats:
+        """Distance of each row's middle from the lower side (rows,)."""
+        return np.asarray((np.arange(self.shape[0])[::-1] + 0.5) * self.cell)
+
+    def points(self) -> Floats:
+        """The cells' middles (rows, columns, 3) in the row's frame."""
+        points: Floats = self.origin + self.heights[:, None, None] * self.up + self.across[None, :, None] * self.right
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class PlaneEvidence:
+    """What the pictures show of a patch on average: `mean` (classes, rows, columns) are the classes' probabilities, `weight` (rows,
+    columns) how much was seen of a cell (0: nothing), and `picture` (rows, columns, 3) uint8 RGB the patch itself."""
+
+    patch: PlanePatch
+    classes: tuple[str, ...]
+    mean: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    picture: NDArray[np.uint8]
+
+    def of(self, label: str) -> NDArray[np.float32]:
+        """The mean probability (rows, columns) of a class."""
+        return np.asarray(self.mean[self.classes.index(label)])
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Expected:
+    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the path."""
+
+    label: str
+    outline: Floats
+
+    def __post_init__(self) -> None:
+        require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")

@@ -1,0 +1,217 @@
+"""Evidence in planes: what a network saw of a plane, averaged over all frames whose pose is known.
+
+A threshold in a single frame throws away what fifty frames know. On the plane that an object lies in, its pixels fall on one another
+in every frame and add up; what is before or behind the plane is smeared by parallax.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry import pinhole
+from savmap.types import (
+    Detection,
+    Expected,
+    Floats,
+    PlaneEvidence,
+    PlanePatch,
+    Trajectory,
+    View,
+    ViewSpec,
+    array_record,
+)
+from savmap.vision.networks.adapter import regions
+from savmap.vision.networks.segmenter import Segmentation
+
+Bytes = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+
+HALVED = 2
+MOST_LOOKS = 160
+JPEG_QUALITY = 80
+BORDER_PX = 2.0
+NEAR = 0.02
+REACH, OUTSIDE = 3.0, -9.0
+LIKELY_QUANTILE = 80.0
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Look:
+    """One look at a view: its frame, the view's name, and, packed, the classes' probabilities (at half the view's resolution) and the
+    picture."""
+
+    frame: int
+    view: str
+    maps: tuple[bytes, ...]
+    picture: bytes
+
+    @classmethod
+    def of(cls, view: View, segmentation: Segmentation) -> "Look":
+        """A view and what the network gave of it."""
+        size = (view.spec.width // HALVED, view.spec.height // HALVED)
+        small = [cv2.resize(probability, size, interpolation=cv2.INTER_AREA) for probability in segmentation.maps[1:]]
+        maps = tuple(_packed(np.round(255 * probability).astype(np.uint8), ".png") for probability in small)
+        return cls(view.frame, view.spec.name, maps, _packed(view.image[..., ::-1], ".jpg"))
+
+    def probabilities(self) -> Singles:
+        """(classes, height / 2, width / 2), 0..1."""
+        maps = np.stack([_unpacked(packed, cv2.IMREAD_GRAYSCALE) for packed in self.maps])
+        return np.asarray(maps, np.float32) / np.float32(255)
+
+    def image(self) -> Bytes:
+        """The view's picture (height, width, 3), RGB."""
+        return _unpacked(self.picture, cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def _packed(image: Bytes, kind: str) -> bytes:
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if kind == ".png" else [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    return bytes(cv2.imencode(kind, image, options)[1])
+
+
+def _unpacked(packed: bytes, flags: int) -> Bytes:
+    return np.asarray(cv2.imdecode(np.frombuffer(packed, np.uint8), flags), np.uint8)
+
+
+def gather(
+    patch: PlanePatch,
+    classes: Sequence[str],
+    looks: Sequence[Look],
+    views: Mapping[str, ViewSpec],
+    path: Trajectory,
+) -> PlaneEvidence:
+    """The evidence of looks at frames whose pose is known; at most `MOST_LOOKS` of them, evenly chosen.
+
+    A look counts by the solid angle under which it shows a cell: from near and from the front more than from afar and aslant.
+    """
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    known = [look for look in looks if look.frame in poses]
+    chosen = (
+        np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOOKS)).astype(int)).tolist() if known else []
+    )
+    sums = _Sums(patch, len(classes))
+    for index in chosen:
+        sums.add(known[index], views[known[index].view], poses[known[index].frame])
+    return sums.evidence(tuple(classes))
+
+
+class _Sums:
+    """Weighted sums over looks, cell by cell."""
+
+    def __init__(self, patch: PlanePatch, classes: int) -> None:
+        self.patch = patch
+        self.total, self.weight = np.zeros((classes, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
+        self.picture, self.sharpness = np.zeros((*patch.shape, 3), np.float32), np.zeros(patch.shape, np.float32)
+        self.points = patch.points()
+
+    def add(self, look: Look, view: ViewSpec, world_from_rig: Floats) -> None:
+        """Add a look from a camera at a known pose, where the patch is near."""
+        columns = self._near(world_from_rig)
+        if columns.start >= columns.stop:
+            return
+        pixels, share = _seen(self.points[:, columns], self.patch, view, world_from_rig)
+        self.weight[:, columns] += share
+        halved = ((pixels + 0.5) / HALVED - 0.5).astype(np.float32)
+        for index, probability in enumerate(look.probabilities()):
+            self.total[index][:, columns] += share * _sampled(probability, halved)
+        sharpness = np.square(share)
+        self.sharpness[:, columns] += sharpness
+        self.picture[:, columns] += sharpness[..., None] * _sampled(look.image(), pixels)
+
+    def _near(self, world_from_rig: Floats) -> slice:
+        """The columns within `REACH` times the camera's distance from the plane."""
+        from_corner = world_from_rig[:3, 3] - self.patch.origin
+        away = abs(float(from_corner @ np.cross(self.patch.right, self.patch.up)))
+        middle = float(from_corner @ self.patch.right)
+        first, last = np.searchsorted(self.patch.across, [middle - REACH * away, middle + REACH * away]).tolist()
+        return slice(int(first), int(last))
+
+    def evidence(self, classes: tuple[str, ...]) -> PlaneEvidence:
+        """The means."""
+        mean = (self.total / np.maximum(self.weight, 1e-9)).astype(np.float32)
+        shown = self.picture / np.maximum(self.sharpness, 1e-12)[..., None]
+        return PlaneEvidence(self.patch, classes, mean, self.weight, np.clip(shown, 0, 255).astype(np.uint8))
+
+
+def _seen(points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Floats) -> tuple[Singles, Singles]:
+    """The pixels (..., 2) of cells in a view, and how much the view counts there (...), 0 outside of it."""
+    rays = points - world_from_rig[:3, 3]
+    pixels = pinhole.project(rays @ (world_from_rig[:3, :3] @ view.rig_from_view), view.camera)
+    size = np.array([view.width, view.height])
+    within = (pixels > BORDER_PX) & (pixels < size - 1 - BORDER_PX)
+    inside = within[..., 0] & within[..., 1]
+    away = np.abs(rays @ np.cross(patch.right, patch.up))
+    share = np.where(inside, away / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9) ** 3, 0.0)
+    return np.where(inside[..., None], pixels, OUTSIDE).astype(np.float32), share.astype(np.float32)
+
+
+def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
+    return np.asarray(cv2.remap(values, pixels, None, cv2.INTER_LINEAR), np.float32)  # type: ignore[call-overload]
+
+
+@dataclass(frozen=True)
+class LookSettings:
+    """How a frame is read where objects are expected: an object's pixels are those within `margin` of its outline, as a share of its
+    lesser thickness (and `margin_px` more), whose probability is above half of what is usual inside it; what is usual must be at least
+    `faintest`. Connected regions of fewer than `least_px` are left out."""
+
+    margin: float = 0.35
+    margin_px: float = 2.0
+    faintest: float = 0.12
+    least_px: int = 12
+
+
+def expected_detections(
+    view: View, segmentation: Segmentation, world_from_rig: Floats, expected: Sequence[Expected], settings: LookSettings
+) -> list[Detection]:
+    """The regions of a view that a network takes for one of the objects expected there, faint ones too, and nothing else.
+
+    Probabilities are raised so that half of what is usual inside an object becomes 0.5, as masks' borders are taken to be.
+    """
+    found: list[Detection] = []
+    for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
+        raised = np.zeros_like(probability)
+        for thing in expected:
+            outline = outline_in(view.spec, world_from_rig, thing.outline) if thing.label == label else None
+            if outline is not None:
+                np.maximum(raised, _raised(probability, outline, settings), out=raised)
+        found += regions(label, raised, 0.5, settings.least_px)
+    return found
+
+
+def _raised(probability: Singles, outline: Floats, settings: LookSettings) -> Singles:
+    core = _filled(outline, probability.shape)
+    usual = float(np.percentile(probability[core], LIKELY_QUANTILE)) if core.any() else 0.0
+    if usual < settings.faintest:
+        return np.zeros_like(probability)
+    width = round(settings.margin * _thickness(outline) + settings.margin_px)
+    kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
+    near = np.asarray(cv2.dilate(core.view(np.uint8), kernel), np.bool_)
+    return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
+
+
+def _thickness(outline: Floats) -> float:
+    """The lesser side, px, of the smallest rectangle around an outline (n, 2)."""
+    return float(min(cv2.minAreaRect(outline.astype(np.float32))[1]))
+
+
+def _filled(outline: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [np.round(16 * np.clip(outline, -2000, 2000)).astype(np.int32)], 1, shift=4)
+    return mask.view(np.bool_)
+
+
+def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:
+    """Where an outline (n, 3) in the row's frame is in a view (m, 2) px: the part before the camera; None where there is none."""
+    points = (outline - world_from_rig[:3, 3]) @ (world_from_rig[:3, :3] @ view.rig_from_view)
+    near = NEAR * float(np.abs(points).max())
+    kept: list[Floats] = []
+    for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
+        if first[2] >= near:
+            kept.append(first)
+        if (first[2] >= near) != (second[2] >= near):
+            kept.append(first + (near - first[2]) / (second[2] - first[2]) * (second - first))
+    return pinhole.project(np.array(kept), view.camera) if len(kept) >= 3 else None

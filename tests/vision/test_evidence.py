@@ -1,0 +1,123 @@
+"""Evidence in planes: what adds up over frames, what smears away, and how frames are read with it in mind."""
+
+import numpy as np
+import pytest
+
+from savmap.types import Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
+from savmap.vision.evidence import Look, LookSettings, expected_detections, gather, outline_in
+from savmap.vision.networks.segmenter import Segmentation
+
+SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)
+PATCH = PlanePatch("face", np.array([-1.0, 0.0, 0.0]), np.eye(3)[0], np.eye(3)[1], np.array([6.0, 2.0]), 0.05)
+# The rig looks at the face: x right, y down, z forward is the row's x, -y, -z.
+AT_FACE = np.diag([1.0, -1.0, -1.0])
+
+
+def pose(x: float) -> Floats:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = AT_FACE, [x, 1.0, 2.0]
+    return matrix
+
+
+def drawn(world_from_rig: Floats, outlines: list[Floats], probability: float) -> Segmentation:
+    """A network that sees posts of these outlines with some probability, and nothing else."""
+    maps = np.zeros((2, SPEC.height, SPEC.width), np.float32)
+    for outline in outlines:
+        pixels = outline_in(SPEC, world_from_rig, outline)
+        assert pixels is not None
+        columns = slice(max(int(pixels[:, 0].min()), 0), max(int(pixels[:, 0].max()) + 1, 0))
+        rows = slice(max(int(pixels[:, 1].min()), 0), int(pixels[:, 1].max()) + 1)
+        maps[1, rows, columns] = probability
+    maps[0] = 1 - maps[1]
+    return Segmentation(("post",), maps)
+
+
+def post(x: float, z: float = 0.0) -> Floats:
+    return np.array([[x - 0.05, 0.1, z], [x + 0.05, 0.1, z], [x + 0.05, 1.9, z], [x - 0.05, 1.9, z]])
+
+
+def looks_at(outlines: list[Floats], probability: float) -> tuple[list[Look], Trajectory]:
+    xs = np.linspace(0.0, 4.0, 21)
+    poses = np.array([pose(x) for x in xs])
+    image = np.full((SPEC.height, SPEC.width, 3), 90, np.uint8)
+    views = [View(SPEC, frame, 0.1 * frame, image) for frame in range(len(xs))]
+    looks = [Look.of(view, drawn(at, outlines, probability)) for view, at in zip(views, poses, strict=True)]
+    return looks, Trajectory(np.arange(len(xs)), poses)
+
+
+def columns_of(evidence: Floats, x: float) -> float:
+    """The greatest mean evidence of a column within 5 cm of x, over the post's height."""
+    across = PATCH.origin[0] + PATCH.across
+    return float(evidence[8:32, np.abs(across - x) < 0.05].mean(axis=0).max())
+
+
+def test_a_faint_post_in_the_plane_adds_up() -> None:
+    looks, path = looks_at([post(1.0), post(3.0)], 0.3)
+    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    assert columns_of(seen.of("post"), 1.0) == pytest.approx(0.3, abs=0.08)
+    assert columns_of(seen.of("post"), 3.0) == pytest.approx(0.3, abs=0.08)
+    assert columns_of(seen.of("post"), 2.0) == 0.0
+
+
+def test_what_stands_behind_the_plane_smears_away() -> None:
+    looks, path = looks_at([post(2.0, z=-1.0)], 1.0)
+    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    assert 0.0 < seen.of("post").max() < 0.5
+
+
+def test_nothing_is_known_of_what_no_frame_shows() -> None:
+    looks, path = looks_at([post(1.0)], 1.0)
+    far = PlanePatch("far", np.array([90.0, 0, 0]), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+    seen = gather(far, ("post",), looks, {"face": SPEC}, path)
+    assert not seen.weight.any()
+    assert not seen.mean.any()
+
+
+def test_frames_without_a_pose_are_left_out() -> None:
+    looks, path = looks_at([post(1.0)], 1.0)
+    alone = Trajectory(path.frames[:1], path.world_from_rig[:1])
+    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, alone)
+    whole = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    assert (seen.weight > 0).sum() < (whole.weight > 0).sum()
+
+
+def test_the_plane_is_pictured() -> None:
+    looks, path = looks_at([], 0.0)
+    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    assert np.abs(seen.picture[seen.weight > 0].astype(int) - 90).max() <= 2
+
+
+def detected(probability: float, expected: list[Expected]) -> list[float]:
+    """Middles of the regions found where posts are expected; the network sees one at 1 and one at 3."""
+    image = np.zeros((SPEC.height, SPEC.width, 3), np.uint8)
+    segmentation = drawn(pose(2.0), [post(1.0), post(3.0)], probability)
+    view = View(SPEC, 0, 0.0, image)
+    found = expected_detections(view, segmentation, pose(2.0), expected, LookSettings())
+    return [float(np.nonzero(detection.mask)[1].mean()) for detection in found]
+
+
+def test_a_faint_post_is_found_where_one_is_expected() -> None:
+    centre = outline_in(SPEC, pose(2.0), post(1.0))
+    assert centre is not None
+    assert detected(0.2, [Expected("post", post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
+
+
+def test_what_is_not_expected_is_passed_over() -> None:
+    assert len(detected(0.9, [Expected("post", post(3.0))])) == 1
+    assert detected(0.9, [Expected("post", post(2.0))]) == []
+
+
+def test_nothing_is_made_up_where_nothing_is_seen() -> None:
+    assert detected(0.05, [Expected("post", post(1.0)), Expected("post", post(3.0))]) == []
+
+
+def test_an_outline_behind_the_camera_is_nowhere() -> None:
+    behind = post(1.0, z=4.0)
+    assert outline_in(SPEC, pose(1.0), behind) is None
+
+
+def test_an_outline_is_cut_at_the_camera() -> None:
+    floor = np.array([[0.0, 0, -3.0], [1.0, 0, -3.0], [1.0, 0, 5.0], [0.0, 0, 5.0]])
+    pixels = outline_in(SPEC, pose(0.5), floor)
+    assert pixels is not None
+    assert np.isfinite(pixels).all()
