@@ -1,0 +1,115 @@
+"""Posts and levels in the evidence of a face: what is found beside what was tracked, what is dropped, and what is left alone."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from savmap.types import Floats, PlaneEvidence
+from savmap_shelves.evidence import Grid, expected_grid, face_patch, outlines, tracked_grid
+
+POSTS = np.array([[0.0, 0.1], [2.7, 2.8], [5.4, 5.5], [8.1, 8.2]])
+LEVELS = np.array([[0.4, 0.52], [1.9, 2.02], [3.4, 3.52]])
+WHOLE = Grid(POSTS, [LEVELS] * 3)
+
+
+def seen(*changes: tuple[int, tuple[float, float], tuple[float, float], float]) -> PlaneEvidence:
+    """Evidence of the whole grid, changed within rectangles (class, x, y) to values."""
+    patch = face_patch(WHOLE)
+    mean = np.zeros((2, *patch.shape), np.float32)
+    x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+    posts = [(0, (low, high), (0.0, 4.0), 0.9) for low, high in POSTS.tolist()]
+    beams = [
+        (1, (left[1], right[0]), (low, high), 0.9) for left, right in pairwise(POSTS) for low, high in LEVELS.tolist()
+    ]
+    for label, across, up, value in (*posts, *beams, *changes):
+        mean[label][np.ix_((y > up[0]) & (y < up[1]), (x > across[0]) & (x < across[1]))] = value
+    weight, picture = np.ones(patch.shape, np.float32), np.zeros((*patch.shape, 3), np.uint8)
+    return PlaneEvidence(patch, ("upright", "beam"), mean, weight, picture)
+
+
+def is_whole(grid: Grid | None) -> bool:
+    """Whether a grid has all posts and levels, each at its place within 3 cm."""
+    assert grid is not None
+    posts, levels = POSTS.mean(axis=1), LEVELS.mean(axis=1)
+    return grid.posts.mean(axis=1) == pytest.approx(posts, abs=0.03) and all(
+        own.mean(axis=1) == pytest.approx(levels, abs=0.03) for own in grid.sections
+    )
+
+
+def test_evidence_of_what_was_tracked_changes_nothing() -> None:
+    assert expected_grid(seen(), WHOLE) is None
+
+
+def test_a_level_that_is_faint_all_along_is_found() -> None:
+    evidence = seen((1, (2.8, 5.4), (1.9, 2.02), 0.25))
+    tracked = Grid(POSTS, [LEVELS, LEVELS[[0, 2]], LEVELS])
+    assert is_whole(expected_grid(evidence, tracked))
+
+
+def test_a_strong_thing_that_is_short_is_no_level() -> None:
+    assert expected_grid(seen((1, (3.0, 4.2), (2.6, 2.72), 0.95)), WHOLE) is None
+
+
+def test_a_post_that_was_not_tracked_is_found() -> None:
+    tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
+    assert is_whole(expected_grid(seen(), tracked))
+
+
+def test_less_of_a_post_is_enough_in_a_bay_too_wide() -> None:
+    half_hidden = seen((0, (2.65, 2.85), (0.0, 2.0), 0.0))
+    tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
+    assert is_whole(expected_grid(half_hidden, tracked))
+
+
+def test_half_a_post_in_a_bay_of_usual_width_is_none() -> None:
+    assert expected_grid(seen((0, (4.0, 4.1), (0.4, 2.0), 0.9)), WHOLE) is None
+
+
+def test_posts_at_the_ends_are_found_where_levels_go_on() -> None:
+    assert is_whole(expected_grid(seen(), Grid(POSTS[1:3], [LEVELS])))
+
+
+def test_a_post_beyond_the_end_without_levels_is_not_this_row() -> None:
+    evidence = seen((1, (5.5, 8.1), (-1.0, 6.0), 0.0))
+    assert expected_grid(evidence, Grid(POSTS[:3], [LEVELS, LEVELS])) is None
+
+
+def test_what_was_tracked_without_any_evidence_is_dropped() -> None:
+    made_up = np.sort(np.concatenate([LEVELS, [[2.7, 2.82]]]), axis=0)
+    assert is_whole(expected_grid(seen(), Grid(POSTS, [LEVELS, made_up, LEVELS])))
+
+
+def points_of(grid: Grid) -> dict[str, Floats]:
+    """First positions of a grid's landmarks, under the names that tracks have."""
+    posts = {
+        f"upright {number} / {side} / {end}": np.array([x, y, 0.0])
+        for number, post in enumerate(grid.posts, 1)
+        for side, x in zip(("left", "right"), post, strict=True)
+        for end, y in (("top", 4.0), ("bottom", 0.0))
+    }
+    beams = {
+        f"section {section} / beam {beam} / {edge} {side}": np.array([grid.posts[section - 1, 1], y, 0.0])
+        for section, levels in enumerate(grid.sections, 1)
+        for beam, level in enumerate(levels, 1)
+        for edge, y in zip(("lower", "upper"), level, strict=True)
+        for side in ("left", "right")
+    }
+    return posts | beams
+
+
+def test_the_tracked_grid_is_read_off_its_landmarks() -> None:
+    grid = tracked_grid(points_of(WHOLE))
+    assert grid is not None
+    assert grid.posts == pytest.approx(POSTS)
+    assert [levels.tolist() for levels in grid.sections] == [LEVELS.tolist()] * 3
+
+
+def test_no_grid_is_read_where_no_section_was_tracked() -> None:
+    assert tracked_grid({"upright 1 / left / top": np.zeros(3)}) is None
+
+
+def test_every_object_has_an_outline() -> None:
+    objects = outlines(WHOLE)
+    assert [thing.label for thing in objects] == ["upright"] * 4 + ["beam"] * 9
+    assert np.ptp(objects[4].outline, axis=0) == pytest.approx([2.6, 0.12, 0.0])
