@@ -39,13 +39,18 @@ def check(plan: TrainingPlan) -> None:
 def train(plan: TrainingPlan, progress: Progress = _silent) -> TrainedNetwork:
     """Train the network that a plan describes and write its ONNX file.
 
-    From nothing, or on from a checkpoint; on from an ONNX file it is fine-tuned (`savmap.train.finetune`). If a run was
+    From nothing, or on from a checkpoint; on from an ONNX file it is fine-tuned (`savmap.train.finetune`), or, where the plan says
+    `whole`, trained in all its layers. If a run was
     killed, the same plan goes on where it was. A checkpoint is kept beside the output (`.checkpoint.pt`), and can be given as
     `init` to go on from it. `progress` is called with the share done (0..1) and a message. Raises SavmapError for a data set,
     a network or an output that cannot be used, or when the extra `train` is not installed.
     """
     check(plan)
-    from savmap.train.trainer import FINE_TUNING, Hyperparameters  # torch, an extra, is imported when it is needed
+    from savmap.train.trainer import (
+        FINE_TUNING,
+        TRAINING_ON,
+        Hyperparameters,
+    )  # torch, an extra, is imported when it is needed
 
     if plan.fine_tunes:
         from savmap.train.finetune import fine_tune  # likewise
@@ -53,4 +58,4 @@ def train(plan: TrainingPlan, progress: Progress = _silent) -> TrainedNetwork:
         return fine_tune(plan, progress, FINE_TUNING)
     from savmap.train.loop import run  # likewise
 
-    return run(plan, progress, Hyperparameters())
+    return run(plan, progress, TRAINING_ON if plan.whole else Hyperparameters())

@@ -17,7 +17,7 @@ from savmap.train.augment import BatchSource, prefetched
 from savmap.train.checkpoint import SUFFIX, Recipe, ResumeFile, TrainingState, load_checkpoint, run_key, save_checkpoint
 from savmap.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.train.data.sets import read_sets, samples_of
-from savmap.train.export import export
+from savmap.train.export import export, load_onnx
 from savmap.train.measure import measure
 from savmap.train.network import SegmentationNetwork, build
 from savmap.train.plan import Progress, TrainedNetwork, TrainingPlan, warning_of
@@ -69,9 +69,9 @@ def fit(
 
 
 def start(classes: Sequence[str], init: Path | None) -> tuple[SegmentationNetwork, list[Recipe]]:
-    """The network to begin with: a checkpoint's, or a new one on ImageNet weights."""
+    """The network to begin with: a checkpoint's or an ONNX file's, or a new one on ImageNet weights."""
     if init is not None:
-        return load_checkpoint(init, classes)
+        return load_onnx(init, classes) if init.suffix == ".onnx" else load_checkpoint(init, classes)
     return build(len(classes), imagenet_weights()), []
 
 

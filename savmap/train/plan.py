@@ -33,6 +33,7 @@ class TrainOptions:
     held_out: Sequence[Path] = ()
     int8: bool = False
     steps: int | None = None
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class TrainingPlan:
 
     `init` is what to begin with: a checkpoint, or an ONNX file for fine-tuning; None for a network from nothing. `mapping` gives
     classes of the data sets the network's names. `held_out` are sets that fine-tuning only measures on; `int8`: whether it also
-    writes the network in 8-bit integers. `steps`: how many to make, however long they take.
+    writes the network in 8-bit integers. `steps`: how many to make, however long they take. `whole`: a network from an ONNX file is
+    trained on in all its layers, as one from nothing, instead of with the care of fine-tuning.
     """
 
     classes: Sequence[str]
@@ -54,6 +56,7 @@ class TrainingPlan:
     held_out: Sequence[Path] = ()
     int8: bool = False
     steps: int | None = None
+    whole: bool = False
 
     def done(self, steps: int, spent_s: float) -> float:
         """The share 0..1 of the run that is done after so many steps and seconds."""
@@ -71,7 +74,12 @@ class TrainingPlan:
 
     @property
     def fine_tunes(self) -> bool:
-        """Whether a network that was exported is trained further."""
+        """Whether a network that was exported is trained further with care."""
+        return self.from_file and not self.whole
+
+    @property
+    def from_file(self) -> bool:
+        """Whether the run begins with a network that was exported: its normalisations are folded and must stay as they are."""
         return self.init is not None and self.init.suffix == ".onnx"
 
 
@@ -106,7 +114,7 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     """The run that options mean for a plugin's network. Raises PluginError, ModelError or SiteError for what cannot be used."""
     plugin_class = load_class(plugin)
     init = float_model(plugin_class.model) if options.init == SHIPPED else options.init
-    fine_tunes = init is not None and init.suffix == ".onnx"
+    fine_tunes = init is not None and init.suffix == ".onnx" and not options.whole
     return TrainingPlan(
         plugin_class.classes,
         options.data,
@@ -118,6 +126,7 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
         options.held_out,
         options.int8,
         options.steps,
+        options.whole,
     )
 
 
@@ -125,6 +134,10 @@ def require_possible(plan: TrainingPlan) -> None:
     """Raise OutputError for a plan that cannot be begun, whatever its data."""
     if plan.output.suffix != ".onnx":
         raise OutputError(f"{plan.output}: the model's file name must end in .onnx")
+    if plan.whole and not plan.from_file:
+        raise OutputError(
+            "--whole goes with --init shipped or --init FILE.onnx: without it the whole network is trained anyway"
+        )
     if (plan.held_out or plan.int8) and not plan.fine_tunes:
         raise OutputError("--held-out and --int8 go with fine-tuning: say --init shipped, or --init FILE.onnx")
     written = {path.resolve() for path in (plan.output, plan.checkpoint, plan.integers)}

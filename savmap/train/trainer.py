@@ -53,6 +53,10 @@ FINE_TUNING = Hyperparameters(
 """For a network that knows its classes and a few hundred pictures of another style: small steps, the early blocks left alone."""
 
 
+TRAINING_ON = Hyperparameters(encoder_rate=2e-4, decoder_rate=1e-3, frozen_statistics=True)
+"""For a network from an ONNX file and thousands of pictures: all layers, at half the rates of a network from nothing."""
+
+
 EDGE_WEIGHT = 3.0
 DICE_SHARE = 0.4
 

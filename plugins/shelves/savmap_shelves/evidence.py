@@ -6,6 +6,7 @@ What was tracked sets the scale: its own evidence says how strong the others' sh
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +21,7 @@ FACE = "face"
 CELLS_ACROSS = 5.0
 BEYOND = 1.3
 BODY = (0.12, 0.92)
-APART = 1.5
+APART, FOOT, FAINT = 1.5, 0.4, 0.7
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,16 @@ class GridSearch:
         posts = self._with_ends(self._posts())
         return Grid(posts, [self._levels(pair) for pair in pairwise(posts)])
 
+    @cached_property
+    def floor(self) -> float:
+        """Where the posts end at the bottom: goods and markings on the floor may look like a level. A guard hides some posts' feet."""
+        return float(np.quantile([self._foot(*post) for post in self.tracked.posts], 0.25))
+
+    def _foot(self, low: float, high: float) -> float:
+        columns = (self.x > low) & (self.x < high)
+        along = gaussian_filter1d(_mean(self.upright[:, columns], self.weight[:, columns], 1), 1.0)
+        return float(self.y[along >= FOOT * self.usual_post].min(initial=self.tracked.top))
+
     def _usual(self, strengths: Sequence[float]) -> float:
         return max(float(np.median(strengths)), self.settings.faint)
 
@@ -232,11 +243,15 @@ class GridSearch:
 
     def _levels(self, posts: tuple[Floats, Floats]) -> Floats:
         """y (m, 2) of a section's beams: those that were tracked between the same posts and are not lost, and new ones."""
-        cover = self._level_cover(float(posts[0][1]), float(posts[1][0]))
-        levels = self._tracked_between(*posts)
-        levels = levels[_greatest(cover, self.y, levels) >= self.settings.lost]
+        left, right = float(posts[0][1]), float(posts[1][0])
+        cover, levels = self._level_cover(left, right), self._tracked_between(*posts)
+        faint = np.array([self._level_strength(left, right, *level) for level in levels]) < FAINT * self.usual_level
+        sunk = faint & (levels.mean(axis=1) < self.floor)
+        levels = levels[(_greatest(cover, self.y, levels) >= self.settings.lost) & ~sunk]
         for row in _peaks(cover, self.settings.level):
             centre, half = self.y[row], self._half(cover, row)
+            if centre < self.floor + self.tracked.thickness / 2:
+                continue
             if not len(levels) or np.abs(levels.mean(axis=1) - centre).min() > APART * self.tracked.thickness:
                 levels = np.concatenate([levels, [[centre - half, centre + half]]])
         return levels[np.argsort(levels[:, 0])]

@@ -87,6 +87,9 @@ def train(
     ] = None,
     held_out: Annotated[list[Path] | None, typer.Option(help="Fine-tuning: a data set only to measure on.")] = None,
     int8: Annotated[bool, typer.Option("--int8", help="Fine-tuning: also write it in 8-bit integers.")] = False,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="With --init: train all layers at full rates, for thousands of pictures.")
+    ] = False,
 ) -> None:
     """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
     from savmap.cli.commands.training import network_lines
@@ -96,7 +99,7 @@ def train(
     from savmap.train import train as train_network
     from savmap.train.plan import TrainOptions, plan_of
 
-    options = TrainOptions(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps)
+    options = TrainOptions(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps, whole)
     plan = plan_of(plugin, options)
     check(plan)
     prepare(output.parent)
