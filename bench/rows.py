@@ -1,8 +1,8 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--keep DIR] [-o bench/results/rows.json]
 
-Nobody looks at a row beforehand; footage already in DIR is used again.
+Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
 """
 
 import argparse
@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 import savmap
@@ -19,17 +20,32 @@ from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.report.evaluation import as_json
 from savmap.sim.random_row import random_row
+from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
 
 ROOT = Path(__file__).parent.parent
 
 
-def footage(seed: int, frames: int, folder: Path) -> Path:
+def footage(seed: int, frames: int, folder: Path, style: str = "any") -> Path:
     """The site file of a random row's footage, made unless it is there."""
     site = folder / "site.yaml"
     if not site.is_file():
-        simulate(random_row(seed, frames), folder)
+        scene = random_row(seed, frames)
+        simulate(greyed(scene, seed) if style == "grey" else scene, folder)
     return site
+
+
+def greyed(scene: Scene, seed: int) -> Scene:
+    """The scene with its racks' beams and decks in one grey, under light that comes from everywhere."""
+    rng = np.random.default_rng([seed, 9])
+    content = scene.model_dump(mode="json")
+    for rack in content["structures"]["shelves"]["rows"].values():
+        grey = float(rng.uniform(0.3, 0.6))
+        post = grey if rng.random() < 0.5 else float(rng.uniform(0.1, 0.7))
+        rack |= {"beam_color": [grey] * 3, "deck_color": [grey * float(rng.uniform(0.93, 1.07))] * 3, "deck": "steel"}
+        rack |= {"upright_color": [post] * 3, "beam_texture": "plain", "metallic": 0.0, "labels": 0.0}
+    content["look"] |= {"ambient": 0.6, "contrast": 0.9}
+    return parse_scene(content, f"grey row {seed}")
 
 
 def only_first_row(site: Path) -> Path:
@@ -74,6 +90,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--style", choices=["any", "grey"], default="any")
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()
@@ -82,8 +99,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         base = arguments.keep or Path(temporary)
         for seed in range(arguments.seed, arguments.seed + arguments.count):
-            folder = base / f"row-{seed}"
-            results[seed] = score(only_first_row(footage(seed, arguments.frames, folder)), folder / "out")
+            folder = base / (f"row-{seed}" if arguments.style == "any" else f"{arguments.style}-{seed}")
+            site = only_first_row(footage(seed, arguments.frames, folder, arguments.style))
+            results[seed] = score(site, folder / "out")
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
     print(f"{whole} of {arguments.count} rows without a missing or spurious element")
