@@ -143,9 +143,12 @@ def shadow(rng: Random) -> Texture:
     return texture(np.zeros((TILE, TILE), np.float32), cv2.GaussianBlur(opacity, (0, 0), 8).astype(np.float32))
 
 
-def blend(rng: Random) -> Texture:
-    """Diffuse haze of a mesh that is too fine to see its wires; opacity in the last channel."""
-    return texture(np.full((TILE, TILE), 0.7, np.float32), 0.6 + 0.4 * field(rng, 4, 4))
+def shine(rng: Random) -> Texture:
+    """A soft bright blot for a veil: a lamp in a glossy surface."""
+    y, x = np.mgrid[-1 : 1 : TILE * 1j, -1 : 1 : TILE * 1j].astype(np.float32)
+    reach = np.sqrt(x**2 + y**2) * (1 + 0.3 * (clouds(rng, 3) - 0.5))
+    opacity = np.clip(1 - reach, 0, 1) ** np.float32(rng.uniform(1.0, 3.0))
+    return texture(np.ones((TILE, TILE), np.float32), opacity.astype(np.float32))
 
 
 def stripes(rng: Random, colours: Sequence[Rgb]) -> Texture:

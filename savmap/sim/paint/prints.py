@@ -96,10 +96,10 @@ def carton(rng: Random) -> Texture:
 
 def _board_colour(rng: Random) -> Rgb:
     kind = rng.random()
-    if kind < 0.6:
-        tone = rng.uniform(0.75, 1.05)
+    if kind < 0.7:
+        tone = rng.uniform(0.7, 1.05)
         return 0.93 * tone, (0.76 + 0.05 * rng.random()) * tone, (0.55 + 0.12 * rng.random()) * tone
-    if kind < 0.78:
+    if kind < 0.85:
         return 1.15, 1.15, 1.12
     return vivid(rng, 0.0, 0.8)
 

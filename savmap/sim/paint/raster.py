@@ -15,6 +15,8 @@ NOTHING = -1
 
 _SHIFT = 4
 _FARTHEST_PX = 2.0e6
+_LEAST_PX = 0.8
+"""Faces whose region is smaller are not drawn."""
 
 
 @dataclass(frozen=True)
@@ -107,16 +109,17 @@ def outlines_in_view(faces: Faces, camera: Camera, size: tuple[int, int], wanted
     pixels = _projected(view, camera, size)
     boxes = _regions(pixels, size)
     points = np.round(pixels * (1 << _SHIFT)).astype(np.int32)
-    meets = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
+    meets = (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & (np.ptp(pixels, axis=1).prod(axis=1) > _LEAST_PX)
     found = []
-    for k in np.argsort(nearest)[(farthest > NEAR_M)[np.argsort(nearest)]].tolist():
+    order = np.argsort(nearest)
+    for k in order[farthest[order] > NEAR_M].tolist():
         if nearest[k] >= NEAR_M:
             if meets[k]:
                 found.append(Outline(int(chosen[k]), points[k, : part.corners[k]], tuple(boxes[k].tolist())))
             continue
         clipped = _projected(_clipped(view[k, : part.corners[k]]), camera, size)
         box = _regions(clipped[None], size)[0]
-        if (box[2:] > box[:2]).all():
+        if np.all(box[2:] > box[:2]):
             rounded = np.round(clipped * (1 << _SHIFT)).astype(np.int32)
             found.append(Outline(int(chosen[k]), rounded, tuple(box.tolist())))
     return found

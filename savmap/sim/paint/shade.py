@@ -29,15 +29,26 @@ class Painted:
 
 
 def painted(
-    faces: Faces, atlas: Atlas, lighting: Lighting, camera: Camera, size: tuple[int, int], classes: int
+    faces: Faces,
+    atlas: Atlas,
+    lighting: Lighting,
+    camera: Camera,
+    size: tuple[int, int],
+    classes: int,
+    haze: float = 0.0,
 ) -> Painted:
-    """A picture (width, height) of faces with its mask: a pixel belongs to the class that covers half of it."""
+    """A picture (width, height) of faces with its mask: a pixel belongs to the class that covers half of it.
+
+    `haze`: the share of light that air takes on a metre, and replaces by the picture's mean."""
     fine = round(size[0] * SUPERSAMPLING), round(size[1] * SUPERSAMPLING)
     kept = faces.chosen(facing(faces, camera))
     seen = rasterise(kept, camera, fine)
     light = lit(kept, lighting, camera.origin)
     linear = coloured(kept, atlas, seen, light)
     _draw_veils(linear, kept, atlas, seen, light)
+    if haze > 0:
+        clear = np.exp(-np.float32(haze) / np.maximum(seen.nearness, 1e-3))[..., None]
+        linear = clear * linear + (1 - clear) * linear.mean(axis=(0, 1))
     small = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_AREA), np.float32)
     return Painted(small, mask_of(kept, seen, size, classes))
 
@@ -114,7 +125,7 @@ def _draw_veils(linear: Singles, faces: Faces, atlas: Atlas, seen: Seen, light: 
         corner = atlas.corner(faces.tile[index : index + 1])
         texels = atlas.look_up(s * (TILE - 1) + corner[0], (1 - t) * (TILE - 1) + corner[1]).astype(np.float32) / 255
         opacity = (texels[..., 3] * np.float32(faces.veil[index]) * shown)[..., None]
-        colour = texels[..., :3] ** 2 * faces.tint[index].astype(np.float32) * light[index].mean()
+        colour = texels[..., :3] ** 2 * faces.tint[index].astype(np.float32) * max(light[index].mean(), 1e-3)
         linear[here] += opacity * (colour - linear[here])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.prints import vivid
 from savmap.sim.paint.stage import Rgb, Stage, Surface
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe
+from savmap_shelves.simulation.painted.wardrobe import Wardrobe, paint
 
 Load = Callable[[Stage, Wardrobe, "Room"], None]
 
@@ -37,10 +37,12 @@ def colour(rng: Random) -> Rgb:
     kind = rng.random()
     if kind < 0.35:
         return grey(rng, 0.01, 0.8)
-    if kind < 0.5:
+    if kind < 0.55:
         tone = float(rng.uniform(0.1, 0.7))
         return tone, tone * float(rng.uniform(0.6, 0.9)), tone * float(rng.uniform(0.3, 0.75))
-    red, green, blue = vivid(rng, 0.1, 0.5) if kind < 0.7 else vivid(rng, 0.4, 0.95)
+    if kind < 0.75:
+        return paint(rng, str(rng.choice(["blue", "red", "yellow", "green", "orange", "sky", "navy"]))).tint
+    red, green, blue = vivid(rng, 0.1, 0.5) if kind < 0.9 else vivid(rng, 0.4, 0.95)
     return red**2, green**2, blue**2
 
 
@@ -101,7 +103,7 @@ def cartons(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
 def _carton(rng: Random, wardrobe: Wardrobe) -> tuple[Surface, Surface, Surface]:
     tone = float(np.clip(np.exp(rng.normal(-0.25, 0.3)), 0.3, 1.1))
     tint: Rgb = (tone, tone * float(rng.uniform(0.9, 1.02)), tone * float(rng.uniform(0.8, 1.02)))
-    if rng.random() < 0.12:
+    if rng.random() < 0.1:
         tint = colour(rng)
     front = wardrobe.photographed(rng, "carton", tint, 0.0, 0.12)
     side = front if rng.random() < 0.4 else wardrobe.surface(rng, "carton", tint)
@@ -257,6 +259,52 @@ def rolls(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
                     stage.cylinder((0, 0, 0), radius, room.depth * 0.9, side, lid, 12, lying=True)
 
 
+def jumble(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
+    """Small things of all kinds, side by side and on one another."""
+    rng, x = stage.rng, 0.0
+    size = float(rng.uniform(0.06, 0.25)) if room.near else 0.35
+    kinds = ("carton", "plain", "crate", "cloth", "label", "poster", "sack", "paint")
+    while x < room.width - 0.06:
+        wide, y = size * float(rng.uniform(0.3, 1.6)), 0.0
+        deep = min(room.depth, size * float(rng.uniform(1, 3)))
+        for _ in range(int(rng.integers(1, 4))):
+            tall = size * float(rng.uniform(0.2, 1.6))
+            if y + tall > room.height:
+                break
+            thing = wardrobe.photographed(rng, str(rng.choice(kinds)), colour(rng), 0.0, 0.3)
+            z = -float(rng.uniform(0, 0.1))
+            with stage.frame((x, y, z), float(rng.normal(0, 6)), 0.0, float(rng.normal(0, 1.5))):
+                if rng.random() < 0.15:
+                    radius = min(wide, deep) / 2
+                    stage.cylinder((radius, 0, -radius), radius, tall, thing, thing, 8)
+                else:
+                    stage.box((0, 0, -deep), (wide, tall, 0), thing)
+            y += tall
+        x += wide * float(rng.uniform(0.9, 1.4))
+
+
+def bins(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
+    """Open-fronted picking bins: a low front, slanting sides, dark within, things in them."""
+    rng = stage.rng
+    wide, tall = float(rng.uniform(0.1, 0.35)), float(rng.uniform(0.08, 0.25))
+    tints = [colour(rng) for _ in range(int(rng.integers(1, 3)))]
+    plain, label = wardrobe.kinds["plain"][0], wardrobe.surface(rng, "label")
+    low, back = tall * float(rng.uniform(0.3, 0.6)), -min(0.35, room.depth)
+    for layer in range(max(1, min(3, int(room.height / (tall * 1.05))))):
+        tint, y = tints[int(rng.integers(len(tints)))], layer * tall * 1.05
+        for column in range(max(1, int(room.width / wide))):
+            x, surface = column * wide, Surface(plain, tint)
+            stage.box((x + 0.004, y, -0.01), (x + wide - 0.004, y + low, 0), surface)
+            stage.box((x + 0.004, y, back), (x + wide - 0.004, y + 0.6 * low, -0.02), surface, shade=0.4)
+            stage.box((x + 0.004, y, back), (x + wide - 0.004, y + tall, back + 0.01), surface, shade=0.5)
+            for side in (x + 0.004, x + wide - 0.004):
+                slope = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.6, 1.0), (0.0, low / tall))
+                stage.polygon((side, y, 0), (0, 0, back), (0, tall, 0), slope, surface, shade=0.8)
+            if room.near and rng.random() < 0.6:
+                at, size = (x + 0.25 * wide, y + 0.2 * low, 0.002), (0.5 * wide, 0.6 * low)
+                stage.quad(at, (size[0], 0, 0), (0, size[1], 0), label, two_sided=False)
+
+
 _PALLETED: tuple[tuple[Load, float], ...] = (
     (cartons, 0.4),
     (wrapped, 0.22),
@@ -268,8 +316,10 @@ _PALLETED: tuple[tuple[Load, float], ...] = (
 )
 _LOOSE: tuple[tuple[Load, float], ...] = (
     (cartons, 0.2),
-    (loose_cartons, 0.28),
-    (crates, 0.2),
+    (loose_cartons, 0.24),
+    (jumble, 0.18),
+    (bins, 0.1),
+    (crates, 0.14),
     (drums, 0.08),
     (long_things, 0.08),
     (rolls, 0.06),
@@ -295,7 +345,7 @@ def random_storage(rng: Random, small: bool) -> Storage:
     table = _PALLETED if on_pallets else _LOOSE
     weights = np.array([weight for _, weight in table])
     chosen = rng.choice(len(table), int(rng.integers(1, 5)), p=weights / weights.sum())
-    density = 0.0 if rng.random() < 0.1 else float(rng.uniform(0.35, 1.25))
+    density = 0.0 if rng.random() < 0.08 else float(rng.uniform(0.4, 1.5))
     overhang = float(rng.choice([-0.1, 0.0, rng.uniform(0, 0.15)]))
     return Storage(tuple(table[k][0] for k in chosen), on_pallets, density, overhang, float(rng.uniform(0, 0.06)))
 

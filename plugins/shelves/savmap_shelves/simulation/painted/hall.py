@@ -174,6 +174,24 @@ def lamps(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> Floats:
     return np.array([places[k] for k in sorted(chosen)]) - (0, 0.1, 0)
 
 
+def reflections(stage: Stage, wardrobe: Wardrobe, places: Floats, eye: Floats) -> None:
+    """Lamps that shine in the floor, where a mirror would show them."""
+    rng = stage.rng
+    strength = float(rng.uniform(0.1, 0.7))
+    shine = wardrobe.surface(rng, "shine", grey(rng, 1.0, 4.0))
+    for place in places:
+        share = eye[1] / (eye[1] + place[1])
+        away = place[[0, 2]] - eye[[0, 2]]
+        length = float(np.linalg.norm(away))
+        if length < 0.5:
+            continue
+        forth = away / length * float(rng.uniform(0.5, 1.2))
+        across = np.array([-forth[1], forth[0]]) * 0.4
+        x, z = eye[[0, 2]] + share * away - 0.5 * (forth + across)
+        u, v = (float(across[0]), 0.0, float(across[1])), (float(forth[0]), 0.0, float(forth[1]))
+        stage.quad((float(x), 0.008, float(z)), u, v, shine, veil=strength)
+
+
 def lighting(rng: Random, places: Floats, height: float) -> Lighting:
     """Even light, lamps alone, or a dim hall with a lamp at the camera."""
     strength = float(rng.uniform(0.0, 2.5)) if rng.random() < 0.8 else float(rng.uniform(2.5, 8))

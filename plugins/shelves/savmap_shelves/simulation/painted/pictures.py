@@ -20,7 +20,7 @@ from savmap.sim.paint.shade import Painted, painted
 from savmap.sim.paint.stage import Stage
 from savmap_shelves.simulation.painted import clutter
 from savmap_shelves.simulation.painted.goods import Room, Storage, fill_opening, random_storage
-from savmap_shelves.simulation.painted.hall import Hall, build_hall, lamps, lighting
+from savmap_shelves.simulation.painted.hall import Hall, build_hall, lamps, lighting, reflections
 from savmap_shelves.simulation.painted.racks import Bay, Row, build_row, random_row, random_style
 from savmap_shelves.simulation.painted.wardrobe import Wardrobe, wardrobe
 
@@ -79,8 +79,11 @@ def _attempt(rng: Random, clothes: Wardrobe, bare: bool) -> Painted:
     if not bare:
         _racks(stage, clothes, view, kind)
     _clutter(stage, clothes, view, int(rng.integers(3, 10)) if bare else int(rng.integers(0, 3)))
+    if rng.random() < 0.4:
+        reflections(stage, clothes, places, view.camera().origin)
     light = lighting(rng, places, hall.height)
-    return painted(stage.faces(), clothes.atlas, light, view.camera(), (WIDTH, HEIGHT), len(CLASSES))
+    haze = float(rng.uniform(0.002, 0.04)) if rng.random() < 0.25 else 0.0
+    return painted(stage.faces(), clothes.atlas, light, view.camera(), (WIDTH, HEIGHT), len(CLASSES), haze)
 
 
 def random_view(rng: Random, kind: str) -> View:
@@ -89,6 +92,8 @@ def random_view(rng: Random, kind: str) -> View:
     height = float(np.clip(rng.normal(1.7, 0.7), 0.5, 4.0))
     roll = float(np.clip(rng.normal(0, 2.5), -8, 8))
     pitch = float(np.clip(rng.normal(2, 8), -30, 35))
+    if rng.random() < 0.12:
+        pitch = float(rng.uniform(10, 38))
     if kind == "part":
         yaw = side * abs(float(rng.normal(0, 28)))
         return View(0.0, height, float(rng.uniform(0.9, 2.8)), yaw, pitch, roll, float(rng.uniform(40, 90)))
@@ -102,7 +107,8 @@ def random_view(rng: Random, kind: str) -> View:
 def _hall(rng: Random, view: View) -> Hall:
     reach = float(rng.uniform(9, 45))
     front = view.distance + float(rng.uniform(1.5, 15))
-    return Hall(-reach, reach, -float(rng.uniform(1.8, 20)), front, float(rng.uniform(3.2, 13)))
+    back = float(rng.uniform(1.3, 5)) if rng.random() < 0.5 else float(rng.uniform(3, 20))
+    return Hall(-reach, reach, -back, front, float(rng.uniform(3.2, 13)))
 
 
 def _racks(stage: Stage, clothes: Wardrobe, view: View, kind: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.sim.paint.noise import Random
-from savmap.sim.paint.stage import BACKGROUND, Stage, Surface, Tag
+from savmap.sim.paint.stage import Stage, Surface, Tag
 from savmap_shelves.simulation.painted.wardrobe import Paint, Wardrobe, paint, paints, zinc
 
 UPRIGHT, BEAM, IGNORED = 1, 2, 255
@@ -36,6 +36,7 @@ class Style:
     decking: Surface
     gloom: float
     under: float
+    gloss: float  # how strongly lamps shine in the beams
     guards: Surface | None
     foot: float
 
@@ -73,7 +74,9 @@ def random_style(rng: Random, wardrobe: Wardrobe, small: bool) -> Style:
     decks = ["none", "wire", "chipboard", "steel", "bars", "grating"]
     shares = [0.06, 0.2, 0.3, 0.3, 0.08, 0.06] if small else [0.35, 0.22, 0.16, 0.1, 0.12, 0.05]
     deck = str(rng.choice(decks, p=shares))
-    wear = str(rng.choice(["paint", "zinc"]))
+    sheet = small and rng.random() < 0.35
+    if sheet:  # folded shelves: their front edge is the beam
+        height, deck = float(rng.uniform(0.025, 0.05)), "sheet"
     return Style(
         post=_surface(rng, wardrobe, for_posts, "post", (0.0, float(rng.uniform(0.35, 0.7)))),
         flank=_surface(rng, wardrobe, for_posts, "flank", (0.0, float(rng.uniform(0.35, 0.7)))),
@@ -86,14 +89,15 @@ def random_style(rng: Random, wardrobe: Wardrobe, small: bool) -> Style:
         beam_thickness=float(rng.uniform(0.03, 0.06)),
         profile=str(rng.choice(["box", "box", "step", "open"])),
         setback=float(rng.choice([0.0, rng.uniform(-0.008, 0.012), rng.uniform(0, 0.035)])),
-        connector=float(rng.choice([0.0, 1.0, 1.0]) * max(height + rng.uniform(0.02, 0.12), 0.12)),
+        connector=float(not sheet) * float(rng.choice([0.0, 1.0, 1.0]) * max(height + rng.uniform(0.02, 0.12), 0.12)),
         frame=_surface(rng, wardrobe, bracing, "", (0.8, 0.8)),
         brace=float(rng.uniform(0.02, 0.05)),
         depth=float(rng.uniform(0.4, 0.8) if small else rng.uniform(0.75, 1.25)),
         deck=deck,
-        decking=_decking(rng, wardrobe, deck, wear),
+        decking=_decking(rng, wardrobe, deck, for_beams),
         gloom=float(rng.uniform(0.1, 1.8)),
         under=float(rng.uniform(0.1, 0.85)),
+        gloss=float(rng.uniform(0.1, 0.8)) if rng.random() < 0.35 else 0.0,
         guards=wardrobe.surface(rng, "hazard") if rng.random() < 0.3 else None,
         foot=float(rng.uniform(0.02, 0.06) * (rng.random() < 0.7)),
     )
@@ -104,13 +108,15 @@ def _surface(rng: Random, wardrobe: Wardrobe, finish: Paint, part: str, span: tu
     return Surface(wardrobe.any(rng, f"{kind}_{part}" if part else kind), finish.tint, span)
 
 
-def _decking(rng: Random, wardrobe: Wardrobe, deck: str, metal: str) -> Surface:
+def _decking(rng: Random, wardrobe: Wardrobe, deck: str, beams: Paint) -> Surface:
+    if deck == "sheet":
+        return _surface(rng, wardrobe, beams, "", (1.0, 1.0))
     tone = float(rng.uniform(0.2, 1.0))
     if deck == "chipboard":
         kind = str(rng.choice(["chipboard", "wood", "plain"]))
         return wardrobe.photographed(rng, kind, (tone, tone * 0.95, tone * 0.85), float(rng.uniform(0.8, 2)))
     if rng.random() < 0.3:
-        return wardrobe.surface(rng, metal, paint(rng).tint, 1.0)
+        return wardrobe.surface(rng, str(rng.choice(["paint", "zinc"])), paint(rng).tint, 1.0)
     return wardrobe.surface(rng, "zinc", (tone, tone, tone), 1.0)
 
 
@@ -160,6 +166,10 @@ def build_row(
     for bay in row.bays:
         near = detailed(bay)
         floor = 0.0
+        if near:
+            dark = wardrobe.surface(rng, "shadow")
+            low, reach = (bay.left - 0.2, 0.006, 0.3), (bay.width + 0.4, 0, 0)
+            stage.quad(low, reach, (0, 0, -style.depth - 0.5), dark, veil=float(rng.uniform(0.2, 0.8)))
         for level, top in zip((-1.0, *bay.levels), (*bay.levels, row.height + 1.0), strict=True):
             if level >= 0:
                 floor = level + style.beam_height
@@ -167,7 +177,6 @@ def build_row(
             if top - floor > 0.15:
                 with stage.gloom(style.gloom, floor, top, style.under if top < row.height else 0.1):
                     fill(bay, floor + 0.005, min(top, row.height + 0.8), style.depth)
-    del rng
 
 
 def _tag(label: int, thickness: float, judged: bool) -> Tag:
@@ -272,8 +281,8 @@ def _beam(stage: Stage, style: Style, ends: tuple[float, float], y: float, front
 
 def _deck(stage: Stage, style: Style, left: float, right: float, top: float, near: bool) -> None:
     back, front = -style.depth, -style.setback - 0.01
-    if style.deck in ("chipboard", "steel"):
-        thick = 0.022 if style.deck == "chipboard" else 0.03
+    if style.deck in ("chipboard", "steel", "sheet"):
+        thick = {"chipboard": 0.022, "steel": 0.03, "sheet": 0.003}[style.deck]
         drop = 0.004 if style.profile != "step" else thick
         stage.box((left, top + 0.004 - drop, back), (right, top + 0.004 - drop + thick, front), style.decking)
     elif style.deck in ("wire", "grating") and near:
@@ -306,8 +315,9 @@ def _stuck(
     if rng.random() < 0.08:
         wide = float(rng.uniform(0.2, 0.5))
         stick("poster", float(rng.uniform(left, right - wide)), wide, tall * 0.08, tall * 0.84)
+    if style.gloss and rng.random() < 0.7:
+        x, wide = float(rng.uniform(left, right)), float(rng.uniform(0.2, 0.9))
+        shine = wardrobe.surface(rng, "shine", (2.0, 2.0, 1.9))
+        stage.quad((x - wide / 2, y, z + 0.003), (wide, 0, 0), (0, tall, 0), shine, veil=style.gloss, tag=tag)
     if rng.random() < 0.05:
         stick("plain", float(rng.uniform(left, right)), 0.04, 0.0, tall)
-
-
-__all__ = ["BACKGROUND", "Bay", "Row", "Style", "build_row", "random_row", "random_style"]

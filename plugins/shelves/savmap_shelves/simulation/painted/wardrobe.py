@@ -68,7 +68,7 @@ _MADE: Mapping[str, tuple[int, Callable[[Random], Texture]]] = {
     "decking": (4, lambda rng: materials.ribbed(rng, upright=False)),
     "film": (8, materials.film),
     "shadow": (3, materials.shadow),
-    "haze": (2, materials.blend),
+    "shine": (3, materials.shine),
     "label": (10, prints.label),
     "strip": (5, prints.strip),
     "poster": (10, prints.poster),
