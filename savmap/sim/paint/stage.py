@@ -156,13 +156,15 @@ def _flat(surface: Surface) -> tuple[float, ...]:
 
 def _pose(at: Point, yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:
     a, b, c = math.radians(yaw_deg), math.radians(pitch_deg), math.radians(roll_deg)
-    yaw = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
-    pitch = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
-    roll = np.array([[math.cos(c), -math.sin(c), 0], [math.sin(c), math.cos(c), 0], [0, 0, 1]])
-    pose = np.eye(4)
-    pose[:3, :3] = yaw @ pitch @ roll
-    pose[:3, 3] = at
-    return pose
+    sa, ca, sb, cb, sc, cc = math.sin(a), math.cos(a), math.sin(b), math.cos(b), math.sin(c), math.cos(c)
+    return np.array(
+        [
+            [ca * cc + sa * sb * sc, sa * sb * cc - ca * sc, sa * cb, at[0]],
+            [cb * sc, cb * cc, -sb, at[1]],
+            [ca * sb * sc - sa * cc, sa * sc + ca * sb * cc, ca * cb, at[2]],
+            [0, 0, 0, 1],
+        ]
+    )
 
 
 _SIDES: tuple[tuple[Point, Point, Point, int], ...] = (

@@ -63,7 +63,7 @@ def picture(seed: int, index: int, textures: Path | None = None) -> Sample:
     bare = rng.random() < _BARE_SHARE
     for _ in range(_TRIES):
         result = _attempt(rng, clothes, bare)
-        if bare or np.isin(result.mask, (1, 2)).mean() > rng.uniform(0.02, 0.12):
+        if bare or np.isin(result.mask, (1, 2)).mean() > rng.uniform(0.01, 0.07):
             break
     return developed(result.linear, rng), result.mask
 
