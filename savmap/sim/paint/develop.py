@@ -11,11 +11,18 @@ from savmap.sim.paint.noise import Random
 def developed(linear: Singles, rng: Random, key: float | None = None) -> NDArray[np.uint8]:
     """An 8-bit RGB picture (h, w, 3). `key`: the mean brightness aimed at, 0 to 1 before the tone curve; random by default."""
     picture = np.nan_to_num(linear)
-    aimed = key if key is not None else float(np.clip(np.exp(rng.normal(np.log(0.2), 0.45)), 0.03, 0.6))
+    aimed = _key(rng) if key is None else key
     picture = picture * (aimed / max(float(picture.mean()), 1e-4))
     picture = _glare(picture, rng) * _vignette(picture.shape, rng)
     picture = picture * np.exp(rng.normal(0, 0.09, 3)).astype(np.float32)
     return _compressed(_sensed(_lens(_toned(picture, rng), rng), rng), rng)
+
+
+def _key(rng: Random) -> float:
+    """Mean brightness in linear light: most pictures well exposed, one in six taken in the dark."""
+    if rng.random() < 0.17:
+        return float(np.exp(rng.uniform(np.log(0.012), np.log(0.08))))
+    return float(np.clip(np.exp(rng.normal(np.log(0.18), 0.55)), 0.03, 0.7))
 
 
 def _toned(picture: Singles, rng: Random) -> Singles:
@@ -27,8 +34,8 @@ def _toned(picture: Singles, rng: Random) -> Singles:
     grey = tone.mean(axis=2, keepdims=True)
     tone = grey + np.float32(rng.uniform(0.45, 1.35)) * (tone - grey)
     lifted = np.float32(rng.uniform(0, 0.12) * (rng.random() < 0.5))
-    contrast = np.float32(rng.uniform(0.75, 1.25))
-    result: Singles = lifted + (1 - lifted) * (0.45 + contrast * (tone - 0.45))
+    contrast, middle = np.float32(rng.uniform(0.75, 1.25)), tone.mean()
+    result: Singles = lifted + (1 - lifted) * (middle + contrast * (tone - middle))
     return result
 
 

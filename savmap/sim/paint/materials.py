@@ -146,7 +146,7 @@ def shadow(rng: Random) -> Texture:
 def shine(rng: Random) -> Texture:
     """A soft bright blot for a veil: a lamp in a glossy surface."""
     y, x = np.mgrid[-1 : 1 : TILE * 1j, -1 : 1 : TILE * 1j].astype(np.float32)
-    reach = np.sqrt(x**2 + y**2) * (1 + 0.3 * (clouds(rng, 3) - 0.5))
+    reach = np.sqrt(x**2 + y**2) * (1.05 + 0.1 * (clouds(rng, 3) - 0.5))
     opacity = np.clip(1 - reach, 0, 1) ** np.float32(rng.uniform(1.0, 3.0))
     return texture(np.ones((TILE, TILE), np.float32), opacity.astype(np.float32))
 

@@ -29,9 +29,9 @@ def build_hall(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     _floor(stage, wardrobe, hall)
     _walls(stage, wardrobe, hall)
     _roof(stage, wardrobe, hall)
-    if rng.random() < 0.35:
+    if rng.random() < 0.2:
         _columns(stage, wardrobe, hall)
-    for _ in range(int(rng.integers(0, 6))):
+    for _ in range(int(rng.integers(0, 5))):
         _pipe(stage, wardrobe, hall)
 
 
@@ -185,7 +185,7 @@ def reflections(stage: Stage, wardrobe: Wardrobe, places: Floats, eye: Floats) -
         length = float(np.linalg.norm(away))
         if length < 0.5:
             continue
-        forth = away / length * float(rng.uniform(0.5, 1.2))
+        forth = away / length * float(rng.uniform(0.6, 3.0))
         across = np.array([-forth[1], forth[0]]) * 0.4
         x, z = eye[[0, 2]] + share * away - 0.5 * (forth + across)
         u, v = (float(across[0]), 0.0, float(across[1])), (float(forth[0]), 0.0, float(forth[1]))

@@ -3,7 +3,7 @@
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from savmap.errors import ending_in_one_line
 from savmap.sim.dataset import HEIGHT, WIDTH
 from savmap.sim.paint.develop import developed
+from savmap.sim.paint.faces import Faces
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.raster import Camera, camera_at
 from savmap.sim.paint.series import Sample, write_series
@@ -31,6 +32,7 @@ _BLOCK = 100
 _DETAIL_M = 11.0
 _BARE_SHARE = 0.1
 _TRIES = 3
+_ALIKE = ("carton", "crate", "sack", "barrel", "plain", "cloth", "wood", "plaster", "ribbed")
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,22 @@ def _attempt(rng: Random, clothes: Wardrobe, bare: bool) -> Painted:
         reflections(stage, clothes, places, view.camera().origin)
     light = lighting(rng, places, hall.height)
     haze = float(rng.uniform(0.002, 0.04)) if rng.random() < 0.25 else 0.0
-    return painted(stage.faces(), clothes.atlas, light, view.camera(), (WIDTH, HEIGHT), len(CLASSES), haze)
+    faces = stage.faces()
+    if rng.random() < 0.18:
+        faces = _alike(faces, clothes, rng)
+    return painted(faces, clothes.atlas, light, view.camera(), (WIDTH, HEIGHT), len(CLASSES), haze)
+
+
+def _alike(faces: Faces, clothes: Wardrobe, rng: Random) -> Faces:
+    """Goods and walls of some textures take nearly the paint of a labelled member: weak contrast, false members."""
+    members = np.flatnonzero((faces.label == 1) | (faces.label == 2))
+    if not len(members):
+        return faces
+    tint = faces.tint[members[int(rng.integers(len(members)))]]
+    tiles = [tile for kind in _ALIKE for tile in clothes.kinds[kind]]
+    chosen = np.isin(faces.tile, rng.choice(tiles, len(tiles) // 2, replace=False)) & (faces.label == 0)
+    jitter = np.exp(rng.normal(0, 0.25, (len(faces.tile), 1)))
+    return replace(faces, tint=np.where(chosen[:, None], tint * jitter, faces.tint))
 
 
 def random_view(rng: Random, kind: str) -> View:

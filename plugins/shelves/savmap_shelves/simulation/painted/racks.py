@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Style:
     stepped_post: bool
     beam: Surface
     lip: Surface
+    spare: Surface  # some levels' beams are of another make
     beam_height: float
     beam_thickness: float
     profile: str  # box, step, open
@@ -36,6 +37,8 @@ class Style:
     decking: Surface
     gloom: float
     under: float
+    base: Surface | None  # a coat of another colour on the posts' lower metre
+    backing: tuple[float, float, float]  # a mesh over the rear: pitch across and up, metres, and its wires' share
     gloss: float  # how strongly lamps shine in the beams
     guards: Surface | None
     foot: float
@@ -85,6 +88,7 @@ def random_style(rng: Random, wardrobe: Wardrobe, small: bool) -> Style:
         stepped_post=bool(rng.random() < 0.4),
         beam=_surface(rng, wardrobe, for_beams, "beam", (float(rng.uniform(1.2, 3.0)), 0.0)),
         lip=_surface(rng, wardrobe, for_beams, "", (1.0, 1.0)),
+        spare=_surface(rng, wardrobe, paint(rng), "beam", (float(rng.uniform(1.2, 3.0)), 0.0)),
         beam_height=height,
         beam_thickness=float(rng.uniform(0.03, 0.06)),
         profile=str(rng.choice(["box", "box", "step", "open"])),
@@ -97,10 +101,18 @@ def random_style(rng: Random, wardrobe: Wardrobe, small: bool) -> Style:
         decking=_decking(rng, wardrobe, deck, for_beams),
         gloom=float(rng.uniform(0.1, 1.8)),
         under=float(rng.uniform(0.1, 0.85)),
+        base=_surface(rng, wardrobe, paint(rng), "post", (0.0, 0.5)) if rng.random() < 0.06 else None,
+        backing=_backing(rng),
         gloss=float(rng.uniform(0.1, 0.8)) if rng.random() < 0.35 else 0.0,
         guards=wardrobe.surface(rng, "hazard") if rng.random() < 0.3 else None,
         foot=float(rng.uniform(0.02, 0.06) * (rng.random() < 0.7)),
     )
+
+
+def _backing(rng: Random) -> tuple[float, float, float]:
+    if rng.random() < 0.88:
+        return 0.0, 0.0, 0.0
+    return float(rng.uniform(0.04, 0.15)), float(rng.uniform(0.04, 0.15)), float(rng.uniform(0.06, 0.2))
 
 
 def _surface(rng: Random, wardrobe: Wardrobe, finish: Paint, part: str, span: tuple[float, float]) -> Surface:
@@ -170,6 +182,11 @@ def build_row(
             dark = wardrobe.surface(rng, "shadow")
             low, reach = (bay.left - 0.2, 0.006, 0.3), (bay.width + 0.4, 0, 0)
             stage.quad(low, reach, (0, 0, -style.depth - 0.5), dark, veil=float(rng.uniform(0.2, 0.8)))
+        if near and style.backing[2]:
+            across, up, share = style.backing
+            mesh = (bay.width / across, row.height / up, share)
+            with stage.gloom(style.gloom):
+                stage.quad((bay.left, 0, -style.depth), (bay.width, 0, 0), (0, row.height, 0), style.frame, mesh=mesh)
         for level, top in zip((-1.0, *bay.levels), (*bay.levels, row.height + 1.0), strict=True):
             if level >= 0:
                 floor = level + style.beam_height
@@ -197,6 +214,10 @@ def _post(stage: Stage, style: Style, x: float, height: float, judged: bool, war
     if wardrobe is None:
         return
     rng = stage.rng
+    if style.base is not None:
+        tall = float(rng.uniform(0.6, 1.2))
+        low, high = (x - half - 0.002, 0, -depth - 0.002), (x + half + 0.002, tall, 0.002)
+        stage.box(low, high, style.base, style.base, tag=tag)
     if style.foot:
         wide = half + style.foot
         stage.box((x - wide, 0, -depth - style.foot), (x + wide, 0.012, style.foot), style.frame)
@@ -209,6 +230,9 @@ def _post(stage: Stage, style: Style, x: float, height: float, judged: bool, war
         stage.box(
             (x - half - 0.006, at, -0.8 * depth), (x + half + 0.006, at + 0.3, 0.006), style.post, style.flank, tag=tag
         )
+    if rng.random() < 0.05:  # a notice that stands out into the aisle
+        at, wide = float(rng.uniform(1.6, 3.5)), float(rng.uniform(0.15, 0.5))
+        stage.box((x - 0.01, at, 0.01), (x + 0.01, at + 0.7 * wide, wide), wardrobe.surface(rng, "poster"))
     if rng.random() < 0.25:
         at, size = float(rng.uniform(0.5, 2.5)), style.post_width * float(rng.uniform(0.5, 0.95))
         sticker = wardrobe.surface(rng, str(rng.choice(["label", "poster", "hazard"])))
@@ -245,6 +269,8 @@ def _level(stage: Stage, row: Row, bay: Bay, y: float, judged: bool, wardrobe: W
     left, right = bay.left + style.post_width / 2, bay.left + bay.width - style.post_width / 2
     front, top = -style.setback, y + style.beam_height
     tag = _tag(BEAM, style.beam_height, judged)
+    if stage.rng.random() < 0.05:
+        style = replace(style, beam=style.spare, lip=replace(style.spare, span=(1.0, 1.0)))
     _beam(stage, style, (left, right), y, front, tag)
     if style.connector and near:
         plate = 0.5 * (style.beam_height - style.connector)
