@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from savmap.sim.paint.atlas import LEVELS, TILE, Atlas
 from savmap.sim.paint.faces import Faces, Lighting, Singles, lit
 from savmap.sim.paint.raster import NOTHING, Camera, Seen, facing, filled, outlines_in_view, rasterise
+from savmap.sim.paint.stage import IGNORED
 
 SUPERSAMPLING = 1.5
 THINNEST_PX = 3.0
 """Labelled members that look thinner are not to be judged."""
-IGNORED = 255
 
 _BAND = 48
 _LIT_GAMMA = 2.0
@@ -37,7 +37,7 @@ def painted(
     classes: int,
     haze: float = 0.0,
 ) -> Painted:
-    """A picture (width, height) of faces with its mask: a pixel belongs to the class that covers half of it.
+    """A picture (width, height) of faces with its mask: a pixel belongs to what covers most of it.
 
     `haze`: the share of light that air takes on a metre, and replaces by the picture's mean."""
     fine = round(size[0] * SUPERSAMPLING), round(size[1] * SUPERSAMPLING)
@@ -130,7 +130,7 @@ def _draw_veils(linear: Singles, faces: Faces, atlas: Atlas, seen: Seen, light: 
 
 
 def mask_of(faces: Faces, seen: Seen, size: tuple[int, int], classes: int) -> NDArray[np.uint8]:
-    """Classes (h, w) of a picture of this size: those that cover half a pixel of the finer one; 255 not to be judged."""
+    """Classes (h, w) of a picture of this size, see `covering`; 255 not to be judged."""
     labels = np.take(faces.label, seen.faces, mode="clip")
     focal = seen.camera.pixels(seen.faces.shape[1], seen.faces.shape[0])[0]
     thickness = np.take(faces.thickness.astype(np.float32), seen.faces, mode="clip")
@@ -141,9 +141,15 @@ def mask_of(faces: Faces, seen: Seen, size: tuple[int, int], classes: int) -> ND
 
 
 def covering(labels: NDArray[np.int32], wanted: Sequence[int], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Of fine labels (H, W), those that cover at least half of each coarser pixel, else 0."""
+    """Of fine labels (H, W), for each coarser pixel 0 where 0 covers more than half of it, else the one that covers most."""
     mask = np.zeros((size[1], size[0]), np.uint8)
+    most, covered = np.zeros((2, size[1], size[0]), np.float32)
     for label in wanted:
-        share = cv2.resize((labels == label).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        mask[share >= 0.5] = label
+        share = np.asarray(
+            cv2.resize((labels == label).astype(np.float32), size, interpolation=cv2.INTER_AREA), np.float32
+        )
+        mask[share > most] = label
+        most = np.maximum(most, share)
+        covered += share
+    mask[covered < 0.4999] = 0
     return mask

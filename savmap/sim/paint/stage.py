@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -49,6 +49,8 @@ class Tag:
 
 
 BACKGROUND = Tag()
+IGNORED = 255
+"""The label of what is not to be judged."""
 
 
 @dataclass
@@ -56,6 +58,8 @@ class Stage:
     """Collects shapes in the present frame (x right, y up, z towards the viewer of its face). Boxes are cheap."""
 
     rng: np.random.Generator
+    fronts_only: bool = False
+    """Labelled boxes are labelled on their front and back alone: their sides, tops and undersides are not to be judged."""
     _frames: list[Floats] = field(default_factory=lambda: [np.eye(4)])
     _frame: int = 0
     _glooms: list[Gloom] = field(default_factory=lambda: [Gloom(0, 0.0, 0.0, 1.0, 0.0)])
@@ -144,7 +148,9 @@ class Stage:
 
     def faces(self) -> Faces:
         """All shapes as faces, in the order they were added, boxes first."""
-        parts = [_box_faces(np.array(self._boxes), self._frames, self._glooms)] if self._boxes else []
+        parts = []
+        if self._boxes:
+            parts.append(_box_faces(np.array(self._boxes), self._frames, self._glooms, self.fronts_only))
         if self._polygons:
             parts.append(_polygon_faces(self._polygons, self._frames, self._glooms))
         return joined(parts)
@@ -181,10 +187,13 @@ _SQUARE = np.zeros((MOST_CORNERS, 2))
 _SQUARE[:4] = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
-def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom]) -> Faces:
+def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom], fronts_only: bool) -> Faces:
     low, size = rows[:, 0:3], rows[:, 3:6] - rows[:, 0:3]
     world = np.array(frames)[rows[:, 6].astype(int)]
-    return joined([_one_side(rows, low, size, world, side, frames, glooms) for side in _SIDES])
+    parts = [_one_side(rows, low, size, world, side, frames, glooms) for side in _SIDES]
+    if fronts_only:
+        parts = [*parts[:2], *(replace(part, label=np.where(part.label > 0, IGNORED, 0)) for part in parts[2:])]
+    return joined(parts)
 
 
 def _one_side(

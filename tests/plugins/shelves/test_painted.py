@@ -24,11 +24,13 @@ def clothes() -> Wardrobe:
     return wardrobe(np.random.default_rng(1))
 
 
-def empty_row(clothes: Wardrobe, camera: Camera, style_seed: int, judged: bool = True) -> tuple[np.ndarray, Row]:
+def empty_row(
+    clothes: Wardrobe, camera: Camera, style_seed: int, judged: bool = True, fronts_only: bool = False
+) -> tuple[np.ndarray, Row]:
     """The mask of two bays without goods, and the row."""
     style = random_style(np.random.default_rng(style_seed), clothes, small=False)
     row = Row(style, (Bay(0.0, 2.0, (0.5, 1.6)), Bay(2.0, 1.5, (0.9,))), 2.6)
-    stage = Stage(np.random.default_rng(0))
+    stage = Stage(np.random.default_rng(0), fronts_only)
     build_row(stage, row, clothes, lambda bay, bottom, top, depth: None, judged)
     light = Lighting(np.zeros((0, 3)), np.zeros(0), 1.0, 0.0, 0.0)
     return painted(stage.faces(), clothes.atlas, light, camera, (640, 480), 2).mask, row
@@ -60,6 +62,17 @@ def test_flanks_belong_to_the_post(clothes: Wardrobe) -> None:
     assert (frontal[240] == UPRIGHT).sum() == pytest.approx(focal * row.style.post_width / 2.0, abs=2.5)
     seen = (aside[240, 280:360] == UPRIGHT).sum()
     assert seen == pytest.approx(focal * wide * np.sqrt(0.5) / (2 * np.sqrt(2)), rel=0.15)
+
+
+def test_flanks_can_be_left_unjudged(clothes: Wardrobe) -> None:
+    camera = camera_at(np.array([4.0, 1.9, 2.5]), -45.0, 0.0, 0.0, 70.0)
+    whole, _ = empty_row(clothes, camera, 3)
+    fronts, _ = empty_row(clothes, camera, 3, fronts_only=True)
+    for label in (UPRIGHT, BEAM):
+        left = fronts[whole == label]
+        assert set(np.unique(left)) == {label, 255}
+        assert 0.2 < (left == label).mean() < 0.95
+    assert np.array_equal(whole == 0, fronts == 0)
 
 
 def test_rows_seen_from_behind_are_not_judged(clothes: Wardrobe) -> None:

@@ -58,21 +58,23 @@ def _wardrobe(seed: int, block: int, textures: Path | None) -> Wardrobe:
     return wardrobe(np.random.default_rng([seed, block, 1]), textures)
 
 
-def picture(seed: int, index: int, textures: Path | None = None) -> Sample:
-    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed, number and textures give the same."""
+def picture(seed: int, index: int, textures: Path | None = None, fronts_only: bool = False) -> Sample:
+    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed, number and textures give the same.
+
+    `fronts_only`: members' flanks, tops and undersides are 255 instead of their class."""
     rng = np.random.default_rng([seed, index, 2])
     clothes = _wardrobe(seed, index // _BLOCK, textures)
     bare = rng.random() < _BARE_SHARE
     for _ in range(_TRIES):
-        result = _attempt(rng, clothes, bare)
+        result = _attempt(Stage(rng, fronts_only), clothes, bare)
         if bare or np.isin(result.mask, (1, 2)).mean() > rng.uniform(0.01, 0.07):
             break
     return developed(result.linear, rng), result.mask
 
 
-def _attempt(rng: Random, clothes: Wardrobe, bare: bool) -> Painted:
+def _attempt(stage: Stage, clothes: Wardrobe, bare: bool) -> Painted:
     """A place and a view of it, in linear light."""
-    stage = Stage(rng)
+    rng = stage.rng
     kind = "bare" if bare else str(rng.choice(["part", "row", "aisle"], p=[0.28, 0.47, 0.25]))
     view = random_view(rng, kind)
     hall = _hall(rng, view)
@@ -210,11 +212,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--textures", type=Path, help="a folder of pictures whose crops become surfaces")
+    parser.add_argument(
+        "--fronts-only", action="store_true", help="members' flanks and undersides are not to be judged"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
     if options.seed < 0 or options.count < 1:
         parser.error("--seed is 0 or more, --count 1 or more")
     cv2.setNumThreads(1)
     with ending_in_one_line():
-        make = partial(picture, options.seed, textures=options.textures)
+        make = partial(picture, options.seed, textures=options.textures, fronts_only=options.fronts_only)
         write_series(options.output, CLASSES, "savmap.sim.paint", names(options.seed, options.count), make)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.sim.paint.noise import Random
-from savmap.sim.paint.stage import Stage, Surface, Tag
+from savmap.sim.paint.stage import IGNORED, Stage, Surface, Tag
 from savmap_shelves.simulation.painted.wardrobe import Paint, Wardrobe, paint, paints, zinc
 
-UPRIGHT, BEAM, IGNORED = 1, 2, 255
+UPRIGHT, BEAM = 1, 2
 
 
 @dataclass(frozen=True)
