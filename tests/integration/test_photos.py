@@ -22,6 +22,8 @@ RED, BLUE, GREY = (200, 30, 30), (30, 30, 200), (120, 120, 120)
 POSTS = [(60, 20, 72, 280), (300, 20, 312, 280)]
 BEAMS = [(72, 80, 300, 94), (72, 200, 300, 214)]
 Bytes = NDArray[np.uint8]
+KEPT = ("chuttersnap", "ruchindra-gunasekara", "nana-smirnova", "4481259", "4481534", "4483610")
+"""In the names of photographs that are kept for acceptance."""
 
 
 @pytest.fixture(autouse=True)
@@ -268,9 +270,10 @@ def test_photographs_of_the_repository_can_be_measured() -> None:
     assert sorted(path.stem for path in (BENCH / "photos" / "labels").iterdir()) == sorted(names)
     page = (ROOT / "docs" / "photographs.md").read_text()
     for entry in entries:
+        assert not any(name in entry["path"] for name in KEPT)
         assert len(entry["commit"]) == 40
         assert len(entry["sha256"]) == 64
         assert f"| {entry['name']} | {entry['repository']} |" in page
         pieces = read_pieces(BENCH / "photos" / "labels" / f"{entry['name']}.json")
         assert {piece.label for piece in pieces} <= {*CLASSES, "background", "ignore"}
-        assert {piece.label for piece in pieces if piece.front} >= set(CLASSES)
+        assert {piece.label for piece in pieces if piece.front} & set(CLASSES)
