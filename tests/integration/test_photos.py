@@ -1,0 +1,279 @@
+"""`bench/photos.py`: what counts as found, wrong and judged on labelled photographs, and how photographs are shown to a network."""
+
+import json
+import sys
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from savmap.errors import OutputError
+
+ROOT = Path(__file__).parents[2]
+BENCH = ROOT / "bench"
+CLASSES = ("upright", "beam")
+SIZE = 300, 400
+RED, BLUE, GREY = (200, 30, 30), (30, 30, 200), (120, 120, 120)
+POSTS = [(60, 20, 72, 280), (300, 20, 312, 280)]
+BEAMS = [(72, 80, 300, 94), (72, 200, 300, 214)]
+Bytes = NDArray[np.uint8]
+KEPT = ("chuttersnap", "ruchindra-gunasekara", "nana-smirnova", "4481259", "4481534", "4483610")
+"""In the names of photographs that are kept for acceptance."""
+
+
+@pytest.fixture(autouse=True)
+def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [str(BENCH), *sys.path])
+
+
+def shape(label: str, box: tuple[int, int, int, int], front: bool = True) -> dict[str, Any]:
+    left, top, right, bottom = box
+    corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+    return {"label": label, "points": corners, "shape_type": "polygon", "flags": {"front": front}}
+
+
+SHAPES = [*(shape("upright", box) for box in POSTS), *(shape("beam", box) for box in BEAMS)]
+
+
+def rack() -> Bytes:
+    image = np.full((*SIZE, 3), GREY, np.uint8)
+    for boxes, colour in ((BEAMS, RED), (POSTS, BLUE)):
+        for left, top, right, bottom in boxes:
+            image[top:bottom, left:right] = colour
+    return image
+
+
+def labelme(folder: Path, shapes: list[dict[str, Any]], name: str = "made") -> Path:
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps({"imagePath": f"{name}.png", "shapes": shapes}))
+    return path
+
+
+def truth(folder: Path, shapes: list[dict[str, Any]], image: Bytes | None = None) -> Any:
+    from photo_labels import read_pieces, truth_of
+
+    return truth_of(read_pieces(labelme(folder, shapes)), rack() if image is None else image, CLASSES)
+
+
+def by_colour(image: Bytes) -> NDArray[np.float32]:
+    red, blue = (image[..., k].astype(np.float32) for k in (0, 2))
+    beam, upright = (red - blue > 80).astype(np.float32), (blue - red > 80).astype(np.float32)
+    return np.stack([1 - beam - upright, upright, beam])
+
+
+def scored(folder: Path, shapes: list[dict[str, Any]], predicted: Bytes) -> Any:
+    """Scores of a mask (H, W) of the classes' numbers."""
+    from photos import score
+
+    maps = np.stack([(predicted == k).astype(np.float32) for k in range(3)])
+    return score(maps, truth(folder, shapes), CLASSES, 0.5)
+
+
+@pytest.mark.parametrize("way", ["letterboxed", "tiles", "scales"])
+def test_every_way_reads_at_the_photographs_own_places(way: str, tmp_path: Path) -> None:
+    from photo_views import WAYS
+    from photos import score
+
+    known = truth(tmp_path, SHAPES)
+    maps = WAYS[way](by_colour, rack(), known.thickness_px)
+    assert maps.shape == (3, *SIZE)
+    found = score(maps, known, CLASSES, 0.5)
+    for name in CLASSES:
+        assert found[name].iou > 0.95
+        assert [member.found for member in found[name].members] == [True, True]
+        assert (found[name].wrong, found[name].regions) == (0, 2)
+
+
+def test_tiles_show_members_ten_pixels_thick() -> None:
+    from photo_views import WAYS
+
+    seen: list[Bytes] = []
+
+    def predict(view: Bytes) -> NDArray[np.float32]:
+        seen.append(view)
+        return by_colour(view)
+
+    WAYS["tiles"](predict, np.ascontiguousarray(rack().repeat(4, 0).repeat(4, 1)), 48.0)
+    assert {view.shape for view in seen} == {(480, 640, 3)}
+    assert [int((by_colour(view)[1].sum(axis=1)).max()) for view in seen] == [pytest.approx(20, abs=1)]
+
+
+@pytest.mark.parametrize("length", [640, 641, 1200, 1280, 3000])
+def test_tiles_cover_all_and_overlap_by_a_quarter(length: int) -> None:
+    from photo_views import starts
+
+    places = list(starts(length, 640))
+    assert places[0] == 0
+    assert places[-1] == length - 640
+    assert all(second - first <= 480 for first, second in pairwise(places))
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.45, False), (0.55, True)])
+def test_a_member_is_found_along_half_its_length(share: float, found: bool, tmp_path: Path) -> None:
+    predicted = np.zeros(SIZE, np.uint8)
+    predicted[20 : 20 + round(260 * share), 60:72] = 1
+    first, second = scored(tmp_path, SHAPES, predicted)["upright"].members
+    assert (first.found, second.found) == (found, False)
+    assert first.share == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize(("width", "found"), [(6, False), (8, True)])
+def test_a_slice_is_found_over_most_of_its_width(width: int, found: bool, tmp_path: Path) -> None:
+    predicted = np.zeros(SIZE, np.uint8)
+    predicted[20:280, 60 : 60 + width] = 1
+    assert scored(tmp_path, SHAPES, predicted)["upright"].members[0].found == found
+
+
+def test_goods_that_hide_a_member_shorten_it(tmp_path: Path) -> None:
+    predicted = np.zeros(SIZE, np.uint8)
+    predicted[20:100, 60:72] = 1
+    goods = shape("background", (40, 150, 80, 280))
+    (hidden, _) = scored(tmp_path, [*SHAPES, goods], predicted)["upright"].members
+    (whole, _) = scored(tmp_path, SHAPES, predicted)["upright"].members
+    assert hidden.found
+    assert not whole.found
+
+
+def test_ignored_and_rear_pixels_are_not_judged(tmp_path: Path) -> None:
+    rear, clutter = shape("upright", (150, 100, 160, 190), False), shape("ignore", (200, 100, 240, 190))
+    predicted = np.zeros(SIZE, np.uint8)
+    for left, top, right, bottom in (*POSTS, (150, 100, 160, 190), (200, 100, 240, 190)):
+        predicted[top:bottom, left:right] = 1
+    with_them = scored(tmp_path, [clutter, rear, *SHAPES], predicted)["upright"]
+    without = scored(tmp_path, SHAPES, predicted)["upright"]
+    assert with_them.iou == 1
+    assert len(with_them.members) == 2
+    assert (with_them.wrong, with_them.regions) == (0, 4)
+    assert without.iou < 0.7
+    assert (without.wrong, without.regions) == (2, 4)
+
+
+@pytest.mark.parametrize(("side", "wrong"), [(12, 0), (13, 1)])
+def test_small_regions_are_not_counted(side: int, wrong: int, tmp_path: Path) -> None:
+    predicted = np.zeros(SIZE, np.uint8)
+    predicted[150 : 150 + side, 150 : 150 + side] = 2
+    beam = scored(tmp_path, SHAPES, predicted)["beam"]
+    assert (beam.wrong, beam.regions) == (wrong, wrong)
+
+
+@pytest.mark.parametrize(("above", "wrong"), [(30, 0), (40, 1)])
+def test_a_region_must_lie_partly_on_a_member(above: int, wrong: int, tmp_path: Path) -> None:
+    predicted = np.zeros(SIZE, np.uint8)
+    predicted[94 - 14 : 94 + above, 100:150] = 2
+    assert scored(tmp_path, SHAPES, predicted)["beam"].wrong == wrong
+
+
+def test_pieces_of_a_post_in_line_are_one_member(tmp_path: Path) -> None:
+    pieces = [
+        shape("upright", (60, 20, 72, 80)),
+        shape("upright", (66, 94, 72, 140)),
+        shape("upright", (61, 150, 73, 280)),
+        shape("upright", (76, 20, 88, 280)),
+        shape("beam", (100, 80, 200, 94)),
+        shape("beam", (210, 80, 300, 94)),
+    ]
+    found = truth(tmp_path, pieces).members
+    assert [member.label for member in found] == ["upright", "upright", "beam", "beam"]
+    assert sorted(len(member.rows) for member in found[:2]) == [60 * 12 + 46 * 6 + 130 * 12, 260 * 12]
+
+
+def test_contrast_is_the_mean_over_both_sides(tmp_path: Path) -> None:
+    image = np.full((*SIZE, 3), 100, np.uint8)
+    image[:, 60:72], image[:, 72:] = 110, 150
+    (post,) = truth(tmp_path, [SHAPES[0]], image).members
+    assert post.contrast == pytest.approx((10 + 40) / 2, abs=1)
+    assert post.thickness_px == 12
+
+
+def test_figures_by_contrast_add_up(tmp_path: Path) -> None:
+    from photos import ClassScore, Seen, total
+
+    members = tuple(Seen(contrast, share) for contrast, share in ((3, 0.9), (8, 0.2), (15, 0.5), (16, 0.7), (90, 0.1)))
+    figures = total([ClassScore(30, 40, members, 1, 4), ClassScore(0, 0, (), 0, 0)])
+    assert [str(count) for count in figures.by_contrast.values()] == ["1/1", "1/2", "1/2"]
+    assert (str(figures.found), str(figures.wrong), figures.iou) == ("3/5", "1/4", 0.75)
+
+
+def test_both_formats_say_the_same(tmp_path: Path) -> None:
+    from photo_labels import read_pieces
+
+    other = tmp_path / "other.json"
+    objects = [
+        {"class": s["label"], "id": f"U{k}", "front": s["flags"]["front"], "polygon": s["points"]}
+        for k, s in enumerate(SHAPES)
+    ]
+    other.write_text(json.dumps({"image": "made", "size": [400, 300], "objects": objects}))
+    ours, theirs = read_pieces(labelme(tmp_path, SHAPES)), read_pieces(other)
+    assert [(p.label, p.front, p.outline.tolist()) for p in ours] == [
+        (p.label, p.front, p.outline.tolist()) for p in theirs
+    ]
+
+
+@pytest.mark.parametrize(
+    ("shapes", "words"),
+    [([shape("lamp", (0, 0, 9, 9))], "unknown label lamp"), ([shape("ignore", (0, 0, 9, 9))], "no front member")],
+)
+def test_labels_of_no_use_are_refused(shapes: list[dict[str, Any]], words: str, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=words):
+        _ = truth(tmp_path, shapes).thickness_px
+
+
+def test_the_table_and_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photos = _photos(tmp_path, rack())
+    photos("--ways", "letterboxed", "-o", str(tmp_path / "figures.json"))
+    printed = capsys.readouterr().out
+    assert "shelves.int8.onnx, letterboxed, threshold 0.5" in printed
+    assert "made " in printed
+    assert "contrast under 8" in printed
+    figures = json.loads((tmp_path / "figures.json").read_text())["shelves.int8.onnx"]["letterboxed"]
+    assert figures["total"]["beam"]["found"][1] == 2
+    assert figures["photographs"]["made"]["upright"]["found"][1] == 2
+
+
+def test_wide_photographs_are_measured_at_1280(tmp_path: Path) -> None:
+    from photos import others
+
+    image = np.ascontiguousarray(rack().repeat(4, 0).repeat(4, 1))
+    _photos(tmp_path, image)
+    (photograph,) = others(tmp_path / "labels", tmp_path, CLASSES)
+    assert photograph.image.shape == (960, 1280, 3)
+
+
+def _photos(folder: Path, image: Bytes) -> Callable[..., None]:
+    """The script, for one photograph in a folder."""
+    import photos
+
+    labels = folder / "labels"
+    labels.mkdir()
+    labelme(labels, SHAPES)
+    cv2.imwrite(str(folder / "made.png"), image[:, :, ::-1])
+
+    def run(*arguments: str) -> None:
+        photos.main(["--labels", str(labels), "--pictures", str(folder), *arguments])
+
+    return run
+
+
+def test_photographs_of_the_repository_can_be_measured() -> None:
+    from photo_labels import read_pieces
+
+    entries = json.loads((BENCH / "photos" / "photos.json").read_text())
+    assert len(entries) >= 25
+    assert len({entry["repository"] for entry in entries}) >= 10
+    assert len({entry["sha256"] for entry in entries}) == len(entries)
+    names = [entry["name"] for entry in entries]
+    assert sorted(path.stem for path in (BENCH / "photos" / "labels").iterdir()) == sorted(names)
+    page = (ROOT / "docs" / "photographs.md").read_text()
+    for entry in entries:
+        assert not any(name in entry["path"] for name in KEPT)
+        assert len(entry["commit"]) == 40
+        assert len(entry["sha256"]) == 64
+        assert f"| {entry['name']} | {entry['repository']} |" in page
+        pieces = read_pieces(BENCH / "photos" / "labels" / f"{entry['name']}.json")
+        assert {piece.label for piece in pieces} <= {*CLASSES, "background", "ignore"}
+        assert {piece.label for piece in pieces if piece.front} & set(CLASSES)
