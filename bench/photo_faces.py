@@ -14,6 +14,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,15 +27,18 @@ from savmap.types import Floats
 Picture = NDArray[np.uint8]
 FACES = Path(__file__).parent / "photo_rows" / "faces.json"
 _ROUNDS = 20
+_FINE = 20
 
 
 @dataclass(frozen=True)
 class BayPicture:
     """One bay of a rectified picture, px: `span` of columns; `beams` (bottom, top, below, above) from the bottom up, where what
-    is between `above` and `top` and between `bottom` and `below` is left out; on which side its mirror image follows."""
+    is between `above` and `top` and between `bottom` and `below` is left out; rows `without`, which are left out as well; on which
+    side its mirror image follows."""
 
     span: tuple[float, float]
     beams: tuple[tuple[float, float, float, float], ...]
+    without: tuple[tuple[float, float], ...] = ()
     mirrored: str = ""
 
 
@@ -70,7 +74,7 @@ def read_faces(path: Path = FACES) -> dict[str, Face]:
 
 
 def _face(entry: Mapping[str, Any]) -> Face:
-    bays = [BayPicture(tuple(b["span"]), tuple(map(_beam, b["beams"])), b.get("mirrored", "")) for b in entry["bays"]]
+    bays = [_bay_picture(bay) for bay in entry["bays"]]
     return Face(
         name=entry["name"],
         entry=entry,
@@ -82,6 +86,11 @@ def _face(entry: Mapping[str, Any]) -> Face:
         bays=tuple(bays),
         row=tuple(entry["row"]),
     )
+
+
+def _bay_picture(entry: Mapping[str, Any]) -> BayPicture:
+    beams, without = tuple(map(_beam, entry["beams"])), tuple(map(tuple, entry.get("without", ())))
+    return BayPicture(tuple(entry["span"]), beams, without, entry.get("mirrored", ""))
 
 
 def _beam(numbers: Sequence[float]) -> tuple[float, float, float, float]:
@@ -114,13 +123,13 @@ def beams_m(face: Face, bay: int) -> tuple[tuple[float, float], ...]:
 
 
 def _post(face: Face, number: int, photo: Picture) -> Picture:
-    rows = np.arange(face.size_px[1]) + 0.5
+    rows: Floats = np.arange(face.size_px[1]) + np.float64(0.5)
     return _seen(face, photo, _columns(face.posts[number]), rows)
 
 
 def _bay(face: Face, number: int, photo: Picture) -> Picture:
     bay = face.bays[number]
-    seen = _seen(face, photo, _columns(bay.span), _squeezed(bay.beams, face.size_px[1]))
+    seen = _seen(face, photo, _columns(bay.span), squeezed(bay, face.size_px[1]))
     if not bay.mirrored:
         return seen
     return np.hstack([seen, seen[:, ::-1]] if bay.mirrored == "right" else [seen[:, ::-1], seen])
@@ -133,14 +142,22 @@ def _columns(span: tuple[float, float]) -> Floats:
     return columns
 
 
-def _squeezed(beams: Sequence[tuple[float, float, float, float]], height: int) -> Floats:
-    """Rows (height,) of the rectified picture that a bay's rows show: what lies between two fronts is stretched over the
-    underside of the upper one and the hooks of the lower one."""
-    kept, shown = [0.0], [0.0]
-    for bottom, top, below, above in reversed(beams):
-        kept += [above, top, bottom, below]
-        shown += [top - 1e-6, top, bottom, bottom + 1e-6]
-    rows: Floats = np.interp(np.arange(height) + 0.5, [*shown, height], [*kept, height])
+def squeezed(bay: BayPicture, height: int) -> Floats:
+    """Rows (height,) of the rectified picture that a bay's rows show: what lies between two fronts is stretched over what is
+    left out between them."""
+    kept, ends = np.ones(height * _FINE), [0, height * _FINE]
+    for bottom, top, below, above in bay.beams:
+        ends += [round(top * _FINE), round(bottom * _FINE)]
+        kept[round(above * _FINE) : ends[-2]] = kept[ends[-1] : round(below * _FINE)] = 0
+    for first, last in bay.without:
+        kept[round(first * _FINE) : round(last * _FINE)] = 0
+    ends.sort()
+    shown = np.zeros(height * _FINE + 1)
+    for first, last in pairwise(ends):
+        part = np.cumsum(kept[first:last])
+        shown[first + 1 : last + 1] = first + part * ((last - first) / max(part[-1], 1) if len(part) else 1)
+    places = np.arange(height * _FINE + 1) / _FINE
+    rows: Floats = np.interp(np.arange(height) + 0.5, shown / _FINE, places)
     return rows
 
 

@@ -1,6 +1,7 @@
 """Footage of a photo row: hall, lamps and drive are simulated, and each frame is cast once for all lights.
 
-Lights: in colour, in grey, at a third of the light.
+Lights: in colour, in grey, at a third of the light. Nothing stands before the face, so that only the face and what is near it is
+cast pixel by pixel.
 """
 
 import json
@@ -19,13 +20,15 @@ import numpy as np
 import yaml
 from photo_faces import PhotoRow, Picture
 
+from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.render.panorama import linear_bands
-from savmap.sim.render.shade import Renderer, developed, metered, renderer
+from savmap.sim.render.shade import Renderer, compressed, developed, metered, renderer
 from savmap.sim.render.surfaces import Singles
 from savmap.sim.scene.build import Built, build
 from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import poses, references, site_of
+from savmap.types import Bools, Floats
 from savmap.types.scenes import Look, Material, RowSize, SceneParts, span
 
 LIGHTS = ("colour", "grey", "dim")
@@ -33,6 +36,9 @@ ROW = "A"
 _AISLE_M = 1.7
 _DIM = 1 / 3
 _METERING_HEIGHT = 64
+_COARSE = 2
+_CENTRE = ((0.0, 0.0),)
+_CORNERS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 _ENCODING = {"crf": "18", "preset": "fast"}
 
 
@@ -50,7 +56,7 @@ def make_footage(row: PhotoRow, name: str, folders: Mapping[str, Path], size: Si
     path = drive(built.scene.cart, built.scene.seed)
     with ExitStack() as stack:
         videos = {light: stack.enter_context(_Video(folders[light], size)) for light in LIGHTS}
-        for shown in _frames(renderer(built), path):
+        for shown in _frames(renderer(built), path, row.size):
             for light, picture in shown.items():
                 videos[light].write(picture)
     for folder in folders.values():
@@ -70,9 +76,7 @@ def parts_of(row: PhotoRow) -> SceneParts:
         [box],
         {ROW: {"uprights": row.posts, "sections": [{"beams": beams} for beams in row.beams]}},
         sizes={ROW: RowSize(length, height)},
-        references={
-            ROW: {"lowest_beam_bottom_height_m": lowest, "first_to_last_upright_outer_edges_m": whole}
-        },
+        references={ROW: {"lowest_beam_bottom_height_m": lowest, "first_to_last_upright_outer_edges_m": whole}},
         site_rows={
             ROW: {
                 "references": {"lengths": [{"between": between, **whole}]},
@@ -109,11 +113,7 @@ class _Task:
     scene: Renderer
     path: Drive
     look: Look
-
-    def linear(self, index: int, height: int) -> Singles:
-        """A frame's radiance (height, 2 height, 3)."""
-        origin, turn = self.path.origins[index], self.path.world_from_rig[index]
-        return np.concatenate(list(linear_bands(self.scene, origin, turn, height)))
+    size: tuple[float, float]
 
     def frame(self, index: int) -> dict[str, Picture]:
         """A frame in each light."""
@@ -125,15 +125,51 @@ class _Task:
         darker = self.look.model_copy(update={"exposure": self.look.exposure * _DIM})
         return {"colour": colour, "grey": grey.astype(np.uint8), "dim": developed(linear, darker, None, rng)}
 
+    def linear(self, index: int, height: int) -> Singles:
+        """A frame's radiance (height, 2 height, 3): the hall coarsely, the face and what is near it pixel by pixel, its border
+        by four rays a pixel."""
+        origin, turn = self.path.origins[index], self.path.world_from_rig[index]
+        coarse = np.concatenate(list(linear_bands(self.scene, origin, turn, height // _COARSE)))
+        linear = cv2.resize(coarse, (2 * height, height), interpolation=cv2.INTER_LINEAR)
+        u, v = np.meshgrid(np.arange(2.0 * height), np.arange(float(height)))
+        pixels = np.stack([u, v], axis=-1)
+        face = self._on_face(origin, rays_from_panorama_pixels(pixels.reshape(-1, 2), height) @ turn.T)
+        near, border = _around(face.reshape(height, 2 * height))
+        for chosen, steps in ((near, _CENTRE), (border, _CORNERS)):
+            parts = [self._seen(origin, turn, pixels[chosen] + step, height) for step in steps]
+            linear[chosen] = np.mean(parts, axis=0)
+        return np.asarray(linear, np.float32)
+
+    def _on_face(self, origin: Floats, rays: Floats) -> Bools:
+        """Which rays (n, 3) meet the face."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = -origin[2] / rays[:, 2]
+            x, y = (origin[axis] + distance * rays[:, axis] for axis in (0, 1))
+            hit: Bools = (distance > 0) & (x > 0) & (x < self.size[0]) & (y > 0) & (y < self.size[1])
+        return hit
+
+    def _seen(self, origin: Floats, turn: Floats, pixels: Floats, height: int) -> Singles:
+        rays = rays_from_panorama_pixels(pixels, height) @ turn.T
+        return compressed(self.scene.radiance(origin, rays, np.pi / height)[0])
+
+
+def _around(face: Bools) -> tuple[Bools, Bools]:
+    """The pixels (h, w) of a face in a panorama or near it, and those of its border."""
+    wide = 3 * _COARSE
+    mask = np.pad(face.astype(np.uint8), ((0, 0), (wide, wide)), mode="wrap")
+    near, outer = (cv2.dilate(mask, np.ones((size, size), np.uint8)) for size in (2 * wide + 1, 3))
+    inner = cv2.erode(mask, np.ones((3, 3), np.uint8))
+    return near[:, wide:-wide] > 0, (outer - inner)[:, wide:-wide] > 0
+
 
 _prepared: list[_Task] = []
 
 
-def _frames(scene: Renderer, path: Drive, workers: int = 2) -> Iterator[dict[str, Picture]]:
+def _frames(scene: Renderer, path: Drive, size: tuple[float, float], workers: int = 2) -> Iterator[dict[str, Picture]]:
     """The drive's frames in each light, in order."""
     look = scene.built.scene.look
-    metering = _Task(scene, path, look).linear(len(path.origins) // 2, _METERING_HEIGHT)
-    task = _Task(scene, path, metered(look, metering))
+    task = _Task(scene, path, look, size)
+    task = replace(task, look=metered(look, task.linear(len(path.origins) // 2, _METERING_HEIGHT)))
     cv2.setNumThreads(1)  # a forked process waits for threads that it does not have
     with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
         pending: deque[Future[dict[str, Picture]]] = deque()
