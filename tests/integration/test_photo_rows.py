@@ -145,7 +145,7 @@ def test_a_photograph_that_cannot_be_had_is_named(tmp_path: Path, monkeypatch: p
     def _offline(*_: object, **__: object) -> None:
         raise OSError("no network")
 
-    monkeypatch.setattr(photo_files.urllib.request, "urlopen", _offline)
+    monkeypatch.setattr("urllib.request.urlopen", _offline)
     entry = {"repository": "owner/name", "commit": "0" * 40, "path": "a b.png", "sha256": "1" * 64}
     with pytest.raises(photo_files.PhotoMissingError, match=r"owner/name/0+/a%20b.png.*no network"):
         photo_files.photo(entry, tmp_path)
