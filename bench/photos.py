@@ -276,19 +276,23 @@ def line(what: str, counts: Mapping[str, Count]) -> str:
 
 
 def network(plugin: str, model: Path | None, threads: int) -> Segmenter:
-    """A plugin's own network, or another one with its classes. Raises PluginError or ModelError."""
-    known = load_class(plugin)
-    return Segmenter(model or Path(known.model), threads, wanted=known.classes, providers=("cpu",))
+    """A plugin's own network, or another one, with all its classes. Raises PluginError or ModelError."""
+    return Segmenter(model or Path(load_class(plugin).model), threads, providers=("cpu",))
 
 
 def predictor(segmenter: Segmenter, classes: Sequence[str]) -> Predict:
-    """The network's probabilities in the order of `classes`; a class that it does not have is never seen."""
-    order = [segmenter.classes.index(name) + 1 if name in segmenter.classes else -1 for name in classes]
+    """The network's probabilities in the order of `classes`; a class that it does not have is never seen.
+
+    The labels hold whole members: what a network takes for a member's side (class `upright_side` beside `upright`) is of the member.
+    """
+    parts = [
+        [segmenter.classes.index(part) + 1 for part in (name, f"{name}_side") if part in segmenter.classes]
+        for name in classes
+    ]
 
     def predict(image: Bytes) -> Maps:
         maps = segmenter.probabilities(image)
-        known = [maps[index] if index > 0 else np.zeros_like(maps[0]) for index in order]
-        return np.stack([maps[0], *known]).astype(np.float32)
+        return np.stack([maps[0], *(maps[own].sum(axis=0) for own in parts)]).astype(np.float32)
 
     return predict
 

@@ -115,14 +115,15 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     plugin_class = load_class(plugin)
     init = float_model(plugin_class.model) if options.init == SHIPPED else options.init
     fine_tunes = init is not None and init.suffix == ".onnx" and not options.whole
+    classes = getattr(plugin_class, "network_classes", plugin_class.classes)
     return TrainingPlan(
-        plugin_class.classes,
+        classes,
         options.data,
         options.output,
         minutes_of(options.minutes, fine_tunes),
         options.seed,
         init,
-        mapping_of(options.renamed, plugin_class.classes),
+        mapping_of(options.renamed, classes),
         options.held_out,
         options.int8,
         options.steps,

@@ -42,6 +42,7 @@ class Shelves:
     name = "shelves"
     furnishes = True
     classes = ("upright", "beam")
+    network_classes = ("upright", "beam", "upright_side", "beam_side")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     Config = ShelvesSettings
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")

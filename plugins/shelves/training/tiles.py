@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-CLASSES = ("upright", "beam")
+CLASSES = ("upright", "beam", "upright_side", "beam_side")
 VALUES = {"upright": 1, "beam": 2, "background": 0, "ignore": 255}
 WIDTH, HEIGHT, WIDEST, LEAST_JUDGED = 640, 480, 1280, 0.25
 Bytes = NDArray[np.uint8]

@@ -58,8 +58,8 @@ class Stage:
     """Collects shapes in the present frame (x right, y up, z towards the viewer of its face). Boxes are cheap."""
 
     rng: np.random.Generator
-    fronts_only: bool = False
-    """Labelled boxes are labelled on their front and back alone: their sides, tops and undersides are not to be judged."""
+    sides: int = 0
+    """What is added to the label of a labelled box on its sides, top and underside."""
     _frames: list[Floats] = field(default_factory=lambda: [np.eye(4)])
     _frame: int = 0
     _glooms: list[Gloom] = field(default_factory=lambda: [Gloom(0, 0.0, 0.0, 1.0, 0.0)])
@@ -150,7 +150,7 @@ class Stage:
         """All shapes as faces, in the order they were added, boxes first."""
         parts = []
         if self._boxes:
-            parts.append(_box_faces(np.array(self._boxes), self._frames, self._glooms, self.fronts_only))
+            parts.append(_box_faces(np.array(self._boxes), self._frames, self._glooms, self.sides))
         if self._polygons:
             parts.append(_polygon_faces(self._polygons, self._frames, self._glooms))
         return joined(parts)
@@ -187,12 +187,13 @@ _SQUARE = np.zeros((MOST_CORNERS, 2))
 _SQUARE[:4] = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
-def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom], fronts_only: bool) -> Faces:
+def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom], sides: int) -> Faces:
     low, size = rows[:, 0:3], rows[:, 3:6] - rows[:, 0:3]
     world = np.array(frames)[rows[:, 6].astype(int)]
     parts = [_one_side(rows, low, size, world, side, frames, glooms) for side in _SIDES]
-    if fronts_only:
-        parts = [*parts[:2], *(replace(part, label=np.where(part.label > 0, IGNORED, 0)) for part in parts[2:])]
+    judged = [(part.label > 0) & (part.label != IGNORED) for part in parts]
+    sides = [replace(part, label=part.label + sides * own) for part, own in zip(parts[2:], judged[2:], strict=True)]
+    parts = [*parts[:2], *sides]
     return joined(parts)
 
 

@@ -22,10 +22,10 @@ from savmap.sim.paint.stage import Stage
 from savmap_shelves.simulation.painted import clutter
 from savmap_shelves.simulation.painted.goods import Room, Storage, fill_opening, random_storage
 from savmap_shelves.simulation.painted.hall import Hall, build_hall, lamps, lighting, reflections
-from savmap_shelves.simulation.painted.racks import Bay, Row, build_row, random_row, random_style
+from savmap_shelves.simulation.painted.racks import SIDES, Bay, Row, build_row, random_row, random_style
 from savmap_shelves.simulation.painted.wardrobe import Wardrobe, wardrobe
 
-CLASSES = ("upright", "beam")
+CLASSES = ("upright", "beam", "upright_side", "beam_side")
 
 _BLOCK = 100
 """Pictures that share a wardrobe."""
@@ -58,15 +58,13 @@ def _wardrobe(seed: int, block: int, textures: Path | None) -> Wardrobe:
     return wardrobe(np.random.default_rng([seed, block, 1]), textures)
 
 
-def picture(seed: int, index: int, textures: Path | None = None, fronts_only: bool = False) -> Sample:
-    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed, number and textures give the same.
-
-    `fronts_only`: members' flanks, tops and undersides are 255 instead of their class."""
+def picture(seed: int, index: int, textures: Path | None = None) -> Sample:
+    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed, number and textures give the same."""
     rng = np.random.default_rng([seed, index, 2])
     clothes = _wardrobe(seed, index // _BLOCK, textures)
     bare = rng.random() < _BARE_SHARE
     for _ in range(_TRIES):
-        result = _attempt(Stage(rng, fronts_only), clothes, bare)
+        result = _attempt(Stage(rng, SIDES), clothes, bare)
         if bare or np.isin(result.mask, (1, 2)).mean() > rng.uniform(0.01, 0.07):
             break
     return developed(result.linear, rng), result.mask
@@ -212,14 +210,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--textures", type=Path, help="a folder of pictures whose crops become surfaces")
-    parser.add_argument(
-        "--fronts-only", action="store_true", help="members' flanks and undersides are not to be judged"
-    )
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
     if options.seed < 0 or options.count < 1:
         parser.error("--seed is 0 or more, --count 1 or more")
     cv2.setNumThreads(1)
     with ending_in_one_line():
-        make = partial(picture, options.seed, textures=options.textures, fronts_only=options.fronts_only)
+        make = partial(picture, options.seed, textures=options.textures)
         write_series(options.output, CLASSES, "savmap.sim.paint", names(options.seed, options.count), make)

@@ -11,6 +11,8 @@ from savmap.sim.paint.stage import IGNORED, Stage, Surface, Tag
 from savmap_shelves.simulation.painted.wardrobe import Paint, Wardrobe, paint, paints, zinc
 
 UPRIGHT, BEAM = 1, 2
+SIDES = 2
+"""What is added to a member's class on its flanks, top and underside."""
 
 
 @dataclass(frozen=True)
