@@ -1,0 +1,103 @@
+"""Labelled photographs as pictures for training: tiles at two sizes.
+
+    python bench/photo_tiles.py -o data/photos [--cache DIR]
+
+The photographs of `plugins/shelves/training/photos.json`, which stand under CC-BY, MIT and Apache-2.0, are fetched by address and digest; our
+labels of them lie beside it (LabelMe: shapes in painting order, later over earlier; `ignore` is not judged, `background` is none of the
+classes). Each is cut into half overlapping tiles of 640x480 at its own size (at most 1280 px wide) and, where it is large, at half of it.
+A data set of savmap's own kind is written. None of the photographs of `bench/photos.py` is among them.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from photo_files import PHOTOS, photo
+
+from savmap.errors import ending_in_one_line
+
+TRAINING = Path(__file__).parent.parent / "plugins" / "shelves" / "training"
+CLASSES = ("upright", "beam", "upright_side", "beam_side")
+VALUES = {"upright": 1, "beam": 2, "background": 0, "ignore": 255}
+WIDTH, HEIGHT, WIDEST, HALVED_FROM, LEAST_JUDGED = 640, 480, 1280, 800, 0.25
+BLOCK = 20
+Bytes = NDArray[np.uint8]
+Labelled = tuple[Bytes, Bytes]
+
+
+def limited(image: Bytes) -> Bytes:
+    """A photograph (H, W, 3), at most 1280 px wide, as it was labelled."""
+    if image.shape[1] <= WIDEST:
+        return image
+    size = (WIDEST, round(image.shape[0] * WIDEST / image.shape[1]))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def mask_of(labels: Path, shape: tuple[int, int]) -> Bytes:
+    """The mask (H, W) that a LabelMe file's shapes paint."""
+    mask = np.zeros(shape, np.uint8)
+    for drawn in json.loads(labels.read_text(encoding="utf-8"))["shapes"]:
+        corners = np.round((np.array(drawn["points"]) - 0.5) * 16).astype(np.int32)
+        cv2.fillPoly(mask, [corners], VALUES[drawn["label"]], shift=4)
+    return mask
+
+
+def halved(image: Bytes, mask: Bytes) -> Labelled:
+    """Both at half the size; a pixel's class is that of most of it."""
+    size = (image.shape[1] // 2, image.shape[0] // 2)
+    values = np.unique(mask)
+    shares = [cv2.resize((mask == value).astype(np.float32), size, interpolation=cv2.INTER_AREA) for value in values]
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.uint8), values[np.argmax(shares, axis=0)]
+
+
+def tiles(image: Bytes, mask: Bytes) -> Iterator[Labelled]:
+    """Tiles of 640x480 that cover the picture, but for those that are hardly judged; what is beyond its border is not judged."""
+    height, width = mask.shape
+    for top in range(0, max(height - HEIGHT // 2, 1), HEIGHT // 2):
+        for left in range(0, max(width - WIDTH // 2, 1), WIDTH // 2):
+            first, begin = max(min(top, height - HEIGHT), 0), max(min(left, width - WIDTH), 0)
+            place = slice(first, first + HEIGHT), slice(begin, begin + WIDTH)
+            picture, known = np.full((HEIGHT, WIDTH, 3), 127, np.uint8), np.full((HEIGHT, WIDTH), 255, np.uint8)
+            part = image[place]
+            picture[: part.shape[0], : part.shape[1]], known[: part.shape[0], : part.shape[1]] = part, mask[place]
+            if (known != 255).mean() >= LEAST_JUDGED:
+                yield picture, known
+
+
+def write_tiles(output: Path, cache: Path) -> int:
+    """Write the data set; how many tiles it has. Raises PhotoMissingError."""
+    for folder in ("images", "masks"):
+        (output / folder).mkdir(parents=True, exist_ok=True)
+    number = 0
+    for entry in json.loads((TRAINING / "photos.json").read_text(encoding="utf-8")):
+        image = limited(photo(entry, cache))
+        mask = mask_of(TRAINING / "labels" / f"{entry['name']}.json", image.shape[:2])
+        sizes = [(image, mask), halved(image, mask)] if image.shape[1] >= HALVED_FROM else [(image, mask)]
+        for tile, known in (pair for size in sizes for pair in tiles(*size)):
+            name = f"{entry['name'].replace('_', '-')}-{number:05d}"
+            bgr = np.ascontiguousarray(tile[..., ::-1])
+            cv2.imwrite(str(output / "images" / f"{name}.jpg"), bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])
+            cv2.imwrite(str(output / "masks" / f"{name}.png"), known)
+            number += 1
+        number = (number // BLOCK + 1) * BLOCK
+    header = {"format": "savmap-dataset", "version": 1, "classes": list(CLASSES), "renderer": "photographs"}
+    (output / "dataset.json").write_text(json.dumps(header, indent=1) + "\n", encoding="utf-8")
+    return len(list((output / "images").iterdir()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, default=PHOTOS)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    given = parser.parse_args()
+    with ending_in_one_line():
+        print(f"{given.output}: {write_tiles(given.output, given.cache)} tiles")
+
+
+if __name__ == "__main__":
+    main()
