@@ -13,6 +13,7 @@ from savmap_shelves.tracking.sightings import CORNER_PARTS, UPRIGHT_PARTS
 
 LEAST_TRAVEL = 0.2
 BEAMS_BEYOND = 2
+TOO_WIDE = 1.8
 ALONG_GATE = 2.5
 ENDS = ("top", "bottom")
 _log = logging.getLogger(__name__)
@@ -34,6 +35,7 @@ def track_structures(
     grid = fit_grid(features, facts, settings, attitudes)
     _require_motion(grid, facts)
     _warn_of_cut_sections(grid, facts)
+    _warn_of_wide_sections(grid, facts)
     agreeing = _agreeing(grid, settings.gate)
     tracks = [*_upright_tracks(grid, agreeing), *_beam_tracks(grid, agreeing)]
     feet = grid.feet.tracks(grid.fit.states, grid.uprights.x, grid.levels.y)
@@ -63,6 +65,20 @@ def _warn_of_cut_sections(grid: FaceGrid, facts: RowFacts) -> None:
                 "row %s: beams go on beyond the outermost upright on the %s, which is seen only in part and not mapped",
                 facts.name,
                 side,
+            )
+
+
+def _warn_of_wide_sections(grid: FaceGrid, facts: RowFacts) -> None:
+    """Warn where a section is so much wider than the others that an upright in it may have been missed."""
+    widths = np.diff(grid.uprights.x.mean(axis=1))
+    for section in range(len(widths) if len(widths) > 1 else 0):
+        times = widths[section] / np.median(np.delete(widths, section))
+        if times > TOO_WIDE:
+            _log.warning(
+                "row %s: section %d is %.1f times as wide as the others: an upright in it may have been missed",
+                facts.name,
+                section + 1,
+                times,
             )
 
 

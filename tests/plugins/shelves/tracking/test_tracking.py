@@ -98,6 +98,20 @@ def test_beams_beyond_the_last_upright_are_reported(caplog: pytest.LogCaptureFix
     assert "on the right" in caplog.text
 
 
+@pytest.mark.parametrize(("missed", "warned"), [((), False), ((2,), True)])
+def test_a_section_far_too_wide_is_reported(
+    missed: tuple[int, ...], warned: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    rng = np.random.default_rng(21)
+    rack = synth.random_rack(rng, 4, bridge=False)
+    even = np.array([[2.7 * number, 2.7 * number + 0.1] for number in range(5) if number not in missed])
+    levels = [np.array([[0.3, 0.42], [1.6, 1.72], [2.9, 3.02]])] * (len(even) - 1)
+    footage = synth.footage(replace(rack, uprights=even, beams=levels), rng, (SHORT,), CLEAN)
+    with caplog.at_level(logging.WARNING):
+        track_structures(footage.features, footage.facts, attitudes=footage.attitudes)
+    assert ("section 2 is 2.0 times as wide as the others" in caplog.text) is warned
+
+
 def test_nothing_seen_is_a_plain_error() -> None:
     footage = synth.footage(synth.random_rack(np.random.default_rng(1), 2), np.random.default_rng(1), (SHORT,))
     with pytest.raises(StructureError, match="no upright"):
