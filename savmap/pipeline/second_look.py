@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from savmap import graph
-from savmap.errors import SiteError, SolveError, StructureError
+from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
 from savmap.graph import References
 from savmap.pipeline.initial_poses import first_poses
 from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
@@ -65,7 +65,7 @@ def expect(
         tracks = alone.track(features, facts, start.world_from_rig[:, :3, :3], row.path)
         constraints = alone.constrain(tracks, facts, row.path or start)
         located = graph.locate_camera(graph.merge(frames, constraints, partial=True))
-    except (StructureError, SolveError, SiteError):
+    except (StructureError, SolveError, SiteError, PluginFailedError):
         return None
     points, looks = located.points[plugin.name], walked.looks[plugin.name]
     evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]

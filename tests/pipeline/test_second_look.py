@@ -1,0 +1,134 @@
+"""The second look: which plugins take it, what frames are measured again with, and when nothing changes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from savmap.errors import StructureError
+from savmap.graph import References
+from savmap.pipeline import second_look
+from savmap.pipeline.measure import MeasuredPasses, PassPlan, RowMeasurements
+from savmap.pipeline.records import RowRequest
+from savmap.pipeline.second_look import Expectation, look_again
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.types import Detection, Expected, Feature, FrameTable, RowFacts, Trajectory, View, ViewPlan, ViewSpec
+from savmap.types.progress import NoteCollector
+from savmap.video.reader import Clip
+from savmap.vision.markers import MarkerTracks
+from savmap.vision.networks.segmenter import Segmentation
+
+from ..plugin.made_up_plugin import plugin_class
+from ..video.made_up_video import evenly, write_video
+
+ROOT = Path(__file__).parents[2]
+LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
+FACE = ViewSpec("face", 0.0, width=96, height=64)
+SHOWN = ViewSpec("pass 1 / face", 0.0, width=96, height=64)
+COUNT = 12
+# The rig stands 2 m before the plane z = 0 and looks at it.
+POSE = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
+PATH = Trajectory(np.arange(COUNT), np.tile(POSE, (COUNT, 1, 1)))
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+def watcher(**hooks: Any) -> LoadedPlugin:
+    """A plugin that makes a feature of the middle of each detection."""
+
+    def extract_features(self: object, view: View, detections: list[Detection]) -> list[Feature]:
+        middles = [np.argwhere(detection.mask).mean(axis=0)[::-1] for detection in detections]
+        return [
+            Feature(view.frame, view.spec.name, "light", "centre", number, middle[None], np.eye(2)[None])
+            for number, middle in enumerate(middles)
+        ]
+
+    members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features, **hooks}
+    return loaded_plugin("one", plugin_class(**members), Config())
+
+
+def rectangle(x: float) -> Expected:
+    corners = np.array([[x - 0.2, -0.5, 0], [x + 0.2, -0.5, 0], [x + 0.2, 0.5, 0], [x - 0.2, 0.5, 0]])
+    return Expected("light", corners)
+
+
+@pytest.fixture
+def walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MeasuredPasses:
+    """A pass in which nothing was found; the network sees two faint things, at x = -0.8 and 0.8 of the plane."""
+    maps = np.zeros((2, FACE.height, FACE.width), np.float32)
+    maps[1, 20:44, 20:38] = maps[1, 20:44, 58:76] = 0.3
+    maps[0] = 1 - maps[1]
+    monkeypatch.setattr(SegmenterPool, "predict", lambda self, plugin, view: Segmentation(("light",), maps))
+    clip = Clip(write_video(tmp_path / "a.mp4", evenly(2 * COUNT, 30)))
+    plan = PassPlan("pass 1", clip, {"one": ViewPlan((FACE,), np.diag([1.0, -1.0, -1.0]), 1)})
+    facts = RowFacts("A", FrameTable(np.arange(COUNT) / 15, ("pass 1",) * COUNT), {SHOWN.name: SHOWN}, {"pass 1": 1})
+    attitudes = {"pass 1": np.diag([1.0, -1.0, -1.0])}
+    nothing = RowMeasurements(facts, {"one": []}, attitudes, frozenset({"one"}), (), MarkerTracks((), {}))
+    return MeasuredPasses(nothing, [plan], {"one": []})
+
+
+def looked(
+    walked: MeasuredPasses,
+    plugin: LoadedPlugin,
+    expectations: list[Expectation | None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> tuple[RowMeasurements, list[str]]:
+    """What was measured after looks with these expectations, one after the other, and the notes."""
+
+    def asked(*arguments: object) -> Expectation | None:
+        return expectations.pop(0)
+
+    monkeypatch.setattr(second_look, "expect", asked)
+    notes = NoteCollector()
+    row = RowRequest("A", (), [plugin], References())
+    return look_again(row, walked, notes), notes.lines
+
+
+def test_frames_are_measured_where_objects_are_expected(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expectation = Expectation([rectangle(0.8)], PATH)
+    measured, notes = looked(walked, watcher(), [expectation, None], monkeypatch)
+    features = measured.features["one"]
+    assert [feature.frame for feature in features] == list(range(COUNT))
+    assert {feature.view for feature in features} == {SHOWN.name}
+    assert np.array([feature.pixels[0] for feature in features]) == pytest.approx(
+        np.tile([66.5, 31.5], (COUNT, 1)), abs=3
+    )
+    assert notes == ["row A: `one` looks again for 1 objects"]
+
+
+def test_frames_without_a_pose_are_not_measured_again(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = Trajectory(PATH.frames[3:6], PATH.world_from_rig[3:6])
+    measured, _ = looked(walked, watcher(), [Expectation([rectangle(0.8)], known), None], monkeypatch)
+    assert [feature.frame for feature in measured.features["one"]] == [3, 4, 5]
+
+
+def test_at_most_two_looks_are_taken(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+    expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH)
+    left = [expectation] * 4
+    measured, notes = looked(walked, watcher(), left, monkeypatch)
+    assert len(notes) == 2
+    assert len(left) == 2
+    assert len(measured.features["one"]) == 2 * COUNT
+
+
+def test_where_nothing_else_is_expected_nothing_changes(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured, notes = looked(walked, watcher(), [None], monkeypatch)
+    assert measured is walked.measurements
+    assert notes == []
+
+
+def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: MeasuredPasses) -> None:
+    def track(self: object) -> list[Any]:
+        raise StructureError("nothing here")
+
+    row = RowRequest("A", (), [watcher(track=track)], References())
+    assert look_again(row, walked, NoteCollector()) is walked.measurements
