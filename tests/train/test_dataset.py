@@ -128,6 +128,13 @@ def test_missing_class_names_what_there_is(four_pictures: Path) -> None:
         read_dataset(four_pictures, ["lamp"])
 
 
+def test_sides_of_a_class_may_be_missing(four_pictures: Path) -> None:
+    dataset = read_dataset(four_pictures, ["column", "crossbar", "column_side"])
+    assert {int(value) for sample in dataset.samples for value in np.unique(sample.labels.mask())} <= {0, 1, 2, 255}
+    with pytest.raises(OutputError, match="has no class lamp_side"):
+        read_dataset(four_pictures, ["column", "lamp_side"])
+
+
 def test_no_pictures(tmp_path: Path) -> None:
     header = {"format": "savmap-dataset", "version": 1, "classes": ["column"]}
     (tmp_path / "dataset.json").write_text(json.dumps(header))

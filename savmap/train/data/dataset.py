@@ -151,6 +151,9 @@ def group_in(folder: Path, picture: Path) -> str:
     return f"{set_name(folder)}/{group_of(picture.stem)}"
 
 
+SIDE = "_side"
+
+
 def class_lookup(theirs: Sequence[str], ours: Sequence[str]) -> Bytes:
     """Table (256,) from mask values of a data set to ours; classes that we do not have become background."""
     table = np.full(256, IGNORE, np.uint8)
@@ -175,8 +178,9 @@ def read_header(folder: Path) -> tuple[list[str], str]:
 
 
 def require_classes(source: Path, theirs: Sequence[str], classes: Sequence[str]) -> None:
-    """Raise OutputError where a data set lacks one of the network's classes."""
-    missing = [name for name in classes if name not in theirs]
+    """Raise OutputError where a data set lacks one of the network's classes. A class `NAME_side` beside `NAME` may be missing: few sets
+    tell an object's sides apart, and they are background there."""
+    missing = [name for name in classes if name not in theirs and name.removesuffix(SIDE) not in {*classes} - {name}]
     if missing:
         raise OutputError(
             f"{source}: has no class {', '.join(missing)} (it has {', '.join(theirs) or 'none'}); "
