@@ -1,0 +1,90 @@
+"""From a map to labelled views: two data sets, one to learn from and one that is held out."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from savmap.adapt.faces import Face, faces_of, outlines_of
+from savmap.adapt.looks import LookedAt, evenly, looks_at, poses_of, views_of
+from savmap.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
+from savmap.errors import StructureError
+from savmap.label.run import picture_name
+from savmap.plugin.manager import LoadedPlugin
+from savmap.sim.dataset import write_samples
+from savmap.site.job import Job
+from savmap.types import RowMap, SiteMap
+from savmap.types.progress import Monitor
+from savmap.vision.evidence import gather
+
+VIEWS, HELD_OUT = "views", "held-out"
+EVERY = 5
+"""Every so many views, one is held out."""
+LEAST_SHOWN = 0.003
+"""A view is worth learning from that shows labelled structures in such a share of its pixels."""
+LEAST_VIEWS = 20
+RENDERER = "the site's own views"
+
+Labelled = tuple[str, Bytes, Bytes]
+"""A view's name, its picture (h, w, 3) RGB and its labels (h, w)."""
+
+
+def write_labels(
+    job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: Monitor
+) -> tuple[Path, Path]:
+    """Write at most `count` views, labelled by a map, into two data sets in a folder, unless they are there: those to learn from and those
+    that are held out.
+
+    Raises StructureError where too few of them show anything."""
+    views, held_out = folder / VIEWS, folder / HELD_OUT
+    if views.is_dir() and held_out.is_dir():
+        return views, held_out
+    classes = job.opened(next(iter(job.site.rows)), plugin).classes
+    labelled = list(labelled_views(job, plugin, site_map, count, monitor))
+    if len(labelled) < LEAST_VIEWS:
+        raise StructureError(
+            f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
+            "site, or label some by hand (`savmap label`)"
+        )
+    held = labelled[EVERY // 2 :: EVERY]
+    names = {name for name, _, _ in held}
+    _write(views, classes, [one for one in labelled if one[0] not in names])
+    _write(held_out, classes, held)
+    return views, held_out
+
+
+def labelled_views(job: Job, plugin: str, site_map: SiteMap, count: int, monitor: Monitor) -> Iterator[Labelled]:
+    """Views of all rows of a map with what it labels in them; those in which that is next to nothing are left out."""
+    rows = {name: row for name, row in site_map.rows.items() if name in job.site.rows and row.structures.get(plugin)}
+    loaded = {name: job.opened(name, plugin) for name in rows}
+    outlines = {name: outlines_of(row.structures[plugin], loaded[name].classes) for name, row in rows.items()}
+    found = {name: views_of(row, outlines[name]) for name, row in rows.items()}
+    total = sum(map(len, found.values()))
+    for name, row in rows.items():
+        chosen = evenly(found[name], round(count * len(found[name]) / total) if total else 0)
+        looked = list(looks_at(row, job.site.rows[name].passes, loaded[name], chosen, monitor))
+        yield from _labelled(row, faces_of(outlines[name]), looked, loaded[name])
+
+
+def _labelled(
+    row: RowMap, faces: Sequence[Face], looked: Sequence[LookedAt], plugin: LoadedPlugin
+) -> Iterator[Labelled]:
+    if not looked:
+        return
+    looks, classes = [one.look for one in looked], looked[0].classes
+    known = [KnownFace.of(face, gather(face.patch, classes, looks, row.views, row.trajectory)) for face in faces]
+    poses, settings = poses_of(row), MaskSettings()
+    for one in looked:
+        mask = mask_of(one.look, one.spec, poses[one.frame], known, plugin.classes, settings)
+        if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
+            yield picture_name(row.name, one.spec.name, one.frame), one.picture, mask
+
+
+def _write(folder: Path, classes: Sequence[str], labelled: Sequence[Labelled]) -> None:
+    """A data set, all of it or nothing."""
+    partial = folder.with_name(f"{folder.name}.part")
+    for place in (folder, partial):
+        shutil.rmtree(place, ignore_errors=True)
+    write_samples(partial, classes, RENDERER, labelled)
+    partial.rename(folder)
