@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -20,23 +19,12 @@ LEVEL = 0.7
 @dataclass(frozen=True, eq=False)
 @array_record
 class Outline:
-    """A mapped structure of one of a network's classes: its corners (n, 3) m in the row's frame in their order around it, and their
-    covariances (n, 3, 3) m^2."""
+    """A mapped structure of one of a network's classes: its corners (n, 3) m in the row's frame in their order around it, and how far
+    around each side (n,) m, from a corner to the next, its place is less sure than that of most sides."""
 
     label: str
     corners: Floats
-    covariances: Floats
-
-    @cached_property
-    def unsure_m(self) -> Floats:
-        """How far around each side, from a corner to the next, its place is not sure (n,) m: two standard deviations, but at most a
-        quarter of the outline's size across it."""
-        along = np.roll(self.corners, -1, axis=0) - self.corners
-        across = np.cross(along, _normal(self.corners))
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-        own, following = (_along(end, across) for end in (self.covariances, np.roll(self.covariances, -1, axis=0)))
-        sizes = np.ptp(self.corners @ across.T, axis=0)
-        return np.asarray(np.minimum(2 * np.sqrt(np.maximum(np.maximum(own, following), 0.0)), sizes / 4))
+    unsure_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +56,33 @@ class Face:
 
 
 def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list[Outline]:
-    """The outlines of the structures of a network's classes; those whose edges are no single ring have none."""
+    """The outlines of the structures of a network's classes; those whose edges are no single ring have none.
+
+    What the usual side is not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
+    unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it.
+    """
     found = []
     for structure in structures:
         order = ring(structure.edges, len(structure.vertices)) if structure.label in classes else None
         if order is not None:
-            found.append(Outline(structure.label, structure.vertices[order], structure.covariances[order]))
-    return found
+            corners, covariances = structure.vertices[order], structure.covariances[order]
+            found.append((structure.label, corners, *_sides(corners, covariances)))
+    usual = float(np.median(np.concatenate([sigmas for _, _, sigmas, _ in found]))) if found else 0.0
+    return [
+        Outline(label, corners, np.minimum(2 * np.maximum(sigmas - usual, 0.0), sizes / 4))
+        for label, corners, sigmas, sizes in found
+    ]
+
+
+def _sides(corners: Floats, covariances: Floats) -> tuple[Floats, Floats]:
+    """Of each side of an outline, from a corner to the next: its standard deviation (n,) m across it, and the outline's size (n,) m
+    in that direction."""
+    along = np.roll(corners, -1, axis=0) - corners
+    across = np.cross(along, _normal(corners))
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    own, following = (_along(end, across) for end in (covariances, np.roll(covariances, -1, axis=0)))
+    sigmas = np.sqrt(np.maximum(np.maximum(own, following), 0.0))
+    return np.asarray(sigmas), np.asarray(np.ptp(corners @ across.T, axis=0))
 
 
 def ring(edges: Ints, count: int) -> list[int] | None:

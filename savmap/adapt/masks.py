@@ -30,7 +30,7 @@ class MaskSettings:
     this share of it; `faintest`: evidence below this is none. `contradicted`: a frame whose probability is below this share of the
     evidence sees something else, unless its grey level is within `alike` of the plane's, or of half the view's own spread where that
     is less. `aslant`: what lies further to the side than this multiple of the camera's distance is not judged. Edges
-    that are not sure to `sharp_px` are left out, by at most `widest_px` on either side.
+    that are not sure to `sharp_px` are left out, by at most `widest_px` on either side; beside all others `spill_px` are background.
     """
 
     supported: float = 0.4
@@ -41,6 +41,7 @@ class MaskSettings:
     aslant: float = 3.0
     sharp_px: float = 0.75
     widest_px: float = 12.0
+    spill_px: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,21 +69,24 @@ def mask_of(
     """The labels (height, width) of a view: 0 background, k for classes[k - 1], 255 not to be judged."""
     labels = np.full((view.height, view.width), IGNORE, np.uint8)
     shown_faces = [ShownFace(known, look, view, world_from_rig, settings) for known in faces]
+    places = [(shown, outline, shown.pixels_of(outline)) for shown in shown_faces for outline in shown.outlines]
     for shown in shown_faces:
         labels[shown.empty] = 0
     for shown in shown_faces:
         labels[shown.inside & ~shown.empty] = IGNORE
     for shown in shown_faces:
-        for outline in shown.known.face.outlines:
-            place = outline_in(view, world_from_rig, outline.corners)
-            if place is not None:
-                core = filled(place, labels.shape)
-                labels[core] = IGNORE
-                labels[core & shown.agrees(outline.label)] = classes.index(outline.label) + 1
-    for known in faces:
-        for outline in known.face.outlines:
-            _blur_edges(labels, outline, view, world_from_rig, settings)
+        labels[shown.inside & _beside([core for own, _, core in places if own is shown], settings.spill_px)] = 0
+    for shown, outline, core in places:
+        labels[core] = np.where(shown.agrees(outline.label)[core], classes.index(outline.label) + 1, IGNORE)
+    for _, outline, _ in places:
+        _blur_edges(labels, outline, view, world_from_rig, settings)
     return labels
+
+
+def _beside(cores: Sequence[Bools], reach: int) -> Bools:
+    """The pixels right beside outlines: the evidence spills over there, and their sides say where they end."""
+    whole = np.any(cores, axis=0).astype(np.uint8)
+    return np.asarray(cv2.dilate(whole, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > whole)
 
 
 class ShownFace:
@@ -91,7 +95,7 @@ class ShownFace:
     def __init__(
         self, known: KnownFace, look: Look, view: ViewSpec, world_from_rig: Floats, settings: MaskSettings
     ) -> None:
-        self.known, self.settings = known, settings
+        self.known, self.settings, self.view, self.world_from_rig = known, settings, view, world_from_rig
         self.cells, self.inside = _cells(known.face, view, world_from_rig, settings.aslant)
         size = (view.width, view.height)
         classes = known.evidence.classes
@@ -101,6 +105,17 @@ class ShownFace:
         }
         self.mean = {label: self._warped(known.evidence.of(label)) for label in classes}
         self.alike = self._alike(look.image())
+
+    @property
+    def outlines(self) -> Sequence[Outline]:
+        """What was mapped in the face."""
+        return self.known.face.outlines
+
+    def pixels_of(self, outline: Outline) -> Bools:
+        """The pixels within an outline."""
+        place = outline_in(self.view, self.world_from_rig, outline.corners)
+        shape = (self.view.height, self.view.width)
+        return filled(place, shape) if place is not None else np.zeros(shape, np.bool_)
 
     @property
     def empty(self) -> Bools:
