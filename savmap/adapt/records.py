@@ -1,6 +1,6 @@
 """What `savmap adapt` is asked to do, and what it did."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -136,6 +136,17 @@ def job_with_network(job: Job, plugin: str, model: Path) -> Job:
     set_for = {"model": str(model.resolve())}
     rows = {
         name: row.model_copy(update={"plugins": {**row.plugins, plugin: {**row.plugins.get(plugin, {}), **set_for}}})
+        for name, row in job.site.rows.items()
+    }
+    return _changed(job, rows=rows)
+
+
+def job_without_lengths(job: Job, names: Collection[str]) -> Job:
+    """The job with no distances between named structures, nor their coordinates, in some of its rows: a map may lack one of these."""
+    rows = {
+        name: row.model_copy(update={"references": row.references.model_copy(update={"lengths": (), "points": ()})})
+        if name in names
+        else row
         for name, row in job.site.rows.items()
     }
     return _changed(job, rows=rows)

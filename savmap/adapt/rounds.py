@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from savmap.adapt.labels import write_labels
-from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, mean
-from savmap.errors import SavmapError, SolveError, StructureError
+from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
+from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.atomic import read_json, write_text
-from savmap.jobs.map_site import map_job_into
+from savmap.jobs.map_site import SiteRun, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.site.job import Job, prepare
@@ -39,11 +39,27 @@ class Adaptation:
     meter: Meter
 
     def mapped(self, model: Path, trainable: Path, folder: Path) -> State:
-        """The site's map with a network, made in a folder unless it is there. Raises SavmapError's kinds."""
+        """The site's map with a network, made in a folder unless it is there. Rows in which a structure that a distance is given to is
+        not found are mapped without distances. Raises SavmapError's kinds."""
         job = replace(job_with_network(self.job, self.plugin, model), output=folder)
         prepare(folder)
-        run = map_job_into(job, RunOptions(self.options.jobs), self.monitor)
+        run, failed = self._run(job)
+        partial = {name: error for name, error in failed.items() if isinstance(error, SiteError)}
+        if partial:
+            self.monitor.note(f"mapping {', '.join(partial)} without distances: {next(iter(partial.values()))}")
+            run, failed = self._run(job_without_lengths(job, partial))
+        if run is None:
+            raise next(iter(failed.values()))
         return State(model, trainable, folder / "map.json", run.site_map)
+
+    def _run(self, job: Job) -> tuple[SiteRun | None, Mapping[str, SavmapError]]:
+        """What mapping gave, if anything, and the errors of rows that could not be mapped; where none could, that of the first stands
+        for all."""
+        try:
+            run = map_job_into(job, RunOptions(self.options.jobs), self.monitor)
+        except SavmapError as error:
+            return None, dict.fromkeys(job.site.rows, error)
+        return run, run.failed_rows
 
 
 def played(work: Adaptation, number: int, start: State) -> tuple[RoundResult, State]:
