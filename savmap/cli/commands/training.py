@@ -66,7 +66,9 @@ def adapted_lines(adapted: Adapted) -> Iterator[str]:
         )
     before, after = adapted.iou_before, adapted.iou_after
     if adapted.kept is not None:
-        yield "IoU with the map: " + ", ".join(f"{name} {before[name]:.3f} -> {after[name]:.3f}" for name in after)
+        yield "IoU with the map: " + ", ".join(
+            f"{name} {before.get(name, 0.0):.3f} -> {iou:.3f}" for name, iou in after.items()
+        )
     yield f"structures in the map: {adapted.structures_before} before, {adapted.structures_after} after"
     yield from (f"wrote {file}" for file in (*adapted.files, adapted.report))
     if adapted.kept is None:
