@@ -1,7 +1,9 @@
-"""From a map to labelled views: two data sets, one to learn from and one that is held out."""
+"""From a map to labelled views: data sets to learn from, to choose the best network by, and to measure on."""
 
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +20,9 @@ from savmap.types import RowMap, SiteMap
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import gather
 
-VIEWS, HELD_OUT = "views", "held-out"
-EVERY = 5
-"""Every so many views, one is held out."""
+VIEWS, CHOICE, HELD_OUT = SETS = "views", "choice", "held-out"
+PATTERN = (VIEWS, VIEWS, HELD_OUT, VIEWS, VIEWS, CHOICE, VIEWS, HELD_OUT, VIEWS, VIEWS)
+"""Which set each of ten views that follow one another goes to."""
 LEAST_SHOWN = 0.003
 """A view is worth learning from that shows labelled structures in such a share of its pixels."""
 LEAST_VIEWS = 20
@@ -30,16 +32,22 @@ Labelled = tuple[str, Bytes, Bytes]
 """A view's name, its picture (h, w, 3) RGB and its labels (h, w)."""
 
 
-def write_labels(
-    job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: Monitor
-) -> tuple[Path, Path]:
-    """Write at most `count` views, labelled by a map, into two data sets in a folder, unless they are there: those to learn from and those
-    that are held out.
+@dataclass(frozen=True)
+class LabelSets:
+    """The data sets of a round: the views to learn from, those to choose the best network by, and those that are held out."""
+
+    views: Path
+    choice: Path
+    held_out: Path
+
+
+def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: Monitor) -> LabelSets:
+    """Write at most `count` views, labelled by a map, into data sets in a folder, unless they are there.
 
     Raises StructureError where too few of them show anything."""
-    views, held_out = folder / VIEWS, folder / HELD_OUT
-    if views.is_dir() and held_out.is_dir():
-        return views, held_out
+    sets = LabelSets(*(folder / name for name in SETS))
+    if all((folder / name).is_dir() for name in SETS):
+        return sets
     classes = job.opened(next(iter(job.site.rows)), plugin).classes
     labelled = list(labelled_views(job, plugin, site_map, count, monitor))
     if len(labelled) < LEAST_VIEWS:
@@ -47,11 +55,9 @@ def write_labels(
             f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
             "site, or label some by hand (`savmap label`)"
         )
-    held = labelled[EVERY // 2 :: EVERY]
-    names = {name for name, _, _ in held}
-    _write(views, classes, [one for one in labelled if one[0] not in names])
-    _write(held_out, classes, held)
-    return views, held_out
+    for name in SETS:
+        _write(folder / name, classes, [one for one, own in zip(labelled, cycle(PATTERN), strict=False) if own == name])
+    return sets
 
 
 def labelled_views(job: Job, plugin: str, site_map: SiteMap, count: int, monitor: Monitor) -> Iterator[Labelled]:

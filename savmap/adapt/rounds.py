@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from savmap.adapt.labels import write_labels
+from savmap.adapt.labels import LabelSets, write_labels
 from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.atomic import read_json, write_text
@@ -69,10 +69,10 @@ def played(work: Adaptation, number: int, start: State) -> tuple[RoundResult, St
         result = _read_result(folder / RESULT)
         return result, _state_of(work, folder, start) if result.kept else start
     job = job_with_network(work.job, work.plugin, start.model)
-    views, held_out = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
-    scores = _trained(work, folder, start, views, held_out)
+    sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
+    scores = _trained(work, folder, start, sets)
     result, state = _judged(work, number, folder, start, scores)
-    result = replace(result, views=_pictures(views), held_out=_pictures(held_out))
+    result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
     write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
     return result, state
 
@@ -100,22 +100,23 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
     return folder
 
 
-def _trained(work: Adaptation, folder: Path, start: State, views: Path, held_out: Path) -> Mapping[str, Any]:
+def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
     """How well the network does on the views that are held out, before and after; it is trained unless it is there."""
     if not (folder / SCORES).is_file():
         plan = TrainingPlan(
             work.classes,
-            [views, *work.replay],
+            [sets.views, *work.replay],
             folder / f"{work.plugin}.onnx",
             minutes_of(work.options.minutes, fine_tunes=True),
             init=start.trainable,
-            held_out=[held_out],
+            held_out=[sets.held_out],
             int8=True,
             steps=work.options.steps,
+            choose_by=[sets.choice],
         )
         with work.meter(f"training {work.plugin}") as progress:
             network = train(plan, progress)
-        write_text(folder / SCORES, json.dumps(network.recipe["scores"][held_out.name], indent=1) + "\n")
+        write_text(folder / SCORES, json.dumps(network.recipe["scores"][sets.held_out.name], indent=1) + "\n")
     scores: Any = read_json(folder / SCORES)
     return {when: score["iou"] for when, score in scores.items()}
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from savmap.adapt import rounds, run
+from savmap.adapt.labels import SETS, LabelSets
 from savmap.adapt.records import Adapted, AdaptOptions, State
 from savmap.adapt.rounds import Adaptation
 from savmap.cli.commands.training import adapted_lines
@@ -61,10 +62,10 @@ class Works:
         return SimpleNamespace(site_map=map_of(outcome), failed_rows={})
 
     def label(self, job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: object) -> Any:
-        for name in ("views", "held-out"):
+        for name in SETS:
             (folder / name / "images").mkdir(parents=True, exist_ok=True)
             (folder / name / "images" / "a.jpg").touch()
-        return folder / "views", folder / "held-out"
+        return LabelSets(*(folder / name for name in SETS))
 
 
 @contextmanager
