@@ -17,6 +17,7 @@ import numpy as np
 from savmap.label.formats import LabelledPicture, write_set
 from savmap.label.polygons import outlines
 from savmap.sim.dataset import samples, write
+from savmap.sim.random_row import random_row
 from savmap.sim.random_scene import random_scene
 from savmap.sim.scene.files import Scene, parse_scene
 
@@ -25,12 +26,22 @@ LABELLED = ("upright", "beam")
 
 def dark_scene(seed: int) -> Scene:
     """The random scene of a seed with its racks thin and galvanised, and everything dark."""
+    return darkened(random_scene(seed), seed)
+
+
+def dark_row(seed: int, frames: int) -> Scene:
+    """The random row of a seed in the same style, with the drive past it."""
+    return darkened(random_row(seed, frames), seed)
+
+
+def darkened(scene: Scene, seed: int) -> Scene:
+    """A scene with its racks thin and galvanised, and everything dark."""
     rng = np.random.default_rng([seed, 5])
 
     def grey(low: float, high: float) -> list[float]:
         return [float(rng.uniform(low, high))] * 3
 
-    content = random_scene(seed).model_dump(mode="json")
+    content = scene.model_dump(mode="json")
     for rack in content["structures"]["shelves"]["rows"].values():
         steel = grey(0.05, 0.12)
         rack |= {f"{part}_color": steel for part in ("upright", "beam", "rear", "deck")}

@@ -32,6 +32,7 @@ LAYERS = [
     "report",
     "train",
     "jobs",
+    "adapt",
     "demo",
     "cli",
 ]

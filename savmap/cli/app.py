@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "schema": installation.schema,
     "simulate": sources.simulate,
     "train": sources.train,
+    "adapt": sources.adapt,
     "label": sources.label,
 }
 GROUPS = {"plugin": plugin.app}

@@ -23,7 +23,7 @@ from savmap.vision.networks.providers import choose, runtime_version
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
 SAVMAP = Path(__file__).parents[1]
-NO_MAP = {"sim", "train", "label", "split", "report", "demo", "cli", "contract.py", "scaffold"}
+NO_MAP = {"sim", "train", "adapt", "label", "split", "report", "demo", "cli", "contract.py", "scaffold"}
 """Parts of savmap that have no influence on a map."""
 ENDS = 1 << 20
 

@@ -53,6 +53,9 @@ class Plugin(Protocol):
       row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
+    - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set (`dataset.json`,
+      `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the simulator's random scenes
+      are taken.
     """
 
     @property

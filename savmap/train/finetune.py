@@ -46,8 +46,11 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     samples = samples_of(datasets)
     tests = named_tests(plan, samples)
     training, validation = held_out(samples, SHARE)
+    choosing = samples_of(read_sets(plan.choose_by, plan.classes, plan.mapping)) or validation
     network, history = load_onnx(plan.init, plan.classes)
-    progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to choose and measure by")
+    progress(
+        0.0, f"{len(training)} pictures to train on, {len(validation)} to measure and {len(choosing)} to choose by"
+    )
     trainer = Trainer(network, settings)
     key = run_key(plan.classes, samples, plan.seed, plan.init, settings)
     kept = ResumeFile(plan.output.with_suffix(SUFFIX), key)
@@ -57,7 +60,7 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
 
     def validate() -> None:
         averaged = trainer.average.network
-        score = score_network(predictor(averaged), validation, plan.classes, settings.validation_limit)
+        score = score_network(predictor(averaged), choosing, plan.classes, settings.validation_limit)
         state.record(score.mean, averaged.state_dict())
         progress(plan.done(state.steps, state.spent_s), f"validation IoU {score.mean:.3f}")
         kept.save(trainer, state)

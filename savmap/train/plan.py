@@ -42,7 +42,8 @@ class TrainingPlan:
 
     `init` is what to begin with: a checkpoint, or an ONNX file for fine-tuning; None for a network from nothing. `mapping` gives
     classes of the data sets the network's names. `held_out` are sets that fine-tuning only measures on; `int8`: whether it also
-    writes the network in 8-bit integers. `steps`: how many to make, however long they take. `whole`: a network from an ONNX file is
+    writes the network in 8-bit integers. `steps`: how many to make, however long they take. `choose_by`: sets by which fine-tuning chooses
+    the best network along the way, instead of the pictures that it sets aside. `whole`: a network from an ONNX file is
     trained on in all its layers, as one from nothing, instead of with the care of fine-tuning.
     """
 
@@ -57,6 +58,7 @@ class TrainingPlan:
     int8: bool = False
     steps: int | None = None
     whole: bool = False
+    choose_by: Sequence[Path] = ()
 
     def done(self, steps: int, spent_s: float) -> float:
         """The share 0..1 of the run that is done after so many steps and seconds."""

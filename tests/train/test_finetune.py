@@ -177,6 +177,23 @@ class TestWithTorch:
         with torch.inference_mode():
             assert torch.allclose(with_temperature(network, 2.5)(picture), network(picture) / 2.5, atol=1e-5)
 
+    def test_best_network_is_chosen_by_named_sets(
+        self, plan: TrainingPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from savmap.train import finetune
+
+        judged: list[set[Path]] = []
+
+        def scored(predict: object, samples: list[Sample], *others: object) -> object:
+            judged.append({one.image.parents[1] for one in samples})
+            return score_network(lambda image: np.zeros((3, 480, 640), np.float32), samples, plan.classes)
+
+        monkeypatch.setattr(finetune, "score_network", scored)
+        chooses = write_dataset(tmp_path / "choice", 2)
+        train(replace(plan, choose_by=[chooses]))
+        assert judged
+        assert all(one == {chooses} for one in judged)
+
     def test_frozen_is_frozen(self) -> None:
         import torch
 

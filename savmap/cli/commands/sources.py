@@ -132,3 +132,41 @@ def label(
         f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} (LabelMe): "
         "correct one of them, and train on that one"
     )
+
+
+def adapt(
+    source: Annotated[Path, typer.Argument(metavar="SITE", parser=where, help="A site file, or a panoramic video.")],
+    output: Output = Path("out"),
+    plugin: Annotated[str | None, typer.Option(help="Whose network to teach; default: the site's only plugin.")] = None,
+    row: Annotated[list[str] | None, typer.Option(help="Learn from this row alone; may be repeated.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Learn and map again at most so many times.")] = 2,
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="How long to train in each round (20).", show_default=False)
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="How many steps in each round, instead of how long.")] = None,
+    replay: Annotated[
+        list[Path] | None,
+        typer.Option(help="Labelled pictures of other places, against forgetting; may be repeated."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=0, help="Rows mapped at a time, as for `savmap map`.", show_default=False)
+    ] = None,
+    sets: Sets = None,
+) -> None:
+    """Let a site teach a plugin's network: its map labels its own footage (needs the `train` extra). A second call goes on."""
+    from savmap.adapt.records import AdaptOptions
+    from savmap.adapt.run import adapt as teach
+    from savmap.cli.commands.training import adapted_lines
+    from savmap.cli.console import Console
+    from savmap.site.job import prepare
+    from savmap.site.overrides import overrides_of
+    from savmap.train import check_extra
+
+    check_extra()
+    options = AdaptOptions(plugin, row or (), rounds, minutes, steps, replay or (), jobs=jobs)
+    overrides = overrides_of(sets or [], os.environ)
+    prepare(output)
+    with Console(output / "adapt.log") as console:
+        adapted = teach(source, output, options, overrides, console, console.meter)
+    for line in adapted_lines(adapted):
+        typer.echo(line)

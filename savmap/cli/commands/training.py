@@ -1,10 +1,11 @@
-"""What `savmap train` prints of a network."""
+"""What `savmap train` and `savmap adapt` print of a network."""
 
 import json
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any
 
+from savmap.adapt.records import Adapted, mean
 from savmap.train import LEAST_TO_CALIBRATE, VALIDATION, TrainedNetwork
 
 
@@ -53,3 +54,25 @@ def _lost(name: str, files: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         after, integers = (files[when]["iou"] for when in ("after", "int8"))
         both = [label for label in after if label in integers]
         yield name, sum(after[label] - integers[label] for label in both) / max(len(both), 1)
+
+
+def adapted_lines(adapted: Adapted) -> Iterator[str]:
+    """What was learned from what, before and after, and how the network is used."""
+    for one in adapted.rounds:
+        yield (
+            f"round {one.number}: learned from {one.views} views; on {one.held_out} held out IoU with the map "
+            f"{mean(one.iou_before):.3f} before, {mean(one.iou_after):.3f} after; "
+            f"{'kept' if one.kept else 'not kept'}: {one.why}"
+        )
+    before, after = adapted.iou_before, adapted.iou_after
+    if adapted.kept is not None:
+        yield "IoU with the map: " + ", ".join(
+            f"{name} {before.get(name, 0.0):.3f} -> {iou:.3f}" for name, iou in after.items()
+        )
+    yield f"structures in the map: {adapted.structures_before} before, {adapted.structures_after} after"
+    yield from (f"wrote {file}" for file in (*adapted.files, adapted.report))
+    if adapted.kept is None:
+        yield "the network stays as it is"
+    else:
+        model = next((file for file in adapted.files if file.name.endswith(".int8.onnx")), adapted.files[0])
+        yield f"to use it, say in the site file: plugins: {{{adapted.plugin}: {{model: {model}}}}}"

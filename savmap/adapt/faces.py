@@ -1,0 +1,170 @@
+"""Structures of a map as outlines, and the planes that they lie in."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from savmap.types import Bools, Floats, Ints, PlaneEvidence, PlanePatch, Structure, array_record
+
+TOLERANCE_M = 0.12
+"""How far from a plane the corners of an outline in it may lie."""
+CELLS_ACROSS = 5.0
+LEAST_CELL_M = 0.002
+MOST_CELLS = 4_000_000
+LEVEL = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Outline:
+    """A mapped structure of one of a network's classes: its corners (n, 3) m in the row's frame in their order around it, and how far
+    around each side (n,) m, from a corner to the next, its place is less sure than that of most sides."""
+
+    label: str
+    corners: Floats
+    unsure_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Face:
+    """A plane with the outlines in it. The patch is the smallest that holds them: what was mapped, and nothing beyond it."""
+
+    patch: PlanePatch
+    outlines: tuple[Outline, ...]
+
+    def cells(self, points: Floats) -> Floats:
+        """Columns and rows (..., 2) of points (..., 3) of the plane in the patch, both from 0 at a cell's middle."""
+        from_corner = points - self.patch.origin
+        columns = from_corner @ self.patch.right / self.patch.cell - 0.5
+        rows = self.patch.shape[0] - 0.5 - from_corner @ self.patch.up / self.patch.cell
+        return np.stack([columns, rows], axis=-1)
+
+    def inside(self, outline: Outline) -> Bools:
+        """The cells (rows, columns) within an outline."""
+        mask = np.zeros(self.patch.shape, np.uint8)
+        cv2.fillPoly(mask, [np.round(16 * self.cells(outline.corners)).astype(np.int32)], 1, shift=4)
+        return np.asarray(mask, np.bool_)
+
+    def usual(self, evidence: PlaneEvidence, label: str) -> float:
+        """The usual mean evidence within the outlines of a class; 0 where there are none."""
+        inside = [self.inside(outline) & (evidence.weight > 0) for outline in self.outlines if outline.label == label]
+        means = [float(evidence.of(label)[cells].mean()) for cells in inside if cells.any()]
+        return float(np.median(means)) if means else 0.0
+
+
+def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list[Outline]:
+    """The outlines of the structures of a network's classes; those whose edges are no single ring have none.
+
+    What the usual side is not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
+    unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it.
+    """
+    found = []
+    for structure in structures:
+        order = ring(structure.edges, len(structure.vertices)) if structure.label in classes else None
+        if order is not None:
+            corners, covariances = structure.vertices[order], structure.covariances[order]
+            found.append((structure.label, corners, *_sides(corners, covariances)))
+    usual = float(np.median(np.concatenate([sigmas for _, _, sigmas, _ in found]))) if found else 0.0
+    return [
+        Outline(label, corners, np.minimum(2 * np.maximum(sigmas - usual, 0.0), sizes / 4))
+        for label, corners, sigmas, sizes in found
+    ]
+
+
+def _sides(corners: Floats, covariances: Floats) -> tuple[Floats, Floats]:
+    """Of each side of an outline, from a corner to the next: its standard deviation (n,) m across it, and the outline's size (n,) m
+    in that direction."""
+    along = np.roll(corners, -1, axis=0) - corners
+    across = np.cross(along, _normal(corners))
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    own, following = (_along(end, across) for end in (covariances, np.roll(covariances, -1, axis=0)))
+    sigmas = np.sqrt(np.maximum(np.maximum(own, following), 0.0))
+    return np.asarray(sigmas), np.asarray(np.ptp(corners @ across.T, axis=0))
+
+
+def ring(edges: Ints, count: int) -> list[int] | None:
+    """The numbers of `count` vertices in their order around the ring that edges (m, 2) make; None where they make no single ring."""
+    beside: dict[int, list[int]] = {number: [] for number in range(count)}
+    for first, second in np.asarray(edges).reshape(-1, 2).tolist():
+        beside[first].append(second)
+        beside[second].append(first)
+    if count < 3 or any(len(others) != 2 for others in beside.values()):
+        return None
+    order, last = [0], -1
+    while len(order) <= count:
+        here = order[-1]
+        following = next((other for other in beside[here] if other != last), last)
+        if following == 0:
+            break
+        order.append(following)
+        last = here
+    return order if len(order) == count else None
+
+
+def faces_of(outlines: Sequence[Outline]) -> list[Face]:
+    """The planes that outlines lie in: one where most lie in it, and then those of the others, the largest first."""
+    return [
+        Face(_patch(f"face {number}", plane, members), tuple(members)) for number, (plane, members) in _planes(outlines)
+    ]
+
+
+def _planes(outlines: Sequence[Outline]) -> Iterator[tuple[int, tuple["_Plane", list[Outline]]]]:
+    rest, number = list(outlines), 0
+    while rest:
+        number += 1
+        plane = _Plane.through(np.concatenate([outline.corners for outline in rest]))
+        members = [outline for outline in rest if plane.holds(outline)]
+        if 2 * len(members) < len(rest):
+            largest = max(rest, key=lambda outline: float(np.ptp(outline.corners, axis=0).max()))
+            plane = _Plane.through(largest.corners)
+            members = [outline for outline in rest if outline is largest or plane.holds(outline)]
+        yield number, (_Plane.through(np.concatenate([outline.corners for outline in members])), members)
+        rest = [outline for outline in rest if not any(outline is member for member in members)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A plane through a point (3,) with a unit normal (3,)."""
+
+    point: Floats
+    normal: Floats
+
+    @classmethod
+    def through(cls, points: Floats) -> "_Plane":
+        """The plane nearest to points (n, 3)."""
+        return cls(points.mean(axis=0), _normal(points))
+
+    def holds(self, outline: Outline) -> bool:
+        """Whether all corners of an outline lie in the plane."""
+        return float(np.abs((outline.corners - self.point) @ self.normal).max()) <= TOLERANCE_M
+
+
+def _normal(points: Floats) -> Floats:
+    return np.asarray(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2])
+
+
+def _patch(name: str, plane: _Plane, outlines: Sequence[Outline]) -> PlanePatch:
+    """The smallest upright rectangle of a plane around outlines, in cells of a fifth of the usual outline's lesser side."""
+    right, up = _axes(plane.normal)
+    places = [(outline.corners - plane.point) @ np.stack([right, up], axis=1) for outline in outlines]
+    low, high = np.concatenate(places).min(axis=0), np.concatenate(places).max(axis=0)
+    thin = float(np.median([cv2.minAreaRect(place.astype(np.float32))[1] for place in places], axis=0).min())
+    size = np.maximum(high - low, LEAST_CELL_M)
+    cell = max(thin / CELLS_ACROSS, LEAST_CELL_M, float(np.sqrt(size.prod() / MOST_CELLS)))
+    return PlanePatch(name, plane.point + low[0] * right + low[1] * up, right, up, size, cell)
+
+
+def _axes(normal: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors to the right and up in a plane; up is along y where the plane is not level."""
+    reference = np.eye(3)[1] if abs(normal[1]) < LEVEL else np.eye(3)[2]
+    up = reference - (reference @ normal) * normal
+    up /= np.linalg.norm(up)
+    return np.cross(up, normal), up
+
+
+def _along(covariances: Floats, directions: Floats) -> Floats:
+    """Variances (n,) along unit directions (n, 3)."""
+    return np.asarray(np.einsum("ni,nij,nj->n", directions, covariances, directions))

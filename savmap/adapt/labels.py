@@ -1,0 +1,96 @@
+"""From a map to labelled views: data sets to learn from, to choose the best network by, and to measure on."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+
+from savmap.adapt.faces import Face, faces_of, outlines_of
+from savmap.adapt.looks import LookedAt, evenly, looks_at, poses_of, views_of
+from savmap.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
+from savmap.errors import StructureError
+from savmap.label.run import picture_name
+from savmap.plugin.manager import LoadedPlugin
+from savmap.sim.dataset import write_samples
+from savmap.site.job import Job
+from savmap.types import RowMap, SiteMap
+from savmap.types.progress import Monitor
+from savmap.vision.evidence import gather
+
+VIEWS, CHOICE, HELD_OUT = SETS = "views", "choice", "held-out"
+PATTERN = (VIEWS, VIEWS, HELD_OUT, VIEWS, VIEWS, CHOICE, VIEWS, HELD_OUT, VIEWS, VIEWS)
+"""Which set each of ten views that follow one another goes to."""
+LEAST_SHOWN = 0.003
+"""A view is worth learning from that shows labelled structures in such a share of its pixels."""
+LEAST_VIEWS = 20
+RENDERER = "the site's own views"
+
+Labelled = tuple[str, Bytes, Bytes]
+"""A view's name, its picture (h, w, 3) RGB and its labels (h, w)."""
+
+
+@dataclass(frozen=True)
+class LabelSets:
+    """The data sets of a round: the views to learn from, those to choose the best network by, and those that are held out."""
+
+    views: Path
+    choice: Path
+    held_out: Path
+
+
+def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: Monitor) -> LabelSets:
+    """Write at most `count` views, labelled by a map, into data sets in a folder, unless they are there.
+
+    Raises StructureError where too few of them show anything."""
+    sets = LabelSets(*(folder / name for name in SETS))
+    if all((folder / name).is_dir() for name in SETS):
+        return sets
+    classes = job.opened(next(iter(job.site.rows)), plugin).classes
+    labelled = list(labelled_views(job, plugin, site_map, count, monitor))
+    if len(labelled) < LEAST_VIEWS:
+        raise StructureError(
+            f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
+            "site, or label some by hand (`savmap label`)"
+        )
+    for name in SETS:
+        _write(folder / name, classes, [one for one, own in zip(labelled, cycle(PATTERN), strict=False) if own == name])
+    return sets
+
+
+def labelled_views(job: Job, plugin: str, site_map: SiteMap, count: int, monitor: Monitor) -> Iterator[Labelled]:
+    """Views of all rows of a map with what it labels in them; those in which that is next to nothing are left out."""
+    rows = {name: row for name, row in site_map.rows.items() if name in job.site.rows and row.structures.get(plugin)}
+    loaded = {name: job.opened(name, plugin) for name in rows}
+    outlines = {name: outlines_of(row.structures[plugin], loaded[name].classes) for name, row in rows.items()}
+    found = {name: views_of(row, outlines[name]) for name, row in rows.items()}
+    total = sum(map(len, found.values()))
+    for name, row in rows.items():
+        chosen = evenly(found[name], round(count * len(found[name]) / total) if total else 0)
+        looked = list(looks_at(row, job.site.rows[name].passes, loaded[name], chosen, monitor))
+        yield from _labelled(row, faces_of(outlines[name]), looked, loaded[name])
+
+
+def _labelled(
+    row: RowMap, faces: Sequence[Face], looked: Sequence[LookedAt], plugin: LoadedPlugin
+) -> Iterator[Labelled]:
+    if not looked:
+        return
+    looks, classes = [one.look for one in looked], looked[0].classes
+    known = [KnownFace.of(face, gather(face.patch, classes, looks, row.views, row.trajectory)) for face in faces]
+    poses, settings = poses_of(row), MaskSettings()
+    for one in looked:
+        mask = mask_of(one.look, one.spec, poses[one.frame], known, plugin.classes, settings)
+        if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
+            yield picture_name(row.name, one.spec.name, one.frame), one.picture, mask
+
+
+def _write(folder: Path, classes: Sequence[str], labelled: Sequence[Labelled]) -> None:
+    """A data set, all of it or nothing."""
+    partial = folder.with_name(f"{folder.name}.part")
+    for place in (folder, partial):
+        shutil.rmtree(place, ignore_errors=True)
+    write_samples(partial, classes, RENDERER, labelled)
+    partial.rename(folder)

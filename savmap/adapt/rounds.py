@@ -1,0 +1,165 @@
+"""One round: views labelled by the map, the network trained on them, the site mapped with it, and whether that is better."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from savmap.adapt.labels import LabelSets, write_labels
+from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
+from savmap.errors import SavmapError, SiteError, SolveError, StructureError
+from savmap.files.atomic import read_json, write_text
+from savmap.jobs.map_site import SiteRun, map_job_into
+from savmap.jobs.scheduler import RunOptions
+from savmap.maps.map_file import read_map
+from savmap.site.job import Job, prepare
+from savmap.train import TrainingPlan, train
+from savmap.train.plan import minutes_of
+from savmap.types.progress import Monitor
+
+KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
+INTEGERS = ".int8.onnx"
+
+
+@dataclass(frozen=True, eq=False)
+class Adaptation:
+    """A site that teaches a plugin's network: the job, the plugin's name and its network's classes, the options, data sets against
+    forgetting, where all is written, and who is told."""
+
+    job: Job
+    plugin: str
+    classes: Sequence[str]
+    options: AdaptOptions
+    replay: Sequence[Path]
+    folder: Path
+    monitor: Monitor
+    meter: Meter
+
+    def mapped(self, model: Path, trainable: Path, folder: Path) -> State:
+        """The site's map with a network, made in a folder unless it is there. Rows in which a structure that a distance is given to is
+        not found are mapped without distances. Raises SavmapError's kinds."""
+        job = replace(job_with_network(self.job, self.plugin, model), output=folder)
+        prepare(folder)
+        run, failed = self._run(job)
+        partial = {name: error for name, error in failed.items() if isinstance(error, SiteError)}
+        if partial:
+            self.monitor.note(f"mapping {', '.join(partial)} without distances: {next(iter(partial.values()))}")
+            run, failed = self._run(job_without_lengths(job, partial))
+        if run is None:
+            raise next(iter(failed.values()))
+        return State(model, trainable, folder / "map.json", run.site_map)
+
+    def _run(self, job: Job) -> tuple[SiteRun | None, Mapping[str, SavmapError]]:
+        """What mapping gave, if anything, and the errors of rows that could not be mapped; where none could, that of the first stands
+        for all."""
+        try:
+            run = map_job_into(job, RunOptions(self.options.jobs), self.monitor)
+        except SavmapError as error:
+            return None, dict.fromkeys(job.site.rows, error)
+        return run, run.failed_rows
+
+
+def played(work: Adaptation, number: int, start: State) -> tuple[RoundResult, State]:
+    """A round's result, and the network and map to go on with: the new ones if it is kept. A finished round is not played again."""
+    folder = _folder_for(work, number, start)
+    if (folder / RESULT).is_file():
+        result = _read_result(folder / RESULT)
+        return result, _state_of(work, folder, start) if result.kept else start
+    job = job_with_network(work.job, work.plugin, start.model)
+    sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
+    scores = _trained(work, folder, start, sets)
+    result, state = _judged(work, number, folder, start, scores)
+    result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
+    write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
+    return result, state
+
+
+def _folder_for(work: Adaptation, number: int, start: State) -> Path:
+    """A round's folder, emptied where what it was begun with has changed."""
+    folder = work.folder / f"round-{number}"
+    options = work.options
+    replay = [str(path.resolve()) for path in work.replay]
+    parts = [
+        start.digest,
+        options.minutes,
+        options.steps,
+        options.views,
+        options.practice,
+        replay,
+        list(work.job.site.rows),
+    ]
+    key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    known = folder / KEY
+    if not known.is_file() or known.read_text(encoding="utf-8") != key:
+        shutil.rmtree(folder, ignore_errors=True)
+        prepare(folder)
+        write_text(known, key)
+    return folder
+
+
+def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
+    """How well the network does on the views that are held out, before and after; it is trained unless it is there."""
+    if not (folder / SCORES).is_file():
+        plan = TrainingPlan(
+            work.classes,
+            [sets.views, *work.replay],
+            folder / f"{work.plugin}.onnx",
+            minutes_of(work.options.minutes, fine_tunes=True),
+            init=start.trainable,
+            held_out=[sets.held_out],
+            int8=True,
+            steps=work.options.steps,
+            choose_by=[sets.choice],
+        )
+        with work.meter(f"training {work.plugin}") as progress:
+            network = train(plan, progress)
+        write_text(folder / SCORES, json.dumps(network.recipe["scores"][sets.held_out.name], indent=1) + "\n")
+    scores: Any = read_json(folder / SCORES)
+    return {when: score["iou"] for when, score in scores.items()}
+
+
+def _judged(
+    work: Adaptation, number: int, folder: Path, start: State, scores: Mapping[str, Any]
+) -> tuple[RoundResult, State]:
+    """Whether a round is kept, by the views that are held out and by what the new map has."""
+    before, after = scores["before"], scores["int8" if _in_integers(start.model) else "after"]
+    there = start.structures(work.plugin, work.classes)
+    result = RoundResult(number, 0, 0, before, after, there, None, kept=False, why="")
+    if mean(after) <= mean(before):
+        return replace(result, why="the network agrees no better with the map on views held out"), start
+    try:
+        state = _state_of(work, folder, start, anew=True)
+    except (StructureError, SolveError) as error:
+        return replace(result, why=f"the site cannot be mapped with the new network: {error}"), start
+    now = state.structures(work.plugin, work.classes)
+    if now < there:
+        return replace(result, structures_after=now, why="the new map has fewer structures"), start
+    return replace(result, structures_after=now, kept=True, why="the network agrees better with the map"), state
+
+
+def _state_of(work: Adaptation, folder: Path, start: State, anew: bool = False) -> State:
+    """The network of a round and its map, which is made or read."""
+    trainable = folder / f"{work.plugin}.onnx"
+    model = trainable.with_suffix(INTEGERS) if _in_integers(start.model) else trainable
+    if anew:
+        return work.mapped(model, trainable, folder / MAP)
+    return State(model, trainable, folder / MAP / "map.json", read_map(folder / MAP / "map.json"))
+
+
+def _in_integers(model: Path) -> bool:
+    return model.name.endswith(INTEGERS)
+
+
+def _read_result(path: Path) -> RoundResult:
+    content: Any = read_json(path)
+    try:
+        return RoundResult(**content)
+    except TypeError:
+        raise SavmapError(f"{path}: is of another version; remove {path.parent}") from None
+
+
+def _pictures(folder: Path) -> int:
+    return len(list((folder / "images").iterdir()))

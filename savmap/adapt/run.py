@@ -1,0 +1,175 @@
+"""`savmap adapt`: the site teaches its own network, without a label."""
+
+import json
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from savmap.adapt.faces import outlines_of
+from savmap.adapt.labels import HELD_OUT
+from savmap.adapt.practice import practice_set
+from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows
+from savmap.adapt.rounds import INTEGERS, Adaptation, played
+from savmap.errors import SiteError, StructureError
+from savmap.files.atomic import sha256, write_text
+from savmap.files.urls import is_url
+from savmap.jobs.cache import locked
+from savmap.maps.map_file import read_map
+from savmap.site.job import Job, job_for, prepare
+from savmap.site.overrides import Override
+from savmap.site.preflight import require_ready
+from savmap.train import check_extra
+from savmap.train.data.sets import read_set, read_sets
+from savmap.train.plan import Progress, float_model, minutes_of
+from savmap.types.progress import Monitor, SilentMonitor
+
+FOLDER, FIRST, PRACTICE, REPORT = "adapted", "first", "practice", "report.json"
+SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png")
+"""What of the new map is copied beside the network."""
+
+
+@contextmanager
+def silent_meter(doing: str) -> Iterator[Progress]:
+    """Shows nothing."""
+    yield lambda done, line: None
+
+
+def adapt(
+    source: Path,
+    output: Path,
+    options: AdaptOptions,
+    overrides: Sequence[Override] = (),
+    monitor: Monitor | None = None,
+    meter: Meter = silent_meter,
+) -> Adapted:
+    """Map a site (or use the map in the output folder), train a plugin's network on views that the map labels, and map again, as long as
+    that is better; all results are in `adapted` in the output folder. What is finished is not done again.
+
+    Raises SiteError for URLs and options, StructureError where there is no map to learn from, SavmapError's other kinds as mapping and
+    training do.
+    """
+    check_extra()
+    minutes_of(options.minutes, fine_tunes=True)
+    job = job_to_adapt(source, output, options, overrides)
+    name = plugin_of(job, options.plugin)
+    job = replace(job, plugins=list(dict.fromkeys([*job.plugins, name])))
+    require_ready(job)
+    opened = job.opened(next(iter(job.site.rows)), name)
+    require_one_network(job, name)
+    trainable = float_model(opened.model)
+    read_sets(options.replay, opened.classes)
+    folder = output / FOLDER
+    prepare(folder)
+    shown = monitor or SilentMonitor()
+    with locked(folder):
+        own = (
+            practice_set(name, opened.classes, options.practice, folder / PRACTICE, shown)
+            if not options.replay
+            else None
+        )
+        replay = [*options.replay, *([own] if own else [])]
+        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter)
+        first = first_state(work, opened.model, opened.model_file, trainable, output / "map.json")
+        results, state = _rounds(work, first)
+        return _finished(work, first, state, results)
+
+
+def job_to_adapt(source: Path, output: Path, options: AdaptOptions, overrides: Sequence[Override]) -> Job:
+    """The site's job with the wanted rows alone. Raises SiteError for what cannot be used, URLs among it."""
+    if is_url(source) or is_url(output):
+        raise SiteError(
+            f"{source if is_url(source) else output}: adapting needs local files: copy the site and its footage"
+        )
+    job = job_of_rows(job_for(source, None, output, overrides=overrides), options.rows)
+    for name, row in job.site.rows.items():
+        remote = next((one.video for one in row.passes if is_url(one.video)), None)
+        if remote is not None:
+            raise SiteError(f"row {name}: {remote}: adapting needs local files: copy the footage")
+    return job if job.site.plugins or options.plugin is None else replace(job, plugins=[options.plugin])
+
+
+def plugin_of(job: Job, named: str | None) -> str:
+    """Whose network is to be taught. Raises SiteError where that is not clear."""
+    if named is None and len(job.plugins) > 1:
+        raise SiteError(f"{job.source}: say whose network to teach: --plugin {' or --plugin '.join(job.plugins)}")
+    return named or job.plugins[0]
+
+
+def require_one_network(job: Job, plugin: str) -> None:
+    """Raise SiteError where rows use different networks."""
+    models = {name: job.opened(name, plugin).model for name in job.site.rows}
+    if len(set(models.values())) > 1:
+        raise SiteError(f"{job.source}: rows use different networks of `{plugin}`; teach those of one with --row")
+
+
+def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, there: Path) -> State:
+    """The network as it is, and the map that it made: the one in the output folder, or a new one. Raises StructureError where that
+    has no structures to learn from, and SavmapError's kinds where there is none."""
+    rows = work.job.site.rows
+    known = read_map(there) if there.is_file() else None
+    if (
+        known
+        and known.made_by.get(f"model {work.plugin}") == sha256(model_file)
+        and {*known.rows, *known.failed} >= {*rows}
+    ):
+        work.monitor.note(f"using {there}")
+        mine = {name: row for name, row in known.rows.items() if name in rows}
+        state = State(model, trainable, there, replace(known, rows=mine))
+    else:
+        state = work.mapped(model, trainable, work.folder / FIRST)
+    structures = [one for row in state.site_map.rows.values() for one in row.structures.get(work.plugin, ())]
+    if not outlines_of(structures, work.classes):
+        raise StructureError(
+            f"{state.map_file}: has no outlines of `{work.plugin}` ({', '.join(work.classes)}) to learn from; see why it maps none"
+        )
+    return state
+
+
+def _rounds(work: Adaptation, state: State) -> tuple[list[RoundResult], State]:
+    """The rounds' results, up to the first that is not kept, and the best network with its map."""
+    results: list[RoundResult] = []
+    for number in range(1, work.options.rounds + 1):
+        result, state = played(work, number, state)
+        results.append(result)
+        work.monitor.note(f"round {number} is {'kept' if result.kept else 'not kept'}: {result.why}")
+        if not result.kept:
+            break
+    return results, state
+
+
+def _finished(work: Adaptation, first: State, state: State, results: Sequence[RoundResult]) -> Adapted:
+    """Write the results beside one another."""
+    kept = next((one for one in reversed(results) if one.kept), None)
+    last = kept or results[-1]
+    before = last.iou_before if last.number == 1 else _agreement(work, first.trainable, last.number)
+    adapted = Adapted(
+        work.plugin,
+        tuple(results),
+        tuple(_copied(work, state)) if kept else (),
+        before,
+        kept.iou_after if kept else before,
+        first.structures(work.plugin, work.classes),
+        state.structures(work.plugin, work.classes),
+        work.folder / REPORT,
+    )
+    write_text(adapted.report, json.dumps(adapted.as_json(), indent=1) + "\n")
+    return adapted
+
+
+def _agreement(work: Adaptation, model: Path, number: int) -> dict[str, float]:
+    """How well the first network agrees with a later round's map."""
+    from savmap.train.measure import score_file  # keeps `savmap --help` fast
+
+    held_out = read_set(work.folder / f"round-{number}" / HELD_OUT, work.classes)
+    return {name: round(iou, 4) for name, iou in score_file(model, held_out.samples, work.classes).iou.items()}
+
+
+def _copied(work: Adaptation, state: State) -> Iterator[Path]:
+    """The best network's files and its map's, copied to where they are looked for."""
+    for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
+        yield Path(shutil.copyfile(source, work.folder / source.name))
+    for pattern in SHOWN:
+        for source in sorted(state.map_file.parent.glob(pattern)):
+            yield Path(shutil.copyfile(source, work.folder / source.name))

@@ -1,0 +1,147 @@
+"""Rounds of training and mapping, with made-up networks and maps: what is kept, and what is not done again."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap.adapt import rounds, run
+from savmap.adapt.labels import SETS, LabelSets
+from savmap.adapt.records import Adapted, AdaptOptions, State
+from savmap.adapt.rounds import Adaptation
+from savmap.cli.commands.training import adapted_lines
+from savmap.errors import SavmapError, SiteError, StructureError
+from savmap.maps.map_file import write_map
+from savmap.site.job import Job
+from savmap.site.model import Row, Site
+from savmap.train import TrainedNetwork, TrainingPlan
+from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
+from savmap.types.progress import NoteCollector
+
+from .filmed_wall import BOXES, CLASSES, quad
+
+
+def map_of(count: int) -> SiteMap:
+    """A map with so many structures."""
+    frames, path = FrameTable(np.zeros(1), ("pass 1",)), Trajectory(np.arange(1), np.eye(4)[None])
+    structures = {"posts": tuple(quad(name) for name in list(BOXES)[:count])}
+    return SiteMap({"A": RowMap("A", frames, {}, path, structures, ())}, {})
+
+
+@dataclass
+class Works:
+    """Stands for training and mapping: IoU after each round, and what mapping gives each time, a number of structures or an error."""
+
+    iou: list[float]
+    maps: list[int | SavmapError]
+    before: float = 0.5
+    jobs: list[Job] = field(default_factory=list)
+    trained: list[TrainingPlan] = field(default_factory=list)
+
+    def train(self, plan: TrainingPlan, progress: object) -> TrainedNetwork:
+        self.trained.append(plan)
+        after = self.iou[len(self.trained) - 1]
+        for file in (plan.output, plan.integers):
+            file.write_text(f"network {len(self.trained)}")
+        scores = {"before": self.before, "after": after, "int8": after}
+        iou = {when: {"iou": dict.fromkeys(CLASSES, value)} for when, value in scores.items()}
+        return TrainedNetwork(plan, (plan.output, plan.integers), {"scores": {"held-out": iou}})
+
+    def map(self, job: Job, options: object, monitor: object) -> Any:
+        self.jobs.append(job)
+        outcome = self.maps[len(self.jobs) - 1]
+        if isinstance(outcome, SavmapError):
+            raise outcome
+        write_map(map_of(outcome), job.output / "map.json")
+        return SimpleNamespace(site_map=map_of(outcome), failed_rows={})
+
+    def label(self, job: Job, plugin: str, site_map: SiteMap, count: int, folder: Path, monitor: object) -> Any:
+        for name in SETS:
+            (folder / name / "images").mkdir(parents=True, exist_ok=True)
+            (folder / name / "images" / "a.jpg").touch()
+        return LabelSets(*(folder / name for name in SETS))
+
+
+@contextmanager
+def meter(doing: str) -> Iterator[Any]:
+    yield lambda done, line: None
+
+
+def adapted(works: Works, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Adapted:
+    monkeypatch.setattr(rounds, "train", works.train)
+    monkeypatch.setattr(rounds, "map_job_into", works.map)
+    monkeypatch.setattr(rounds, "write_labels", works.label)
+    monkeypatch.setattr(run, "_agreement", lambda work, model, number: dict.fromkeys(CLASSES, 0.4))
+    (folder / "adapted").mkdir(parents=True, exist_ok=True)
+    lengths = [{"between": ["post 1 / left", "post 9 / right"], "value": 2.0, "sigma": 0.01}]
+    site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
+    job = Job(site, folder / "site.yaml", ["posts"], folder)
+    work = Adaptation(job, "posts", CLASSES, AdaptOptions(**options), (), folder / "adapted", NoteCollector(), meter)
+    for name in ("first.onnx", "first.int8.onnx"):
+        (folder / name).write_text(name)
+    write_map(map_of(2), folder / "map.json")
+    first = State(folder / "first.int8.onnx", folder / "first.onnx", folder / "map.json", map_of(2))
+    results, state = run._rounds(work, first)
+    return run._finished(work, first, state, results)
+
+
+def test_rounds_go_on_while_they_are_better(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    works = Works([0.6, 0.7], [2, 3])
+    done = adapted(works, tmp_path, monkeypatch)
+    assert [one.kept for one in done.rounds] == [True, True]
+    assert (done.structures_before, done.structures_after) == (2, 3)
+    assert works.trained[1].init == tmp_path / "adapted" / "round-1" / "posts.onnx"
+    used = works.jobs[1].site.plugin_config("A", "posts")["model"]
+    assert used == str(tmp_path / "adapted" / "round-2" / "posts.int8.onnx")
+    assert (tmp_path / "adapted" / "posts.int8.onnx").read_text() == "network 2"
+    report = json.loads((tmp_path / "adapted" / "report.json").read_text())
+    assert report["iou"] == {"before": {"post": 0.4, "plank": 0.4}, "after": {"post": 0.7, "plank": 0.7}}
+    assert any(line.endswith("adapted/posts.int8.onnx}}") for line in adapted_lines(done))
+
+
+def test_no_better_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = adapted(Works([0.5], []), tmp_path, monkeypatch)
+    assert [(one.kept, one.structures_after) for one in done.rounds] == [(False, None)]
+    assert "agrees no better" in done.rounds[0].why
+    assert "the network stays as it is" in list(adapted_lines(done))
+    assert not (tmp_path / "adapted" / "posts.onnx").exists()
+
+
+def test_poorer_map_ends_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = adapted(Works([0.6, 0.7], [3, 2]), tmp_path, monkeypatch)
+    assert [one.kept for one in done.rounds] == [True, False]
+    assert done.rounds[1].why == "the new map has fewer structures"
+    assert (tmp_path / "adapted" / "posts.onnx").read_text() == "network 1"
+    assert done.structures_after == 3
+
+
+def test_row_that_is_lost_ends_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = adapted(Works([0.6], [StructureError("row A: too few posts")]), tmp_path, monkeypatch)
+    assert done.rounds[0].why == "the site cannot be mapped with the new network: row A: too few posts"
+    assert done.kept is None
+
+
+def test_missing_reference_does_not_end_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    works = Works([0.6], [SiteError("row A: reference to 'post 9'"), 3])
+    done = adapted(works, tmp_path, monkeypatch, rounds=1)
+    assert done.kept is not None
+    assert [len(one.site.row_references("A").lengths) for one in works.jobs] == [1, 0]
+    assert works.jobs[0].token != works.jobs[1].token
+
+
+@pytest.mark.parametrize(("steps", "trainings"), [(7, 0), (8, 2)])
+def test_finished_rounds_are_not_played_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int, trainings: int
+) -> None:
+    first = adapted(Works([0.6, 0.7], [2, 3]), tmp_path, monkeypatch, steps=7)
+    again = Works([0.6, 0.7], [2, 3])
+    second = adapted(again, tmp_path, monkeypatch, steps=steps)
+    assert len(again.trained) == len(again.jobs) == trainings
+    assert [replace(one) for one in second.rounds] == list(first.rounds)
+    assert second.structures_after == 3
