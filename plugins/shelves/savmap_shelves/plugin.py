@@ -51,6 +51,13 @@ class Shelves:
     def __init__(self, config: ShelvesSettings) -> None:
         self.config = config
 
+    @staticmethod
+    def practice_pictures(folder: Path, count: int, seed: int) -> None:
+        """Painted pictures of random racks, for `savmap adapt`."""
+        from savmap_shelves.simulation.painted.pictures import write_pictures
+
+        write_pictures(folder, count, seed)
+
     @hookimpl
     def render_views(
         self,

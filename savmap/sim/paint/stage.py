@@ -192,8 +192,8 @@ def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom], sides: i
     world = np.array(frames)[rows[:, 6].astype(int)]
     parts = [_one_side(rows, low, size, world, side, frames, glooms) for side in _SIDES]
     judged = [(part.label > 0) & (part.label != IGNORED) for part in parts]
-    sides = [replace(part, label=part.label + sides * own) for part, own in zip(parts[2:], judged[2:], strict=True)]
-    parts = [*parts[:2], *sides]
+    beside = [replace(part, label=part.label + sides * own) for part, own in zip(parts[2:], judged[2:], strict=True)]
+    parts = [*parts[:2], *beside]
     return joined(parts)
 
 

@@ -204,6 +204,12 @@ def names(seed: int, count: int) -> list[str]:
     return [f"painted-{seed}-{index:06d}" for index in range(count)]
 
 
+def write_pictures(folder: Path, count: int, seed: int, textures: Path | None = None) -> None:
+    """Write the pictures of a series that a folder lacks, as a labelled set. Raises OutputError."""
+    make = partial(picture, seed, textures=textures)
+    write_series(folder, CLASSES, "savmap.sim.paint", names(seed, count), make)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of racks, painted: a few a second")
@@ -216,5 +222,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--seed is 0 or more, --count 1 or more")
     cv2.setNumThreads(1)
     with ending_in_one_line():
-        make = partial(picture, options.seed, textures=options.textures)
-        write_series(options.output, CLASSES, "savmap.sim.paint", names(options.seed, options.count), make)
+        write_pictures(options.output, options.count, options.seed, options.textures)
