@@ -1,6 +1,6 @@
 """Rows whose face is a real photograph, from simulated footage to scored map: missing, spurious, error, warnings.
 
-    python bench/photo_rows.py [--faces NAME,...] [--only colour,grey,dim] [--photos DIR] [--keep DIR] [-o bench/results/photo_rows.json]
+    python bench/photo_rows.py [--model FILE] [--faces NAME,...] [--only colour,grey,dim] [--photos DIR] [--keep DIR] [-o bench/results/photo_rows.json]
 
 A face is the front of a rectified photograph (real paint, real goods), laid on the plane of a row and repeated along it
 (`photo_faces`, `photo_rows/faces.json`); the drive, the hall and its lamps are simulated. Each face stands in colour, in grey and
@@ -55,11 +55,12 @@ def footage(case: Case, base: Path, photos: Path, size: Size) -> Path:
     return site
 
 
-def score(site: Path, output: Path) -> dict[str, Any]:
+def score(site: Path, output: Path, model: Path | None = None) -> dict[str, Any]:
     """Map a site and score it, with what the map warns of; an error is named, and is a warning too."""
     start = time.perf_counter()
     try:
-        site_map = savmap.map_site(site, output=output)
+        overrides = [f"plugins.shelves.model={model.resolve()}"] if model else []
+        site_map = savmap.map_site(site, output=output, overrides=overrides)
         figures = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
         figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "classes", "edges")}
         figures["warnings"] = warnings_of(site_map)
@@ -118,6 +119,7 @@ def main() -> None:
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="the photographs' folder")
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("--render-only", action="store_true", help="make the footage, map nothing")
+    parser.add_argument("--model", type=Path, help="another network than the plugin's")
     parser.add_argument("--frames", type=int, default=50)
     parser.add_argument("--width", type=int, default=2048)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "photo_rows.json")
@@ -130,7 +132,7 @@ def main() -> None:
             base = arguments.keep or Path(temporary)
             site = footage(case, base, arguments.photos, Size(arguments.frames, arguments.width))
             if not arguments.render_only:
-                results[case.name] = score(site, base / case.name / "out")
+                results[case.name] = score(site, base / case.name / "out", arguments.model)
                 print(line(case.name, results[case.name]), flush=True)
     if results:
         print(summary(results))

@@ -246,7 +246,7 @@ def _post(stage: Stage, style: Style, x: float, height: float, judged: bool, war
 def _frame(stage: Stage, style: Style, x: float, height: float, near: bool) -> None:
     """The rear post and the bracing between the two."""
     half, back, inner = style.post_width / 2, -style.depth, -style.post_depth
-    rear = Tag(IGNORED, style.post_width)
+    rear = Tag(0, style.post_width)
     stage.box((x - half, 0, back), (x + half, height, back + style.post_depth), style.flank, tag=rear, shade=0.8)
     if not near:
         return
@@ -281,7 +281,7 @@ def _level(stage: Stage, row: Row, bay: Bay, y: float, judged: bool, wardrobe: W
             stage.box(low, high, style.lip, tag=tag)
     with stage.gloom(style.gloom, y - 0.5, y + 1.0, 0.0):
         back = -style.depth
-        rear = Tag(IGNORED, style.beam_height)
+        rear = Tag(0, style.beam_height)
         stage.box(
             (left, y, back), (right, top, back + style.beam_thickness), style.beam, style.lip, tag=rear, shade=0.7
         )
