@@ -22,7 +22,7 @@ AROUND, NEAREST, ALIKE = 64, 8, 0.9
 @array_record
 class Outline:
     """A mapped structure of one of a network's classes: its corners (n, 3) m in the row's frame in their order around it, and how far
-    around each side (n,) m, from a corner to the next, its place is less sure than that of most sides."""
+    around each side (n,) m, from a corner to the next, its place is less sure than those of the sides around it."""
 
     label: str
     corners: Floats
