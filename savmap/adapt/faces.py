@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from savmap.types import Bools, Floats, Ints, PlaneEvidence, PlanePatch, Structure, array_record
 
@@ -14,13 +15,14 @@ CELLS_ACROSS = 5.0
 LEAST_CELL_M = 0.002
 MOST_CELLS = 4_000_000
 LEVEL = 0.7
+AROUND, NEAREST, ALIKE = 64, 8, 0.9
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class Outline:
     """A mapped structure of one of a network's classes: its corners (n, 3) m in the row's frame in their order around it, and how far
-    around each side (n,) m, from a corner to the next, its place is less sure than that of most sides."""
+    around each side (n,) m, from a corner to the next, its place is less sure than those of the sides around it."""
 
     label: str
     corners: Floats
@@ -58,31 +60,54 @@ class Face:
 def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list[Outline]:
     """The outlines of the structures of a network's classes; those whose edges are no single ring have none.
 
-    What the usual side is not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
+    What all sides around are not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
     unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it.
     """
-    found = []
+    found: list[tuple[str, Floats, _Sides]] = []
     for structure in structures:
         order = ring(structure.edges, len(structure.vertices)) if structure.label in classes else None
         if order is not None:
             corners, covariances = structure.vertices[order], structure.covariances[order]
-            found.append((structure.label, corners, *_sides(corners, covariances)))
-    usual = float(np.median(np.concatenate([sigmas for _, _, sigmas, _ in found]))) if found else 0.0
+            found.append((structure.label, corners, _Sides.of(corners, covariances)))
+    usual = iter(_usual_around([sides for _, _, sides in found]))
     return [
-        Outline(label, corners, np.minimum(2 * np.maximum(sigmas - usual, 0.0), sizes / 4))
-        for label, corners, sigmas, sizes in found
+        Outline(label, corners, np.minimum(2 * np.maximum(sides.sigmas - next(usual), 0.0), sides.sizes / 4))
+        for label, corners, sides in found
     ]
 
 
-def _sides(corners: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """Of each side of an outline, from a corner to the next: its standard deviation (n,) m across it, and the outline's size (n,) m
-    in that direction."""
-    along = np.roll(corners, -1, axis=0) - corners
-    across = np.cross(along, _normal(corners))
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    own, following = (_along(end, across) for end in (covariances, np.roll(covariances, -1, axis=0)))
-    sigmas = np.sqrt(np.maximum(np.maximum(own, following), 0.0))
-    return np.asarray(sigmas), np.asarray(np.ptp(corners @ across.T, axis=0))
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """An outline's sides, each from a corner to the next: middles (n, 3), unit directions across them (n, 3), standard deviations (n,)
+    m and the outline's sizes (n,) m in these directions."""
+
+    middles: Floats
+    across: Floats
+    sigmas: Floats
+    sizes: Floats
+
+    @classmethod
+    def of(cls, corners: Floats, covariances: Floats) -> "_Sides":
+        following = np.roll(corners, -1, axis=0)
+        across = np.cross(following - corners, _normal(corners))
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+        ends = [_along(end, across) for end in (covariances, np.roll(covariances, -1, axis=0))]
+        sigmas = np.sqrt(np.maximum(np.maximum(*ends), 0.0))
+        return cls((corners + following) / 2, across, sigmas, np.ptp(corners @ across.T, axis=0))
+
+
+def _usual_around(outlines: Sequence[_Sides]) -> list[Floats]:
+    """For the sides of each outline, the least standard deviation (n,) m of the nearest sides that are measured in the same direction."""
+    if not outlines:
+        return []
+    middles, across, sigmas = (
+        np.concatenate([getattr(sides, name) for sides in outlines]) for name in ("middles", "across", "sigmas")
+    )
+    near = cKDTree(middles).query(middles, k=np.arange(1, min(AROUND, len(middles)) + 1))[1]
+    alike = np.abs(np.einsum("ik,ijk->ij", across, across[near])) > ALIKE
+    nearest = alike & (np.cumsum(alike, axis=1) <= NEAREST)
+    least = np.where(nearest, sigmas[near], np.inf).min(axis=1)
+    return np.split(least, np.cumsum([len(sides.sigmas) for sides in outlines])[:-1])
 
 
 def ring(edges: Ints, count: int) -> list[int] | None:

@@ -168,11 +168,14 @@ def _blur_edges(
     for first, second, unsure in zip(corners, np.roll(corners, -1, axis=0), outline.unsure_m, strict=True):
         side = outline_in(view, world_from_rig, np.array([first, (first + second) / 2, second]))
         near = float(np.linalg.norm((first + second) / 2 - world_from_rig[:3, 3]))
-        width = unsure * view.camera[0, 0] / max(near, 1e-3)
+        width = min(unsure * view.camera[0, 0] / max(near, 1e-3), settings.widest_px)
         if side is not None and width >= settings.sharp_px:
-            thick = 2 * round(min(width, settings.widest_px)) + 1
-            line = np.round(np.clip(side, -2000, 2000)).astype(np.int32)
-            cv2.polylines(labels, [line], isClosed=False, color=IGNORE, thickness=thick)
+            start, end = side[0], side[-1]
+            along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
+            across = width * np.array([-along[1], along[0]])
+            labels[filled(np.array([start - across, end - across, end + across, start + across]), labels.shape)] = (
+                IGNORE
+            )
 
 
 def filled(outline: Floats, shape: tuple[int, ...]) -> Bools:
