@@ -39,13 +39,16 @@ GOAL = 0.657
 
 def site_of(seeds: Sequence[int], frames: int, base: Path) -> Path:
     """A site with a row for each seed, each with its own footage, and its survey, made unless they are there."""
-    rows, surveyed, survey = {}, {}, {}
+    rows: dict[str, Any] = {}
+    surveyed: dict[str, Any] = {}
+    survey: dict[str, Any] = {}
     for seed in seeds:
         folder = base / f"row-{seed}"
         if not (folder / "site.yaml").is_file():
             simulate(dark_row(seed, frames), folder)
         content = yaml.safe_load(only_first_row(folder / "site.yaml").read_text(encoding="utf-8"))
-        (name, row), survey = *content["rows"].items(), read_json(folder / "survey.json")
+        name, row = next(iter(content["rows"].items()))
+        survey = read_json(folder / "survey.json")
         row["passes"] = [{**one, "video": f"row-{seed}/{one['video']}"} for one in row["passes"]]
         row["references"] = {**content["references"], **row["references"]}
         rows[str(seed)], surveyed[str(seed)] = row, survey["rows"][name]

@@ -95,7 +95,7 @@ def spoiled_predict(spoils: Sequence[Spoil], seed: int) -> Callable[[Segmenter, 
 def figures_of(site: Path, survey: Path, spoils: Sequence[Spoil], seed: int) -> dict[str, object]:
     """The scores of a site's map by a spoiled network."""
     original = Segmenter.predict
-    Segmenter.predict = spoiled_predict(spoils, seed)  # type: ignore[method-assign]
+    Segmenter.predict = spoiled_predict(spoils, seed)  # type: ignore[method-assign, assignment]
     try:
         scores = as_json(savmap.evaluate(savmap.map_site(site), survey))
         return {key: scores[key] for key in ("mae_m", "missing", "spurious")}
