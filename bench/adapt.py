@@ -22,7 +22,7 @@ import savmap
 from savmap.adapt.records import AdaptOptions
 from savmap.adapt.run import adapt
 from savmap.cli.commands.training import adapted_lines
-from savmap.files.atomic import read_json, write_text
+from savmap.files.atomic import write_text
 from savmap.plugin.manager import load_class
 from savmap.report.evaluation import as_json
 from savmap.sim.dataset import write
@@ -48,7 +48,7 @@ def site_of(seeds: Sequence[int], frames: int, base: Path) -> Path:
             simulate(dark_row(seed, frames), folder)
         content = yaml.safe_load(only_first_row(folder / "site.yaml").read_text(encoding="utf-8"))
         name, row = next(iter(content["rows"].items()))
-        survey = read_json(folder / "survey.json")
+        survey = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
         row["passes"] = [{**one, "video": f"row-{seed}/{one['video']}"} for one in row["passes"]]
         row["references"] = {**content["references"], **row["references"]}
         rows[str(seed)], surveyed[str(seed)] = row, survey["rows"][name]
