@@ -17,7 +17,7 @@ from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.site.job import Job, prepare
 from savmap.train import TrainingPlan, train
-from savmap.train.plan import minutes_of
+from savmap.train.plan import minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
@@ -104,7 +104,7 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     """How well the network does on the views that are held out, before and after; it is trained unless it is there."""
     if not (folder / SCORES).is_file():
         plan = TrainingPlan(
-            work.classes,
+            trained_classes(work.classes, work.classes, start.trainable),
             [sets.views, *work.replay],
             folder / f"{work.plugin}.onnx",
             minutes_of(work.options.minutes, fine_tunes=True),
@@ -118,7 +118,7 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
             network = train(plan, progress)
         write_text(folder / SCORES, json.dumps(network.recipe["scores"][sets.held_out.name], indent=1) + "\n")
     scores: Any = read_json(folder / SCORES)
-    return {when: score["iou"] for when, score in scores.items()}
+    return {when: {name: score["iou"][name] for name in work.classes} for when, score in scores.items()}
 
 
 def _judged(

@@ -53,6 +53,8 @@ class Plugin(Protocol):
       row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
+    - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more than the plugin
+      needs: those that its training teaches.
     - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set (`dataset.json`,
       `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the simulator's random scenes
       are taken.
@@ -126,3 +128,8 @@ def _attribute_faults(plugin_class: Any) -> Iterator[str]:
         yield "every setting of `Config` needs a default"
     elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
         yield "`scale_settings` must name settings of `Config`"
+
+
+def network_classes(plugin_class: Any) -> tuple[str, ...]:
+    """The classes that a plugin's network is trained for."""
+    return tuple(getattr(plugin_class, "network_classes", plugin_class.classes))

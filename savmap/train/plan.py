@@ -7,6 +7,8 @@ from typing import Any
 
 from savmap.errors import ModelError, OutputError, SiteError
 from savmap.plugin.manager import load_class
+from savmap.plugin.protocol import network_classes
+from savmap.vision.networks.segmenter import Segmenter
 
 Progress = Callable[[float, str], None]
 """Called with the share done (0..1) and a line to show."""
@@ -117,7 +119,7 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     plugin_class = load_class(plugin)
     init = float_model(plugin_class.model) if options.init == SHIPPED else options.init
     fine_tunes = init is not None and init.suffix == ".onnx" and not options.whole
-    classes = getattr(plugin_class, "network_classes", plugin_class.classes)
+    classes = trained_classes(plugin_class.classes, network_classes(plugin_class), init)
     return TrainingPlan(
         classes,
         options.data,
@@ -131,6 +133,18 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
         options.steps,
         options.whole,
     )
+
+
+def trained_classes(needed: Sequence[str], known: Sequence[str], init: Path | None) -> tuple[str, ...]:
+    """The classes to train a plugin's network for: those of the file to begin with, where it has all that the plugin needs, else
+    those that are known of the plugin's network."""
+    if init is None or init.suffix != ".onnx":
+        return tuple(known)
+    try:
+        theirs = Segmenter(init, providers=("cpu",)).names
+    except ModelError:
+        return tuple(known)
+    return theirs if set(needed) <= set(theirs) else tuple(known)
 
 
 def require_possible(plan: TrainingPlan) -> None:
