@@ -38,7 +38,7 @@ class EvidenceSettings:
     clear: float = 0.2
     post: float = 0.7
     post_in_gap: float = 0.45
-    level: float = 0.7
+    level: float = 0.8
     lost: float = 0.1
     faint: float = 0.05
     wide: float = 1.6
