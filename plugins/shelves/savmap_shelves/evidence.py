@@ -89,7 +89,17 @@ def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
     posts = np.array([[np.median(columns[number, side]) for side in (0, 1)] for number in sorted(whole)])
     if len(posts) < 2 or not rows:
         return None
-    return Grid(posts, [_levels_of(rows, section) for section in range(1, len(posts))])
+    sections = [_levels_of(rows, section) for section in range(1, len(posts))]
+    if not any(len(levels) for levels in sections):
+        return None
+    usual = float(np.median(np.abs(np.concatenate([np.diff(levels, axis=1) for levels in sections]))))
+    return Grid(np.sort(posts, axis=1), [_thick(levels, usual) for levels in sections])
+
+
+def _thick(levels: Floats, usual: float) -> Floats:
+    """Levels with their edges in order, at least half as thick as is usual: a first solution may have the edges of one crossed."""
+    middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
+    return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))
 
 
 def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:

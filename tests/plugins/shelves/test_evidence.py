@@ -105,6 +105,18 @@ def test_the_tracked_grid_is_read_off_its_landmarks() -> None:
     assert [levels.tolist() for levels in grid.sections] == [LEVELS.tolist()] * 3
 
 
+def test_a_level_whose_edges_are_crossed_keeps_its_place() -> None:
+    points = points_of(WHOLE)
+    for side in ("left", "right"):
+        points[f"section 1 / beam 2 / lower {side}"][1] = 1.97
+        points[f"section 1 / beam 2 / upper {side}"][1] = 1.95
+    grid = tracked_grid(points)
+    assert grid is not None
+    assert grid.sections[0][1] == pytest.approx([1.93, 1.99])
+    assert is_whole(Grid(grid.posts, grid.sections))
+    assert expected_grid(seen(), grid) is None
+
+
 def test_no_grid_is_read_where_no_section_was_tracked() -> None:
     assert tracked_grid({"upright 1 / left / top": np.zeros(3)}) is None
 
