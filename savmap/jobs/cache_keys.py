@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from savmap.errors import VideoError
 from savmap.files.atomic import reason, sha256
 from savmap.files.serialization import packed
+from savmap.pipeline.networks import further_models
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
@@ -102,6 +103,7 @@ def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
         "plugin": f"{type(plugin.instance).__module__}.{type(plugin.instance).__qualname__}",
         "settings": settings.model_dump(mode="json", exclude=later | {"model"}),
         "model": _file(plugin.model_file),
+        "further models": [_file(model) for model in further_models(plugin)],
         "providers": choose(plugin.providers).names,
     }
 

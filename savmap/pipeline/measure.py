@@ -9,6 +9,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
+from savmap.pipeline.networks import further_models, with_best_network
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -122,11 +123,12 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
     """What a walk over a row's passes gave: its measurements, how each pass was looked at, and, by plugin, its network's looks at the
-    views, for those plugins whose structure lies in planes."""
+    views, for those plugins whose structure lies in planes; and the plugins with the networks that looked."""
 
     measurements: RowMeasurements
     plans: Sequence[PassPlan]
     looks: Mapping[str, Sequence[Look]]
+    plugins: Sequence[LoadedPlugin] = ()
 
 
 def measure_row(
@@ -145,12 +147,13 @@ def measure_row(
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
-    segmenters, renderer = SegmenterPool(plugins), Renderer()
-    known = dict(attitudes or {})
+    renderer, known = Renderer(), dict(attitudes or {})
+    plugins, choices = _with_best_networks(passes[0], plugins, renderer, known.get(pass_names(passes)[0]))
+    segmenters = SegmenterPool(plugins)
     walk = RowWalk(
         plugins, segmenters, renderer, MarkerTracker(markers), FlowTracker() if appearance else NullFlowTracker()
     )
-    walk.notes += segmenters.notes
+    walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices)]
     plans = []
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
         monitor.note(f"row {row}, {name}: choosing the views")
@@ -169,7 +172,34 @@ def measure_row(
         walk.flow.flows,
         failures,
     )
-    return MeasuredPasses(measurements, plans, walk.looks)
+    return MeasuredPasses(measurements, plans, walk.looks, plugins)
+
+
+def _with_best_networks(
+    row_pass: Pass, plugins: Sequence[LoadedPlugin], renderer: Renderer, attitude: Floats | None
+) -> tuple[Sequence[LoadedPlugin], list[str]]:
+    """The plugins with the networks that see most in the first pass, and a line for each that is not the plugin's own."""
+    chosen: list[LoadedPlugin] = []
+    for plugin in plugins:
+        best = _with_best_network(row_pass, plugin, renderer, attitude) if further_models(plugin) else plugin
+        chosen.append(best)
+    changed = [plugin for plugin in chosen if plugin.network is not None]
+    return chosen, [f"`{plugin.name}` looks with {plugin.model.name}, which sees more here" for plugin in changed]
+
+
+def _with_best_network(
+    row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer, attitude: Floats | None
+) -> LoadedPlugin:
+    for model in (None, *further_models(plugin)):
+        candidate = replace(plugin, network=model)
+        try:
+            plan, preview = plan_pass("pass 1", row_pass, [candidate], SegmenterPool([candidate]), renderer, attitude)
+        except StructureError:
+            continue
+        if plugin.failure is not None:
+            return plugin
+        return with_best_network(candidate, plan.plans[plugin.name].views, preview) if model is None else candidate
+    return plugin
 
 
 def rendered(

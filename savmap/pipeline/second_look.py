@@ -37,7 +37,7 @@ class Expectation:
 def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
     """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked."""
     measurements = walked.measurements
-    for plugin in row.plugins:
+    for plugin in walked.plugins or row.plugins:
         if plugin.name not in walked.looks or plugin.name not in measurements.locators or plugin.failure is not None:
             continue
         for _ in range(LOOKS):

@@ -128,6 +128,7 @@ class LoadedPlugin:
     config: BaseModel
     manager: pluggy.PluginManager = field(repr=False)
     providers: tuple[str, ...] = ()
+    network: Path | None = None
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -136,8 +137,8 @@ class LoadedPlugin:
 
     @property
     def model(self) -> Path:
-        """The network's file: the config's `model` if set, else the one that comes with the plugin."""
-        return Path(getattr(self.config, "model", None) or self.instance.model)
+        """The network's file: the config's `model` if set, else the one chosen for the row (`network`) or that comes with the plugin."""
+        return Path(getattr(self.config, "model", None) or self.network or self.instance.model)
 
     @property
     def model_file(self) -> Path:

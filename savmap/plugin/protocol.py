@@ -55,6 +55,8 @@ class Plugin(Protocol):
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
     - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more than the plugin
       needs: those that its training teaches.
+    - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its place in rows where it
+      sees clearly more (`savmap.pipeline.networks`).
     - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set (`dataset.json`,
       `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the simulator's random scenes
       are taken.

@@ -42,8 +42,8 @@ class Shelves:
     name = "shelves"
     furnishes = True
     classes = ("upright", "beam")
-    network_classes = ("upright", "beam", "upright_side", "beam_side")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
+    further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
