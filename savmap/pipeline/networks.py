@@ -30,6 +30,8 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
 def with_best_network(plugin: LoadedPlugin, specs: Sequence[ViewSpec], preview: PassPreview) -> LoadedPlugin:
     """The plugin with the network that sees most in some views of a pass: its own, unless another sees clearly more."""
     views = few_views(specs, preview)
+    if not views:
+        return plugin
     best, most = plugin, seen(plugin, views)
     for model in further_models(plugin):
         other = replace(plugin, network=model)

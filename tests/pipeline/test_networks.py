@@ -48,9 +48,15 @@ def test_network_that_sees_more_is_taken(seen_by_other: float, chosen: Path, mon
         return np.array([seen_by_other if plugin.model == OTHER else 0.02])
 
     monkeypatch.setattr(networks, "seen", seen)
-    monkeypatch.setattr(networks, "few_views", lambda specs, preview: [])
+    monkeypatch.setattr(networks, "few_views", lambda specs, preview: ["a view"])
     preview: Any = None
     assert with_best_network(plugin_with(), [], preview).model == chosen
+
+
+def test_plugin_that_wants_no_views_keeps_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(networks, "few_views", lambda specs, preview: [])
+    preview: Any = None
+    assert with_best_network(plugin_with(), [], preview).network is None
 
 
 def test_network_that_the_user_names_stays() -> None:
