@@ -159,12 +159,19 @@ class GridSearch:
     @cached_property
     def floor(self) -> float:
         """Where the posts end at the bottom: goods and markings on the floor may look like a level. A guard hides some posts' feet."""
-        return float(np.quantile([self._foot(*post) for post in self.tracked.posts], 0.25))
+        return float(np.quantile([self._reach(*post)[0] for post in self.tracked.posts], 0.25))
 
-    def _foot(self, low: float, high: float) -> float:
+    @cached_property
+    def ceiling(self) -> float:
+        """Where the posts end at the top: what lies above is the roof's. Goods hide some posts' tops."""
+        return float(np.quantile([self._reach(*post)[1] for post in self.tracked.posts], 0.75))
+
+    def _reach(self, low: float, high: float) -> tuple[float, float]:
+        """Lowest and highest y at which a post shows; it reaches to the highest level that was tracked at least."""
         columns = (self.x > low) & (self.x < high)
         along = gaussian_filter1d(_mean(self.upright[:, columns], self.weight[:, columns], 1), 1.0)
-        return float(self.y[along >= FOOT * self.usual_post].min(initial=self.tracked.top))
+        shown = self.y[along >= FOOT * self.usual_post]
+        return float(shown.min(initial=self.tracked.top)), float(shown.max(initial=self.tracked.top))
 
     def _usual(self, strengths: Sequence[float]) -> float:
         return max(float(np.median(strengths)), self.settings.faint)
@@ -260,7 +267,7 @@ class GridSearch:
         levels = levels[(_greatest(cover, self.y, levels) >= self.settings.lost) & ~sunk]
         for row in _peaks(cover, self.settings.level):
             centre, half = self.y[row], self._half(cover, row)
-            if centre < self.floor + self.tracked.thickness / 2:
+            if not self.floor + self.tracked.thickness / 2 < centre < self.ceiling + self.tracked.thickness / 2:
                 continue
             if not len(levels) or np.abs(levels.mean(axis=1) - centre).min() > APART * self.tracked.thickness:
                 levels = np.concatenate([levels, [[centre - half, centre + half]]])

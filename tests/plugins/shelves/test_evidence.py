@@ -51,6 +51,11 @@ def test_a_strong_thing_that_is_short_is_no_level() -> None:
     assert expected_grid(seen((1, (3.0, 4.2), (2.6, 2.72), 0.95)), WHOLE) is None
 
 
+@pytest.mark.parametrize("height", [-0.15, 4.3])
+def test_what_lies_below_or_above_the_posts_is_no_level(height: float) -> None:
+    assert expected_grid(seen((1, (0.1, 8.1), (height, height + 0.12), 0.9)), WHOLE) is None
+
+
 def test_a_post_that_was_not_tracked_is_found() -> None:
     tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
     assert is_whole(expected_grid(seen(), tracked))
