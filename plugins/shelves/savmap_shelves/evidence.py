@@ -21,7 +21,7 @@ FACE = "face"
 CELLS_ACROSS = 5.0
 BEYOND = 1.3
 BODY = (0.12, 0.92)
-APART, FOOT, FAINT = 1.5, 0.4, 0.7
+APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,8 @@ class GridSearch:
         return float(_mean(self.upright[rows], self.weight[rows], 0)[columns].max(initial=0.0))
 
     def _level_strength(self, left: float, right: float, low: float, high: float) -> float:
-        rows, columns = (self.y > low) & (self.y < high), self._inside(left, right)
+        room = self.tracked.thickness / 4
+        rows, columns = (self.y > low - room) & (self.y < high + room), self._inside(left, right)
         return float(_mean(self.beam[:, columns], self.weight[:, columns], 1)[rows].max(initial=0.0))
 
     def _body(self) -> Bools:
@@ -263,7 +264,7 @@ class GridSearch:
         left, right = float(posts[0][1]), float(posts[1][0])
         cover, levels = self._level_cover(left, right), self._tracked_between(*posts)
         faint = np.array([self._level_strength(left, right, *level) for level in levels]) < FAINT * self.usual_level
-        sunk = faint & (levels.mean(axis=1) < self.floor)
+        sunk = faint & (levels.mean(axis=1) < self.floor + SUNK * self.tracked.thickness)
         levels = levels[(_greatest(cover, self.y, levels) >= self.settings.lost) & ~sunk]
         for row in _peaks(cover, self.settings.level):
             centre, half = self.y[row], self._half(cover, row)
