@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from savmap.errors import SavmapError
 
 PHOTOS = Path.home() / ".cache" / "savmap" / "photos"
+WIDEST_PX = 1280
 _TIMEOUT_S = 60
 
 
@@ -39,6 +40,15 @@ def photo(entry: Mapping[str, Any], folder: Path = PHOTOS) -> NDArray[np.uint8]:
     if picture is None:
         raise PhotoMissingError(f"{path}: cannot be read as a picture")
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def scaled(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A photograph (H, W, 3) as it was labelled: at most 1280 px wide."""
+    height, width = image.shape[:2]
+    if width <= WIDEST_PX:
+        return image
+    size = WIDEST_PX, round(height * WIDEST_PX / width)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def address(entry: Mapping[str, Any]) -> str:

@@ -16,25 +16,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from photo_files import PHOTOS, photo
+from photo_files import PHOTOS, photo, scaled
 
 from savmap.errors import ending_in_one_line
 
 TRAINING = Path(__file__).parent.parent / "plugins" / "shelves" / "training"
 CLASSES = ("upright", "beam", "upright_side", "beam_side")
 VALUES = {"upright": 1, "beam": 2, "background": 0, "ignore": 255}
-WIDTH, HEIGHT, WIDEST, HALVED_FROM, LEAST_JUDGED = 640, 480, 1280, 800, 0.25
+WIDTH, HEIGHT, HALVED_FROM, LEAST_JUDGED = 640, 480, 800, 0.25
 BLOCK = 20
 Bytes = NDArray[np.uint8]
 Labelled = tuple[Bytes, Bytes]
-
-
-def limited(image: Bytes) -> Bytes:
-    """A photograph (H, W, 3), at most 1280 px wide, as it was labelled."""
-    if image.shape[1] <= WIDEST:
-        return image
-    size = (WIDEST, round(image.shape[0] * WIDEST / image.shape[1]))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def mask_of(labels: Path, shape: tuple[int, int]) -> Bytes:
@@ -75,7 +67,7 @@ def write_tiles(output: Path, cache: Path) -> int:
         (output / folder).mkdir(parents=True, exist_ok=True)
     number = 0
     for entry in json.loads((TRAINING / "photos.json").read_text(encoding="utf-8")):
-        image = limited(photo(entry, cache))
+        image = scaled(photo(entry, cache))
         mask = mask_of(TRAINING / "labels" / f"{entry['name']}.json", image.shape[:2])
         sizes = [(image, mask), halved(image, mask)] if image.shape[1] >= HALVED_FROM else [(image, mask)]
         for tile, known in (pair for size in sizes for pair in tiles(*size)):

@@ -25,7 +25,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from photo_files import PHOTOS, photo
+from photo_files import PHOTOS, photo, scaled
 from photo_labels import Bytes, Truth, read_pieces, truth_of
 from photo_views import WAYS, Maps, Predict
 
@@ -37,7 +37,6 @@ from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.regions import connected_regions
 
 TEST = Path(__file__).parent / "photos"
-WIDEST_PX = 1280
 LEAST_REGION_PX, LEAST_SHARE = 150, 0.3
 CONTRASTS = (("under 8", 0.0, 8.0), ("8 to 16", 8.0, 16.0), ("over 16", 16.0, np.inf))
 """Grey levels that a member differs by from what is beside it."""
@@ -210,15 +209,6 @@ def others(labels: Path, pictures: Path, classes: Sequence[str]) -> Iterator[Pho
         if picture is None:
             raise OutputError(f"{file}: cannot be read as a picture; save it again")
         yield labelled(path, scaled(np.ascontiguousarray(picture[:, :, ::-1], np.uint8)), classes)
-
-
-def scaled(image: Bytes) -> Bytes:
-    """A photograph (H, W, 3) as it was labelled: at most 1280 px wide."""
-    height, width = image.shape[:2]
-    if width <= WIDEST_PX:
-        return image
-    size = WIDEST_PX, round(height * WIDEST_PX / width)
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def labelled(path: Path, image: Bytes, classes: Sequence[str]) -> Photograph:
