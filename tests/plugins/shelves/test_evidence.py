@@ -184,7 +184,7 @@ def test_half_a_level_painted_like_the_others_is_found() -> None:
 @pytest.mark.parametrize(("colour", "believed"), [(RED, True), (GREY, False)])
 def test_a_level_below_guarded_feet_is_told_by_paint(colour: tuple[int, int, int], believed: bool) -> None:
     tracked = Grid(POSTS, [LEVELS[1:]] * 3)
-    evidence = seen(*[(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()])  # type: ignore[misc]
+    evidence = seen(*[(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()])
     found = expected_grid(painted(evidence, ((0.4, 0.52), colour)), tracked)
     assert is_whole(found) if believed else found is None
 

@@ -277,7 +277,7 @@ class GridSearch:
             first, last = below[below < row].max(initial=row - 1), below[below > row].min(initial=row + 1)
             low, high = centre + self.cell * (last - first - 1) / 2 * np.array([-1.0, 1.0])
         half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
-        return (low + high) / 2 + half * np.array([-1.0, 1.0])
+        return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
 
     def _tracked_beside(self, left: float, right: float) -> Floats:
         """The levels of the tracked section that the middle between two posts lies in; none beyond the ends."""
