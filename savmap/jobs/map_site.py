@@ -107,7 +107,7 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
     if job.note:
         monitor.note(job.note)
-    mapped = map_rows_of(job, options, monitor, cache)
+    mapped = map_rows_of(job, options, monitor, cache, orthophotos=write and job.site.orthophotos)
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None

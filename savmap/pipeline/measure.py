@@ -9,12 +9,13 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
 from savmap.pipeline.networks import choices_told, with_best_networks
+from savmap.pipeline.strips import FaceStrips, NoStrips, StripCutter
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import MIN_FRAMES, Pass, pass_names
-from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewSpec
+from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, RowStrips, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
@@ -55,12 +56,13 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
     """What a walk over a row's passes gave: its measurements, how each pass was looked at, and, by plugin, its network's looks at the
-    views, for those plugins whose structure lies in planes; and the plugins with the networks that looked."""
+    views, for those plugins whose structure lies in planes; the plugins with the networks that looked; and strips for an orthophoto."""
 
     measurements: RowMeasurements
     plans: Sequence[PassPlan]
     looks: Mapping[str, Sequence[Look]]
     plugins: Sequence[LoadedPlugin] = ()
+    strips: RowStrips = field(default_factory=RowStrips)
 
 
 def measure_row(
@@ -71,11 +73,12 @@ def measure_row(
     attitudes: Mapping[str, Floats] | None = None,
     markers: Sequence[Label] = (),
     appearance: bool = False,
+    strips: bool = False,
 ) -> MeasuredPasses:
     """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
-    appearance: whether to follow points of any kind in the views of the face.
+    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an orthophoto.
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
@@ -84,9 +87,9 @@ def measure_row(
     monitor.note(f"row {row}, {first[0]}: choosing the views")
     plugins, first_plan = with_best_networks(*first, plugins, renderer, known.get(first[0]))
     segmenters = SegmenterPool(plugins)
-    walk = RowWalk(
-        plugins, segmenters, renderer, MarkerTracker(markers), FlowTracker() if appearance else NullFlowTracker()
-    )
+    flow = FlowTracker() if appearance else NullFlowTracker()
+    cutter = FaceStrips(renderer) if strips else NoStrips()
+    walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter)
     walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices_told(plugins))]
     walk.over(row, first_plan, monitor)
     plans = [first_plan]
@@ -107,7 +110,7 @@ def measure_row(
         walk.flow.flows,
         failures,
     )
-    return MeasuredPasses(measurements, plans, walk.looks, plugins)
+    return MeasuredPasses(measurements, plans, walk.looks, plugins, cutter.strips())
 
 
 def rendered(
@@ -137,14 +140,10 @@ class RowWalk:
         renderer: Renderer,
         markers: MarkerTracker,
         flow: FlowTracker,
+        cutter: StripCutter | None = None,
     ) -> None:
-        self.plugins, self.segmenters, self.renderer, self.markers, self.flow = (
-            plugins,
-            segmenters,
-            renderer,
-            markers,
-            flow,
-        )
+        self.plugins, self.segmenters, self.renderer = plugins, segmenters, renderer
+        self.markers, self.flow, self.cutter = markers, flow, cutter or NoStrips()
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -158,6 +157,7 @@ class RowWalk:
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
         report, first = DecodeReport(), len(self.passes)
+        self.cutter.begin(plan, next((name for name in self.looks if plan.plans[name].views), None))
         text = f"row {row}, {plan.name}: measuring"
         for panorama, views in rendered(
             plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
@@ -185,6 +185,7 @@ class RowWalk:
 
     def _render(self, panorama: Panorama, plan: PassPlan) -> list[View]:
         """A panorama's views, about which the networks have been asked. Several threads may do this at once."""
+        self.cutter.cut(panorama)
         views = [self.renderer.render(panorama, spec) for spec in plan.plugins_by_view if spec.shows(panorama.frame)]
         for view in views:
             for plugin in self._plugins_at(view, plan):
