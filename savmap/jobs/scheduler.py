@@ -82,7 +82,7 @@ def map_rows_of(
         raise next(iter(progress.failed.values()))
     maps = {name: progress.solved[name].record for name in job.site.rows if name in progress.solved}
     for name, row in maps.items():
-        if progress.is_kept(name):
+        if SOLVED not in progress.seconds.get(name, {}):
             _show_notes(row, monitor)
     runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
     failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
