@@ -23,6 +23,8 @@ MOST_PX = 8000
 COARSE_M = 0.025
 """Where frames meet is decided in cells of this size, well below the distance between frames."""
 FEATHER_M = 0.05
+EXPOSED_CELLS = 4
+"""Exposures are compared in every so many cells, across and down."""
 REACH = 1.2
 BORDER_PX = 1.5
 REDUCED = 4
@@ -45,7 +47,7 @@ def orthophoto(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Orthoph
     if seen is None:
         return None
     canvas, owners = seen
-    return canvas.photo(blended(canvas, owners, shots, gains(canvas, shots)))
+    return canvas.photo(blended(canvas, owners, shots, gains(canvas.coarser(EXPOSED_CELLS), shots)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,11 @@ class Canvas:
         times = max(2, round(COARSE_M / pixel))
         columns, rows = np.maximum(np.asarray(face.size) / (times * pixel), 1).astype(int).tolist()
         return cls(face, pixel, times, rows, columns, np.zeros(2))
+
+    def coarser(self, times: int) -> "Canvas":
+        """The same part of the face, but for less than a cell, in cells so many times as wide."""
+        rows, columns = max(self.rows // times, 1), max(self.columns // times, 1)
+        return replace(self, times=times * self.times, rows=rows, columns=columns)
 
     @property
     def cell(self) -> float:
