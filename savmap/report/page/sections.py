@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import centimetres, duration, fixed
+from savmap.report.orthophotos import photo_view
 from savmap.report.page.summary import Report, Summary, total_counts
 from savmap.report.page.ties import is_tie_off
 from savmap.report.page.uncertainty import hints
@@ -31,11 +32,13 @@ class Section:
 def section(row: Summary) -> Section:
     """A row's section, with the pictures in which something of it is drawn."""
     words = hints(row)
-    figures = (
+    figures = [
         row_view(row.row, row.drawings, picture, words, row.anchor)
         for picture in _PICTURES
         if row.row and drawn_in(row.drawings, picture)
-    )
+    ]
+    if row.row and row.photo:
+        figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
     return Section(row, _facts(row), _solve(row), tuple(figures))
 
 

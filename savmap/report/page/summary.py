@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
-from savmap.types import Drawing, Evaluation, Placement, ReferenceUse, RowMap, Score, SiteMap
+from savmap.types import Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap
 
 OFF_SIGMAS = 3.0
 
@@ -18,7 +18,7 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, and remarks for the reader."""
+    survey, remarks for the reader, and orthophotos of rows by name."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -26,12 +26,13 @@ class Report:
     evaluation: Evaluation | None = None
     remarks: tuple[str, ...] = ()
     title: str = "Site map"
+    photos: Mapping[str, Orthophoto] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known."""
+    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one."""
 
     name: str
     anchor: str
@@ -42,6 +43,7 @@ class Summary:
     score: Score | None
     run: RowRun | None
     place: Placement | None = None
+    photo: Orthophoto | None = None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -104,6 +106,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             score=scores.get(name),
             run=runs.get(name),
             place=site.placements.get(name),
+            photo=report.photos.get(name),
         )
         for name in names
     )
