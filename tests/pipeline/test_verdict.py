@@ -64,19 +64,35 @@ def test_a_map_that_repeats_is_trusted() -> None:
     assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
 
 
-def test_frames_that_disagree_about_a_structure_are_doubted() -> None:
-    class Shaky(Wall):
-        """Odd frames take something else for post 7."""
+class Shaky(Wall):
+    """Odd frames see post 7 a little lower than even ones."""
 
-        def tracks(self) -> list[Track]:
-            found = super().tracks()
-            moved = found[7].pixels + np.where(found[7].frames % 2 == 1, 0.25, -0.25)[:, None] * [0, 1]
-            return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
+    def tracks(self) -> list[Track]:
+        found = super().tracks()
+        moved = found[7].pixels + np.where(found[7].frames % 2 == 1, 0.24, -0.24)[:, None] * [0, 1]
+        return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
 
-    _, verdict = judge(mapped(Shaky))
+
+def test_halves_see_what_differs_between_odd_and_even_frames() -> None:
+    apart = {half.name: np.abs(half.difference) for half in mapped(Shaky).solution.halves}
+    assert apart["post 7"][1] == pytest.approx(2 * 0.24 / made.SPEC.camera[1, 1] * 2.5, rel=0.3)
+    assert max(np.max(other) for name, other in apart.items() if name != "post 7") < 0.5 * apart["post 7"][1]
+
+
+@pytest.mark.parametrize(("apart_m", "doubted"), [(0.03, True), (0.004, False)])
+def test_frames_that_disagree_about_a_structure_are_doubted(apart_m: float, doubted: bool) -> None:
+    row = mapped(Wall)
+    halves = [
+        replace(half, difference=half.difference + apart_m * np.eye(3)[0] * (half.name == "post 7"))
+        for half in row.solution.halves
+    ]
+    _, verdict = judge(replace(row, solution=replace(row.solution, halves=tuple(halves))))
+    if not doubted:
+        assert verdict == Verdict()
+        return
     (doubt,) = verdict.doubts
     assert (doubt.kind, doubt.structures) == ("repeatability", ("post 7",))
-    assert "odd and even frames put post 7" in doubt.what
+    assert "odd and even frames put post 7 (x) 2.8 cm apart" in doubt.what
     assert doubt.place == pytest.approx(made.WALL[7])
 
 
