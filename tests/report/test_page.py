@@ -81,7 +81,7 @@ def test_doubts_are_told_with_their_row() -> None:
     first, second = page.all("article")
     assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
     assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
-    assert [own.text for own in second.all("li")] == ["shape section 1 / bar 1 is <odd>", "motion the camera turns"]
+    assert [own.text for own in second.one("ul", "doubts").all("li")] == ["shape section 1 / bar 1 is <odd>", "motion the camera turns"]
     assert second.one("p", "remark").text == "to be checked: 2 doubts"
     assert "1 / 1" in page.one("dl", "tiles").text
 
