@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from savmap.assembly import assembled
-from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError
+from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
@@ -45,7 +45,8 @@ class SiteRun:
     files: tuple[Path, ...] = ()
 
     def raise_if_incomplete(self, job: Job) -> None:
-        """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed."""
+        """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed, DoubtfulError where something
+        speaks against a row's map."""
         if self.failed_rows:
             names = ", ".join(self.failed_rows)
             count = f"{len(self.failed_rows)} of {len(job.site.rows)}"
@@ -54,6 +55,12 @@ class SiteRun:
             names = ", ".join(sorted(self.failed_plugins))
             raise PluginsLeftOutError(
                 f"mapped without plugins that failed: {names}; {job.output / 'savmap.log'} says where and why"
+            )
+        doubtful = [row.name for row in self.site_map.rows.values() if row.verdict and row.verdict.doubts]
+        if doubtful:
+            raise DoubtfulError(
+                f"mapped, but check {'row' if len(doubtful) == 1 else 'rows'} {', '.join(doubtful)} before use: the reasons are above and in "
+                f"{job.output / 'report.html'}"
             )
 
 

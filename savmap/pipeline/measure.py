@@ -15,7 +15,7 @@ from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import MIN_FRAMES, Pass, pass_names
-from savmap.types import Feature, Floats, Flow, FrameTable, Panorama, RowFacts, RowStrips, View, ViewSpec
+from savmap.types import Doubt, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, RowStrips, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
@@ -31,7 +31,7 @@ WORKERS, DEPTH = 2, 3
 class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
     plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
-    failed, where the row is mapped without it."""
+    failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -41,6 +41,7 @@ class RowMeasurements:
     marks: MarkerTracks
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:

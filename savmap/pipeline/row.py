@@ -20,6 +20,7 @@ from savmap.pipeline.records import (
     TrackedRow,
 )
 from savmap.pipeline.second_look import look_again
+from savmap.pipeline.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor
@@ -159,15 +160,16 @@ def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> Pl
 
 
 def collect(row: DescribedRow) -> RowMap:
-    """The row's map: the record that is written to disk."""
+    """The row's map, judged: the record that is written to disk."""
     facts, solution = row.measurements.facts, row.solution
     notes = (*row.measurements.notes, *row.notes, *solution.warnings)
+    structures, verdict = judge(row)
     return RowMap(
         name=row.request.name,
         frames=facts.frames,
         views=facts.views,
         trajectory=solution.trajectory,
-        structures=row.structures,
+        structures=structures,
         references=tuple(solution.references),
         report={
             **solution.report,
@@ -175,6 +177,7 @@ def collect(row: DescribedRow) -> RowMap:
             **{f"note {number}": note for number, note in enumerate(notes, 1)},
         },
         face=row.face,
+        verdict=verdict,
     )
 
 

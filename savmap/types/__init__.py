@@ -14,6 +14,7 @@ from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, View
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
 from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
+from savmap.types.verdicts import Doubt, Verdict
 
 __all__ = [
     "Attribute",
@@ -23,6 +24,7 @@ __all__ = [
     "CrossRowMatch",
     "Detection",
     "Distances",
+    "Doubt",
     "Drawing",
     "Evaluation",
     "Expected",
@@ -55,6 +57,7 @@ __all__ = [
     "Tone",
     "Track",
     "Trajectory",
+    "Verdict",
     "View",
     "ViewPlan",
     "ViewSpec",

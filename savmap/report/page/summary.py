@@ -10,7 +10,7 @@ from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
-from savmap.types import Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap
+from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap
 
 OFF_SIGMAS = 3.0
 
@@ -72,12 +72,18 @@ class Summary:
         return mean_absolute_error(self.score) if self.score else None
 
     @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What speaks against the row's map."""
+        return self.row.verdict.doubts if self.row and self.row.verdict else ()
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What of a mapped row deserves attention."""
         off, skipped = self.references_off, self.run.skipped if self.run else 0
         counts = (self.score.missing, self.score.spurious) if self.score else ({}, {})
         missing, spurious = (named_counts(part) for part in counts)
         remarks = (
+            (self.doubts, f"to be checked: {len(self.doubts)} {'doubts' if len(self.doubts) > 1 else 'doubt'}"),
             (off, f"{off} {'references' if off > 1 else 'reference'} off by more than {OFF_SIGMAS:g} \u03c3"),
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
