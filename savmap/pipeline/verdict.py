@@ -12,7 +12,9 @@ from savmap.types import Doubt, Floats, Structure, Verdict
 
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
 DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
-OUTLIER, TO_SIGMA, LEAST_USUAL = 5.0, 1.48, 0.05
+OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
+UNKNOWN_M = 0.05
+"""A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
 MOST_REJECTED = 0.4
 AXES = "xyz"
 
@@ -56,8 +58,9 @@ def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: s
     apart = np.abs([half.difference for half in halves])
     landmarks = solution.landmarks_of(plugin)
     sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
-    limits = np.minimum(DISAGREE_SIGMA * HALVES * sigmas, _usual_limit(apart / sigmas) * sigmas)
-    excess = np.where(apart > DISAGREE_M, apart / limits, 0.0)
+    strict = np.where(apart > DISAGREE_M, apart / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
+    usual = np.where(apart > OUTLIER_M, apart / (_usual_limit(apart / sigmas) * sigmas), 0.0)
+    excess = np.where(sigmas < UNKNOWN_M, np.maximum(strict, usual), 0.0)
     for structure in structures:
         own = [k for k, half in enumerate(halves) if is_of(half.name, structure.id)]
         if own and excess[own].max() > 1:

@@ -52,7 +52,7 @@ def mapped(wall: type[Wall]) -> DescribedRow:
     (solution,) = solve_rows([posed.problem], [[("one", stamp) for stamp in FACTS.frames.stamps_s.tolist()]])
     assert not isinstance(solution, Exception)
     solved = SolvedRow(**vars(posed), solution=solution)
-    return DescribedRow(**vars(solved), structures={"wall": tuple(plugin.describe([], FACTS, solution))})
+    return DescribedRow(**vars(solved), structures={"wall": tuple(plugin.describe([], FACTS, solution))}, face=None)
 
 
 def test_a_map_that_repeats_is_trusted() -> None:
