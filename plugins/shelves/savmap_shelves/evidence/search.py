@@ -50,7 +50,7 @@ class EvidenceSettings:
     narrow: float = 0.3
     strange: float = 0.3
     doubted: float = 0.6
-    plain: float = 0.75
+    plain: float = 0.3
     painted: float = 0.4
 
 
