@@ -181,15 +181,18 @@ def _with_best_networks(
     """The plugins with the networks that see most in the first pass, and a line for each that is not the plugin's own."""
     chosen: list[LoadedPlugin] = []
     for plugin in plugins:
-        best = _with_best_network(row_pass, plugin, renderer, attitude) if further_models(plugin) else plugin
+        best = best_for_pass(row_pass, plugin, renderer, attitude)
         chosen.append(best)
     changed = [plugin for plugin in chosen if plugin.network is not None]
     return chosen, [f"`{plugin.name}` looks with {plugin.model.name}, which sees more here" for plugin in changed]
 
 
-def _with_best_network(
-    row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer, attitude: Floats | None
+def best_for_pass(
+    row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer, attitude: Floats | None = None
 ) -> LoadedPlugin:
+    """The plugin with the network that sees most in a pass; its own where it has no other, or none sees anything."""
+    if not further_models(plugin):
+        return plugin
     for model in (None, *further_models(plugin)):
         candidate = replace(plugin, network=model)
         try:

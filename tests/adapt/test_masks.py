@@ -90,7 +90,9 @@ def test_usual_evidence_is_the_outlines(known: KnownFace) -> None:
     assert lone.usual(known.evidence, "plank") == 0.0
 
 
-@pytest.mark.parametrize(("left", "right", "columns"), [(2.6, 7.4, range(3, 8)), (2.4, 7.6, range(3, 8)), (-9.0, 1.2, range(2))])
+@pytest.mark.parametrize(
+    ("left", "right", "columns"), [(2.6, 7.4, range(3, 8)), (2.4, 7.6, range(3, 8)), (-9.0, 1.2, range(2))]
+)
 def test_pixels_are_filled_by_their_middles(left: float, right: float, columns: range) -> None:
     mask = filled(np.array([[left, 0.6], [right, 0.6], [right, 4.4], [left, 4.4]]), (6, 10))
     assert np.flatnonzero(mask.any(axis=0)).tolist() == list(columns)
