@@ -65,7 +65,8 @@ def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list
     What all sides around are not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
     unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it. An outline
     that is much thicker or thinner than those of its class usually are has a wrong side, and nobody knows which: both are unsure by
-    half of the outline or of what is usual. Where fewer than half of a class agree, all of them are.
+    half of the outline or of what is usual. Where fewer than half of a class agree, all are unsure by a third of their thickness: a row
+    without one sure member of a class would teach that there is none.
     """
     found: list[tuple[str, Floats, _Sides]] = []
     for structure in structures:
@@ -128,9 +129,10 @@ def _doubts(labels: Sequence[str], outlines: Sequence[_Sides]) -> list[Floats]:
         own = thickness[names == label]
         usual = float(np.median(own))
         alike = np.abs(own - usual) <= ODD * usual
-        odd = abs(sides.thickness - usual) > ODD * usual or alike.mean() < FEWEST_ALIKE
-        long = sides.sizes < LONG * sides.thickness
-        doubts.append(np.where(long & odd, max(sides.thickness, usual) / 2, 0.0))
+        doubt = max(sides.thickness, usual) / 2 if abs(sides.thickness - usual) > ODD * usual else 0.0
+        if alike.mean() < FEWEST_ALIKE:
+            doubt = sides.thickness / 3
+        doubts.append(np.where(sides.sizes < LONG * sides.thickness, doubt, 0.0))
     return doubts
 
 
