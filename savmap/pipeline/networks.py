@@ -55,6 +55,14 @@ def with_best_networks(
     return chosen, PassPlan(name, row_pass.clip, plans)
 
 
+def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:
+    """The plugin with the network that sees most in a pass. Raises StructureError where it finds no structure with any of its networks."""
+    if not further_models(plugin):
+        return plugin
+    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], renderer, None)
+    return chosen
+
+
 def choices_told(plugins: Sequence[LoadedPlugin]) -> list[str]:
     """A line for each plugin that looks with another network than its own."""
     changed = [plugin for plugin in plugins if plugin.network is not None]
