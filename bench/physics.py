@@ -176,8 +176,14 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     yield case("heights in units of 100 m", heights_as(lambda own: [value / 100 for value in own]), "height")
     for metres in (-0.5, -0.1, 0.1, 0.5):
         yield case(f"camera {metres:+.1f} m", camera_off(metres), "camera height", off_m=abs(metres))
-        yield case(f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height", off_m=abs(metres))
-    yield case("length in units of 10 m", lambda site, _: length_off(-0.9 * given(site)["lengths"][0]["value"])(site, _), "length")
+        yield case(
+            f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height", off_m=abs(metres)
+        )
+    yield case(
+        "length in units of 10 m",
+        lambda site, _: length_off(-0.9 * given(site)["lengths"][0]["value"])(site, _),
+        "length",
+    )
     yield case("length to the upright before", one_bay_short, "length")
     yield case("another row's heights", others_heights, "height of the lowest edge")
     yield case("another row's length", others_length, "length")
@@ -190,7 +196,11 @@ PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (reference_cases,)
 
 def mapped(content: Content, folder: Path, output: Path) -> tuple[RowMap | None, str]:
     """A row's map by its rack alone, or why there is none."""
-    content = {**content, "plugins": {PLUGIN: content.get("plugins", {}).get(PLUGIN, {})}, "rows": {ROW: content["rows"][ROW]}}
+    content = {
+        **content,
+        "plugins": {PLUGIN: content.get("plugins", {}).get(PLUGIN, {})},
+        "rows": {ROW: content["rows"][ROW]},
+    }
     try:
         job = Job(site_of(draft_of(content, SourceMap("case"), folder)), folder / "case", [PLUGIN], output)
         return map_rows_of(job, RunOptions(jobs=0), SilentMonitor(), FolderCache(output)).rows[ROW], ""
@@ -202,13 +212,18 @@ def errors(row: RowMap, survey: Mapping[str, Any]) -> dict[str, tuple[float, flo
     """Errors of uprights' edges along the aisle and of beams' heights, with their standard deviations, m, by vertex."""
     found = {}
     for structure in row.structures[PLUGIN]:
-        for label, vertex, covariance in zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True):
+        for label, vertex, covariance in zip(
+            structure.vertex_labels, structure.vertices, structure.covariances, strict=True
+        ):
             words = label.replace(" /", "").split()
             try:
                 if words[0] == "upright":
                     truth, axis = survey["uprights"][int(words[1]) - 1][("left", "right").index(words[2])], 0
                 else:
-                    truth, axis = survey["sections"][int(words[1]) - 1]["beams"][int(words[3]) - 1][words[4] == "upper"], 1
+                    truth, axis = (
+                        survey["sections"][int(words[1]) - 1]["beams"][int(words[3]) - 1][words[4] == "upper"],
+                        1,
+                    )
             except (IndexError, ValueError):
                 continue
             found[label] = float(vertex[axis] - truth), float(np.sqrt(covariance[axis, axis]))
@@ -217,7 +232,11 @@ def errors(row: RowMap, survey: Mapping[str, Any]) -> dict[str, tuple[float, flo
 
 def made_wrong(after: Mapping[str, tuple[float, float]], before: Mapping[str, tuple[float, float]]) -> float:
     """The largest error beyond its sigmas, m, among vertices that had none before."""
-    worst = [abs(error) for label, (error, sigma) in after.items() if _is_wrong(error, sigma) and not _is_wrong(*before.get(label, (0.0, 1.0)))]
+    worst = [
+        abs(error)
+        for label, (error, sigma) in after.items()
+        if _is_wrong(error, sigma) and not _is_wrong(*before.get(label, (0.0, 1.0)))
+    ]
     return max(worst, default=0.0)
 
 
@@ -277,7 +296,10 @@ def run(rows: Sequence[str], folder: Path, only: str) -> list[dict[str, Any]]:
         for case in (case for part in PARTS for case in part(row) if only in case.name):
             found = ending(case, row, output, before)
             word = judged(case, found)
-            print(f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {found.reason[:150]}", flush=True)
+            print(
+                f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {found.reason[:150]}",
+                flush=True,
+            )
             results.append({"row": name, "case": case.name, "judged": word, **vars(found)})
     return results
 

@@ -50,7 +50,9 @@ def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float 
     return _fitted(rows, np.hypot(rows[:, 5], scene_sigma_m))
 
 
-def robust_fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float) -> tuple[Similarity, dict[str, float]]:
+def robust_fit(
+    problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float
+) -> tuple[Similarity, dict[str, float]]:
     """The same by the sum of absolute errors, which a minority of wrong references does not spoil; and, by name, by how much each reference
     is off then, m. With fixed poses the scene stays as it is."""
     rows = np.array(list(_equations(problem, cameras, points))).reshape(-1, 6)

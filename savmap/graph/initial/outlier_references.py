@@ -12,6 +12,7 @@ import numpy as np
 
 from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
+from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import IDENTITY, Similarity, equation, fit
 from savmap.graph.problem import Problem
 from savmap.types import Floats
@@ -41,10 +42,12 @@ def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:
-    """The error for references that cannot all be right, with which ones contradict and what to do."""
+    """The error for references that cannot all be right, with which ones contradict, where frames are missing, and what to do."""
+    gap = where_frames_are_missing(problem)
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
-        "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
+        + (f"{gap}: see whether the video was cut there; " if gap else "")
+        + "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
     )
 
 

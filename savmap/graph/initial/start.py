@@ -58,7 +58,9 @@ class Start:
     @property
     def notes(self) -> tuple[str, ...]:
         """What to tell the user."""
-        return tuple(f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives)
+        return tuple(
+            f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,9 @@ def moved(problem: Problem, estimate: Estimate, similarity: Similarity) -> Estim
 
 def aligned(problem: Problem, estimate: Estimate) -> Estimate:
     """An estimate brought to where a problem's references fit it best."""
-    similarity = IDENTITY if problem.camera.fixed is not None else fit(problem, estimate.poses[:, :3, 3], estimate.points)
+    similarity = (
+        IDENTITY if problem.camera.fixed is not None else fit(problem, estimate.poses[:, :3, 3], estimate.points)
+    )
     return moved(problem, estimate, similarity)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from savmap.types import Floats, Ints
 
-CRITICAL, CLEARLY = 4.0, 16.0
+CRITICAL, CLEARLY = 3.0, 16.0
 LOOSE_M = 100.0
 MOST_TRIED = 2000
 LEAST_LEFT = 2
@@ -88,10 +88,14 @@ class Agreement:
         if not costs or len(self.all_names) - firm - loose < min(LEAST_LEFT, len(self.all_names)):
             return []
         best = min(costs, key=costs.__getitem__)
-        if max(self.deviations(best).values(), default=0.0) > CRITICAL:
+        if not self._agrees(best):
             return []
-        enough = costs[best] + min(CLEARLY, (self.cost() - costs[best]) / 2)
-        return sorted((out for out in costs if costs[out] <= enough), key=costs.__getitem__)
+        half = (self.cost() + costs[best]) / 2
+        near = sorted((out for out in costs if costs[out] <= costs[best] + CLEARLY), key=costs.__getitem__)
+        return [out for out in near if costs[out] <= half or self._agrees(out)]
+
+    def _agrees(self, out: Names) -> bool:
+        return max(self.deviations(out).values(), default=0.0) <= CRITICAL
 
     def _sets(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
         """Sets of suspects, as many as can be tried."""
@@ -100,5 +104,7 @@ class Agreement:
         return [frozenset((*a, *b)) for a, b in islice(some, MOST_TRIED)]
 
     def _matrix(self, out: Names) -> Floats:
-        weight = np.array([0.0 if name in out else sigma**-2.0 for name, sigma in zip(self.names, self.sigmas, strict=True)])
+        weight = np.array(
+            [0.0 if name in out else sigma**-2.0 for name, sigma in zip(self.names, self.sigmas, strict=True)]
+        )
         return self.information + np.diag(weight + LOOSE_M**-2.0)

@@ -5,13 +5,14 @@ solved with `softened` references first. Its shape is that of the pictures then,
 which are compared with it and with one another (see `agreement`).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
+from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import SCALE_LIMIT
 from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross
 from savmap.graph.problem import Estimate, Problem
@@ -23,7 +24,7 @@ SOFT_M, SOFT_PART = 0.1, 0.02
 AWAY = 3.0
 KNOWN_M = 0.05
 LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
-UNCHECKED_SIGMA = 30.0
+UNCHECKED_SIGMA, UNCHECKED_PART = 10.0, 0.1
 NAMED, AT_LEAST_NAMED = 4, 2
 
 
@@ -65,7 +66,11 @@ def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
             continue
         usual = float(np.median(sizes))
         tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
-        at = {(axis, key): (size, sign) for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True) for key, sign in ((a, 1.0), (b, -1.0))}
+        at = {
+            (axis, key): (size, sign)
+            for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
+            for key, sign in ((a, 1.0), (b, -1.0))
+        }
         for one in problem.relations:
             if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
                 size, sign = at[one.axis, one.a]
@@ -80,7 +85,12 @@ def measured_for(problem: Problem, names: Names) -> Bools:
         group, grown = set[int](), {one.a}
         while grown != group:
             group = set(grown)
-            grown |= {key for r in problem.relations if not r.name and r.axis == one.axis and r.b is not None and group & set(r.keys) for key in r.keys}
+            grown |= {
+                key
+                for r in problem.relations
+                if not r.name and r.axis == one.axis and r.b is not None and group & set(r.keys)
+                for key in r.keys
+            }
         keys |= group
     return np.isin(problem.measurements.keys, list(keys))
 
@@ -97,9 +107,12 @@ def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
 def with_sigmas(problem: Problem, at_least: Mapping[str, float]) -> Problem:
     """The problem with references whose standard deviations, m, are no smaller than these by name."""
     references = problem.camera.references
-    heights = tuple(replace(one, sigma_m=max(one.sigma_m, at_least.get(one.name, 0.0))) for one in references.camera_heights)
+    heights = tuple(
+        replace(one, sigma_m=max(one.sigma_m, at_least.get(one.name, 0.0))) for one in references.camera_heights
+    )
     relations = tuple(
-        replace(one, sigma=max(one.sigma, at_least.get(one.name, 0.0))) if one.name else one for one in problem.relations
+        replace(one, sigma=max(one.sigma, at_least.get(one.name, 0.0))) if one.name else one
+        for one in problem.relations
     )
     camera = replace(problem.camera, references=replace(references, camera_heights=heights))
     return replace(problem, camera=camera, relations=relations)
@@ -136,8 +149,8 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
     explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
     if explained and not explained[0]:
-        return Judgement(problem, notes=tuple(_unchecked(agreed)))
-    clear = len(explained) == 1 and all(_is_known(agreed, name, explained[0]) for name in explained[0])
+        return _agreeing(problem, agreed)
+    clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
     wanted = problem.camera.references.on_contradiction
@@ -161,28 +174,36 @@ def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> lis
     return list(found.values())
 
 
-def _is_known(agreed: Agreement, name: str, out: Names) -> bool:
-    """Whether the rest determines what a reference that is left out would have."""
-    return agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value))
+def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
+    """Whether the rest determines what the references that are left out would have, and they are not all those that give the scale."""
+    scales = _scales(problem)
+    known = (agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value)) for name in out)
+    return all(known) and not (len(scales) > 1 and scales <= out)
 
 
 def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
     """One explanation instead of several where none of them says that a reference is wrong."""
     union = frozenset[str]().union(*explained)
-    return [union] if all(_mistaken(agreed, out, spans) == out for out in (*explained, union)) and explained else explained
+    return (
+        [union] if all(_mistaken(agreed, out, spans) == out for out in (*explained, union)) and explained else explained
+    )
 
 
 def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names:
     """References of which something else was seen: it is odd, and would be usual were it where the reference says."""
     odd = (name for name in out if name in spans and spans[name].is_odd())
-    return frozenset(name for name in odd if not spans[name].is_odd(agreed.rest(name, out)[0] - _given(agreed, name).value))
+    return frozenset(
+        name for name in odd if not spans[name].is_odd(agreed.rest(name, out)[0] - _given(agreed, name).value)
+    )
 
 
 def _left_out(
     problem: Problem, soft: Estimate, agreed: Agreement, out: Names, mistaken: Names, doubted: bool
 ) -> Judgement:
     """Without the wrong references. One whose landmark was evidently not seen, as the next one up was found, is worth a note."""
-    notes = [f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(mistaken)]
+    notes = [
+        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(mistaken)
+    ]
     doubts = []
     for name in sorted(out - mistaken):
         relation = next((one for one in problem.relations if one.name == name), None)
@@ -191,11 +212,19 @@ def _left_out(
             line = f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
             surely = relation.may_be_missing
         else:
-            line, surely = f"{_line(agreed, name, out)}: it is not used; measure it again", False
+            line, surely = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
         notes.append(line)
         if doubted and not surely:
             doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
     return Judgement(without(problem, out - mistaken), notes=tuple(notes), doubts=tuple(doubts))
+
+
+def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
+    """What to do about a reference that is not used."""
+    gap = where_frames_are_missing(problem)
+    if not is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
+        return "measure it again"
+    return f"measure it again, and see whether a part of the row is missing from the map{f' ({gap})' if gap else ''}"
 
 
 def _uncertain(
@@ -207,14 +236,28 @@ def _uncertain(
     return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
 
 
-def _unchecked(agreed: Agreement) -> Iterator[str]:
-    """A line about the reference that all else checks least closely, where an error of many standard deviations would go unnoticed."""
-    unnoticed = {name: CRITICAL * float(np.hypot(agreed.rest(name)[1], _given(agreed, name).sigma)) for name in agreed.all_names}
+def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
+    """Where all agree: with a word about the reference that all else checks least closely, where an error of many standard deviations would
+    go unnoticed; a doubt where it is one that gives the scale, and hardly anything checks it."""
+    unnoticed = {
+        name: CRITICAL * float(np.hypot(agreed.rest(name)[1], _given(agreed, name).sigma)) for name in agreed.all_names
+    }
     times = {name: least / _given(agreed, name).sigma for name, least in unnoticed.items()}
-    name = max(times, key=times.__getitem__)
-    if times[name] > UNCHECKED_SIGMA:
-        off = f"{unnoticed[name]:.2f} m" if unnoticed[name] < abs(_given(agreed, name).value) else "any size"
-        yield f"nothing checks {name} closely: an error of {off} in it would not be noticed; a second measured length would tell"
+    name = max(times, key=times.__getitem__, default="")
+    if not name or times[name] < UNCHECKED_SIGMA:
+        return Judgement(problem)
+    size = abs(_given(agreed, name).value)
+    off = f"{unnoticed[name]:.2f} m" if unnoticed[name] < size else "any size"
+    line = f"nothing checks {name} closely: an error of {off} in it would not be noticed; a second measured length would tell"
+    hardly = name in _scales(problem) and unnoticed[name] > UNCHECKED_PART * size
+    doubts = (Doubt("reference", line),) if hardly and problem.camera.references.on_contradiction != "leave_out" else ()
+    return Judgement(problem, notes=(line,), doubts=doubts)
+
+
+def _scales(problem: Problem) -> Names:
+    """References that give the scale each by itself, with where the floor is: camera heights and distances."""
+    heights = (one.name for one in problem.camera.references.camera_heights)
+    return frozenset((*heights, *(one.name for one in problem.relations if one.name and one.b is not None)))
 
 
 def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:

@@ -129,7 +129,13 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     last = later[-1] if later else first
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(last, notes=(*begin.notes, *found.notes), doubts=found.doubts, mistaken=found.mistaken, first_scale=first.fit.scale)
+    return replace(
+        last,
+        notes=(*begin.notes, *found.notes),
+        doubts=found.doubts,
+        mistaken=found.mistaken,
+        first_scale=first.fit.scale,
+    )
 
 
 def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:

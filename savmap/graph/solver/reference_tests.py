@@ -120,7 +120,9 @@ def refuse_unseen(problem: Problem, fit: Fit, mistaken: Collection[str] = ()) ->
     lost = [
         relation.name
         for relation in problem.relations
-        if relation.name and relation.name not in mistaken and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
+        if relation.name
+        and relation.name not in mistaken
+        and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
     ]
     if len(lost) >= UNSEEN:
         raise contradiction(problem, f"nothing that was seen of {', '.join(lost[:3])} fits the others")
