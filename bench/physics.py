@@ -35,6 +35,7 @@ DEMO = ROOT / "savmap" / "demo"
 ROW, PLUGIN = "A", "shelves"
 WRONG_SIGMA, WRONG_M = 3.0, 0.01
 TIMES = (3, 10, 30)
+NOTHING = "nothing wrong"
 Content = dict[str, Any]
 
 
@@ -52,23 +53,25 @@ class Filmed:
 @dataclass(frozen=True)
 class Case:
     """A way to be wrong: `change` gives the site's content and the folder that its footage is in. `off_m`: by how much one reference is
-    wrong. A doubt or refusal must contain one of the `words`."""
+    wrong. A doubt of one of the `kinds`, or a refusal, must contain one of the `words`."""
 
     name: str
     change: Callable[[Filmed], tuple[Content, Path]]
     words: tuple[str, ...] = ("",)
     off_m: float = np.inf
+    kinds: tuple[str, ...] = ("reference",)
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a row ended: `trusted`, `check` or `refused`, why, the largest error that the change made, m, and whether the map told how large
-    an error of this reference nobody would notice."""
+    """How a row ended: `trusted`, `check` or `refused`, why as far as it is about the case, the largest error that the change made, m, whether
+    the map told how large an error of this reference nobody would notice, and doubts about other things."""
 
     grade: str
     reason: str
     worst_m: float = 0.0
     told: bool = False
+    others: str = ""
 
 
 def given(content: Content) -> Content:
@@ -159,7 +162,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
         return Case(name, references_only(change), words or ("",), off_m)
 
-    yield case("nothing wrong", lambda _, __: None)
+    yield case(NOTHING, lambda _, __: None)
     for times in TIMES:
         yield case(f"camera height {times} sigma off", camera_off(0.02 * times), "camera height", off_m=0.02 * times)
         yield case(f"length {times} sigma off", length_off(0.003 * times), "length", off_m=0.003 * times)
@@ -250,25 +253,35 @@ def ending(case: Case, row: Filmed, output: Path, before: Mapping[str, tuple[flo
     if found is None:
         return Ending("refused", reason)
     worst = made_wrong(errors(found, row.survey), before)
-    if found.verdict is not None and found.verdict.doubts:
-        return Ending("check", "; ".join(doubt.what for doubt in found.verdict.doubts), worst)
     notes = [str(note) for key, note in found.report.items() if key.startswith("note")]
-    told = [note for note in notes if "nothing checks" in note and any(word in note for word in case.words)]
-    return Ending("trusted", "", worst, any(_unnoticed(note) >= case.off_m for note in told))
+    told = any(_unnoticed(note, case.words) >= case.off_m for note in notes)
+    doubts = found.verdict.doubts if found.verdict is not None else ()
+    true = "; ".join(doubt.what for doubt in doubts if doubt.kind in case.kinds)
+    others = "; ".join(f"({doubt.what})" for doubt in doubts if doubt.kind not in case.kinds)
+    return Ending("check" if doubts else "trusted", true, worst, told, others)
 
 
-def _unnoticed(note: str) -> float:
-    """The error that a note says nobody would notice, m."""
-    return np.inf if "any size" in note else float(note.split("an error of ")[1].split()[0])
+def _unnoticed(note: str, words: Sequence[str]) -> float:
+    """The error of a reference that a note says nobody would notice, m."""
+    if "nothing would notice an error of " not in note:
+        return 0.0
+    parts = note.split("nothing would notice an error of ")[1].split(";")[0].split(", of ")
+    sizes = [
+        part.split(" in ")[0] for part in parts if any(word and word in part.split(" in ", 1)[1] for word in words)
+    ]
+    return max((np.inf if size == "any size" else float(size.split()[0]) for size in sizes), default=0.0)
 
 
 def judged(case: Case, found: Ending) -> str:
-    """In a word: right, `uncheckable` where the map says that such an error would not be noticed, or what is bad."""
-    if found.grade == "trusted":
-        return "right" if not found.worst_m else "uncheckable" if found.told else "SILENTLY WRONG"
-    if case.name == "nothing wrong":
-        return "FALSE ALARM"
-    return "right" if any(word in found.reason for word in case.words) else "OTHER REASON"
+    """In a word: `right`, `uncheckable` where the map says that such an error would not be noticed, or what is bad. A doubt about something
+    else is no excuse for a wrong map."""
+    if case.name == NOTHING:
+        return "FALSE ALARM" if found.grade != "trusted" else "right"
+    if found.reason and any(word in found.reason for word in case.words):
+        return "right"
+    if found.worst_m:
+        return "uncheckable" if found.told else "SILENTLY WRONG"
+    return "OTHER REASON" if found.grade != "trusted" else "right"
 
 
 def filmed(name: str, folder: Path, other: str) -> Filmed:
@@ -297,7 +310,7 @@ def run(rows: Sequence[str], folder: Path, only: str) -> list[dict[str, Any]]:
             found = ending(case, row, output, before)
             word = judged(case, found)
             print(
-                f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {found.reason[:150]}",
+                f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {(found.reason or found.others)[:150]}",
                 flush=True,
             )
             results.append({"row": name, "case": case.name, "judged": word, **vars(found)})

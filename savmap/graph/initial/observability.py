@@ -65,11 +65,13 @@ def robust_fit(
 
 def _misfits(rows: Floats, similarity: Similarity) -> Floats:
     """By how much equations (n, 6) are off (n,), m."""
-    return np.abs(rows[:, :4] @ np.append(similarity.scale, similarity.shift) - rows[:, 4])
+    misfits: Floats = np.abs(rows[:, :4] @ np.append(similarity.scale, similarity.shift) - rows[:, 4])
+    return misfits
 
 
 def _fitted(rows: Floats, sigmas: Floats) -> Similarity:
     """By least squares, of equations (n, 6)."""
+    matrix: Floats
     matrix, values = rows[:, :4] / sigmas[:, None], rows[:, 4] / sigmas
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
     covariance = np.linalg.inv(information)

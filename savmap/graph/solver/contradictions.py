@@ -24,7 +24,8 @@ SOFT_M, SOFT_PART = 0.1, 0.02
 AWAY = 3.0
 KNOWN_M = 0.05
 LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
-UNCHECKED_SIGMA, UNCHECKED_PART = 10.0, 0.1
+FLAT_PART = 0.3
+UNCHECKED_SIGMA = 10.0
 NAMED, AT_LEAST_NAMED = 4, 2
 
 
@@ -51,8 +52,13 @@ class Span:
     sign: float
 
     def is_odd(self, moved: float = 0.0) -> bool:
-        """Whether it is unusual, were the landmark's coordinate smaller by `moved`, m."""
-        return abs(self.size + self.sign * moved - self.usual) > self.tolerance
+        """Whether it is unusual; strictly so, were the landmark's coordinate smaller by `moved`, m."""
+        return abs(self.size + self.sign * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether there is next to no distance: both landmarks are one and the same thing."""
+        return abs(self.size) < FLAT_PART * abs(self.usual)
 
 
 def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
@@ -154,12 +160,14 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
     wanted = problem.camera.references.on_contradiction
-    if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
+    mistaken = _mistaken(agreed, explained[0], spans) if clear else frozenset[str]()
+    flat = frozenset(name for name in mistaken if spans[name].is_flat)
+    refused = wanted == "refuse" and not (clear and explained[0] == flat)
+    if not explained or refused or (not clear and _is_gross(agreed, suspects)):
         raise contradiction(problem, "; or ".join(lines[:NAMED]))
     if clear:
-        mistaken = _mistaken(agreed, explained[0], spans)
-        found = _left_out(problem, estimate, agreed, explained[0], mistaken, doubted=wanted == "check")
-        return replace(found, mistaken=mistaken)
+        found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
+        return _with_mistaken(found, agreed, explained[0], mistaken, flat)
     return _uncertain(problem, agreed, suspects, lines)
 
 
@@ -198,14 +206,12 @@ def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names
 
 
 def _left_out(
-    problem: Problem, soft: Estimate, agreed: Agreement, out: Names, mistaken: Names, doubted: bool
+    problem: Problem, soft: Estimate, agreed: Agreement, out: Names, wrong: Names, doubted: bool
 ) -> Judgement:
-    """Without the wrong references. One whose landmark was evidently not seen, as the next one up was found, is worth a note."""
-    notes = [
-        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(mistaken)
-    ]
-    doubts = []
-    for name in sorted(out - mistaken):
+    """Without the `wrong` ones of those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
+    a note."""
+    notes, doubts = list[str](), list[Doubt]()
+    for name in sorted(wrong):
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
@@ -216,7 +222,21 @@ def _left_out(
         notes.append(line)
         if doubted and not surely:
             doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
-    return Judgement(without(problem, out - mistaken), notes=tuple(notes), doubts=tuple(doubts))
+    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts))
+
+
+def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
+    """With references that are used although something else was seen: that is sure where two landmarks are one (`flat`); otherwise it only
+    is the likeliest, whatever the user wants to do about wrong references."""
+    notes = [
+        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(flat)
+    ]
+    lines = [
+        f"{_line(agreed, name, out)}: it is used, for what was seen looks odd; look at it"
+        for name in sorted(mistaken - flat)
+    ]
+    doubts = tuple(Doubt("reference", line) for line in lines)
+    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes, *lines), doubts=(*found.doubts, *doubts))
 
 
 def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
@@ -237,21 +257,20 @@ def _uncertain(
 
 
 def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
-    """Where all agree: with a word about the reference that all else checks least closely, where an error of many standard deviations would
-    go unnoticed; a doubt where it is one that gives the scale, and hardly anything checks it."""
-    unnoticed = {
-        name: CRITICAL * float(np.hypot(agreed.rest(name)[1], _given(agreed, name).sigma)) for name in agreed.all_names
-    }
-    times = {name: least / _given(agreed, name).sigma for name, least in unnoticed.items()}
-    name = max(times, key=times.__getitem__, default="")
-    if not name or times[name] < UNCHECKED_SIGMA:
+    """Where all agree: with a note on the references that all else checks so loosely that an error of many standard deviations would go
+    unnoticed; a doubt where one of them gives the scale, and hardly anything checks it."""
+    loose, hardly = list[str](), False
+    for name in agreed.all_names:
+        use = _given(agreed, name)
+        unnoticed = CRITICAL * float(np.hypot(agreed.rest(name)[1], use.sigma))
+        if unnoticed > UNCHECKED_SIGMA * use.sigma:
+            loose.append(f"{f'{unnoticed:.2f} m' if unnoticed < abs(use.value) else 'any size'} in {name}")
+            hardly |= name in _scales(problem) and unnoticed > SCALE_LIMIT * abs(use.value)
+    if not loose:
         return Judgement(problem)
-    size = abs(_given(agreed, name).value)
-    off = f"{unnoticed[name]:.2f} m" if unnoticed[name] < size else "any size"
-    line = f"nothing checks {name} closely: an error of {off} in it would not be noticed; a second measured length would tell"
-    hardly = name in _scales(problem) and unnoticed[name] > UNCHECKED_PART * size
-    doubts = (Doubt("reference", line),) if hardly and problem.camera.references.on_contradiction != "leave_out" else ()
-    return Judgement(problem, notes=(line,), doubts=doubts)
+    line = f"nothing would notice an error of {', of '.join(loose)}; a second measured length would tell"
+    doubted = hardly and problem.camera.references.on_contradiction != "leave_out"
+    return Judgement(problem, notes=(line,), doubts=(Doubt("reference", line),) if doubted else ())
 
 
 def _scales(problem: Problem) -> Names:

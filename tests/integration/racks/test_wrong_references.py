@@ -101,7 +101,18 @@ def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> 
 
 
 def test_what_nothing_checks_is_said(four: made.World) -> None:
-    assert any("nothing checks length upright 1 / left" in line for line in made.solved(four).warnings)
+    [line] = [line for line in made.solved(four).warnings if "nothing would notice an error of" in line]
+    assert " m in length upright 1 / left to upright 5 / right" in line
+
+
+def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
+    """A height is typed 6 cm too high on a beam that is thicker than the others, which makes it look like them: it is still doubted."""
+    thick = [beams.copy() for beams in four.rack.beams]
+    thick[1][0, 1] += 0.05
+    world = made.seen_from(replace(four.rack, beams=tuple(thick)), four.poses, np.random.default_rng(3))
+    heights = [value + 0.06 * (section == 1) for section, value in enumerate(world.rack.lowest)]
+    [doubt] = solve(problem(world, heights, made.references(world))).doubts
+    assert "section 2 is given as" in doubt.what
 
 
 def test_one_height_for_all_may_be_missing(four: made.World) -> None:
