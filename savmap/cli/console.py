@@ -4,6 +4,7 @@ import io
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
@@ -13,7 +14,7 @@ from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from savmap.errors import OutputError, SavmapError
-from savmap.files.atomic import reason, write_text
+from savmap.files.atomic import opened_anew, reason, write_text
 from savmap.files.urls import is_url
 from savmap.types.progress import SilentMonitor
 
@@ -22,7 +23,8 @@ log = logging.getLogger("savmap")
 
 
 class LogFile(logging.FileHandler):
-    """A log file. One that cannot be written any more, because the disk is full, falls silent: results matter more.
+    """A new log file in place of an old one. One that cannot be written any more, because the disk is full, falls silent: results
+    matter more.
 
     Raises OutputError where it cannot be opened.
     """
@@ -32,6 +34,9 @@ class LogFile(logging.FileHandler):
             super().__init__(path, mode="w", encoding="utf-8")
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+
+    def _open(self) -> TextIOWrapper:
+        return opened_anew(Path(self.baseFilename))
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
         """Nothing: what cannot be logged is lost."""

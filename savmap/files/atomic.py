@@ -5,10 +5,12 @@ import json
 import os
 import tempfile
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
 from urllib.parse import quote
 
 from savmap.errors import OutputError
+from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
 from savmap.files.urls import is_url
 
 
@@ -18,23 +20,36 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to a temporary file of the same folder (made where missing), then put it in place of `path`.
+    """Write `content` to a new file of the same folder (made where missing), then put it in place of `path`; a link there is replaced.
 
     A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path` is then
     unchanged.
     """
     if is_url(path):
         return _put(path, content)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    require_plain(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _write_through(part, content)
-        os.replace(part, path)
+        with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
+            _write_through(descriptor, content)
+            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
     except OSError as error:
         advice = "choose another folder or free its space"
         raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
-    finally:
-        _remove(part)
+
+
+def opened_anew(path: Path) -> TextIOWrapper:
+    """A new, empty text file in place of `path`, open for writing: a link is replaced, a device is written to. Raises OSError, and
+    OutputError as `opened_folder` does."""
+    if path.is_char_device() and not path.is_symlink():
+        return path.open("w", encoding="utf-8")
+    with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
+        stream = open(descriptor, "w", encoding="utf-8")  # noqa: SIM115 -- the caller closes it
+        try:
+            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
+        except OSError:
+            stream.close()
+            raise
+    return stream
 
 
 def write_with(write: Callable[[Path], None], path: Path) -> None:
@@ -46,9 +61,10 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder) / path.name)
             return _put(path, (Path(folder) / path.name).read_bytes())
+    require_plain(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=PREFIX) as folder:
             part = Path(folder) / path.name
             write(part)
             with part.open("rb") as stream:
@@ -103,18 +119,11 @@ def _put(path: Path, content: bytes) -> None:
         raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
-def _write_through(path: Path, content: bytes) -> None:
-    with path.open("wb") as stream:
+def _write_through(descriptor: int, content: bytes) -> None:
+    with open(descriptor, "wb") as stream:
         stream.write(content)
         stream.flush()
         os.fsync(stream.fileno())
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        return
 
 
 def _refuse_constant(name: str) -> float:
