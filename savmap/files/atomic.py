@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
+from savmap.files.texts import MOST_MB, bounded_text, json_of
 from savmap.files.urls import is_url
 
 
@@ -76,25 +77,25 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         raise OutputError(str(error).replace(str(part), str(path))) from error
 
 
-def read_text(path: Path) -> str:
-    """The text of a UTF-8 file. Raises OutputError."""
+def read_text(path: Path, most_mb: float = MOST_MB) -> str:
+    """The text of a UTF-8 file of at most so many MB. Raises OutputError."""
     try:
-        return path.read_text(encoding="utf-8")
+        return bounded_text(path, most_mb)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
-    except UnicodeDecodeError as error:
-        raise OutputError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
+    except ValueError as error:
+        raise OutputError(f"{path}: {error}") from error
 
 
-def read_json(path: Path) -> object:
-    """What a JSON file holds; NaN and infinities are refused. Raises OutputError."""
+def read_json(path: Path, most_mb: float = MOST_MB) -> object:
+    """What a JSON file of at most so many MB holds; NaN and infinities are refused. Raises OutputError."""
+    text = read_text(path, most_mb)
     try:
-        content: object = json.loads(read_text(path), parse_constant=_refuse_constant)
+        return json_of(text)
     except json.JSONDecodeError as error:
         raise OutputError(f"{path}: is not JSON (line {error.lineno}, column {error.colno}: {error.msg})") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise OutputError(f"{path}: is not JSON ({error})") from error
-    return content
 
 
 def sha256(path: Path) -> str:
@@ -126,10 +127,7 @@ def _write_through(descriptor: int, content: bytes) -> None:
         os.fsync(stream.fileno())
 
 
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number")
-
-
 def file_name(row: str) -> str:
     """A row's name as (part of) the name of a file."""
-    return quote(row, safe=" ()+,=@") or "_"
+    name = quote(row, safe=" ()+,=@", errors="replace") or "_"
+    return name.replace(".", "%2E") if not name.strip(".") else name

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.files.texts import json_of
 from savmap.files.validation import checked
 from savmap.maps import schema
 from savmap.maps.schema import MeasuredEntry
@@ -52,7 +53,10 @@ def read_map(path: Path) -> SiteMap:
 
 def map_of(text: str, where: str) -> SiteMap:
     """The map in a text that was read at `where`. Raises OutputError as `read_map` does."""
-    return _site_map(json.loads(text), where)
+    try:
+        return _site_map(json_of(text), where)
+    except ValueError as error:
+        raise OutputError(f"{where}: is not JSON ({error})") from error
 
 
 def map_text(site: SiteMap) -> str:

@@ -202,7 +202,9 @@ def _require_covariances(covariances: Floats, where: str) -> None:
 def _require_positions(structure: Structure, where: str) -> None:
     """Vertices within the map's bounds, and covariances that are ones, but for rounding."""
     require(_finite(structure.vertices), f"{where}: a vertex is not finite")
-    require(bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away")
+    require(
+        bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away"
+    )
     covariances = structure.covariances
     require(_finite(covariances), f"{where}: a covariance is not finite")
     variances = np.diagonal(covariances, axis1=1, axis2=2)

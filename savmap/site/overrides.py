@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from savmap.errors import SiteError
+from savmap.files import yaml_text
 from savmap.files.validation import Location
 
 PREFIX = "SAVMAP__"
@@ -70,9 +71,9 @@ def _from_option(option: str) -> Override:
 
 def _value(place: str, text: str) -> Any:
     try:
-        return yaml.safe_load(text)
+        return yaml_text.load(text)
     except yaml.YAMLError as error:
-        raise SiteError(f"{place}: the value is not valid YAML: {getattr(error, 'problem', error)}") from None
+        raise SiteError(f"{place}: the value is not valid YAML: {yaml_text.problem_of(error)[0]}") from None
 
 
 def _set(content: dict[str, Any], one: Override) -> Location:

@@ -12,7 +12,9 @@ import numpy as np
 import yaml
 from pydantic import Field, field_validator
 
+from savmap.files import yaml_text
 from savmap.files.atomic import reason
+from savmap.files.texts import bounded_text
 from savmap.types.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
 
 
@@ -90,11 +92,15 @@ def row_frame(place: RowPlace) -> RowFrame:
 def load_scene(path: Path) -> Scene:
     """A scene from a YAML file. Raises SceneError with the file, the key and what is wrong with it."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_text.load(bounded_text(path, yaml_text.MOST_MB))
     except OSError as error:
         raise SceneError(f"{path}: cannot be read as a scene file: {reason(error)}") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SceneError(f"{path}: cannot be read as a scene file: {' '.join(str(error).split())}") from error
+    except yaml.YAMLError as error:
+        problem, line = yaml_text.problem_of(error)
+        where = f"{path}:{line}" if line else str(path)
+        raise SceneError(f"{where}: cannot be read as a scene file: {problem}") from error
+    except ValueError as error:
+        raise SceneError(f"{path}: cannot be read as a scene file: it {error}") from error
     return parse_scene(content, str(path))
 
 
