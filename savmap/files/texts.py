@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
-from savmap.errors import OutputError
+from savmap.errors import CONTROLS, OutputError
 from savmap.files.urls import is_url
 
 MB = 1 << 20
@@ -65,6 +65,17 @@ def json_of(text: str) -> object:
     if "\\ud" in text.lower() and any(map(SURROGATES.search, _texts(content))):
         raise ValueError("a text in it holds half a character")
     return content
+
+
+def json_visible(text: str) -> str:
+    """A JSON text whose characters that do something to a terminal stand as JSON's escapes, and halves of characters as
+    replacement characters; line ends between values stay."""
+    return CONTROLS.sub(_json_escape, text)
+
+
+def _json_escape(found: re.Match[str]) -> str:
+    letter = found[0]
+    return letter if letter == "\n" else "\ufffd" if SURROGATES.match(letter) else f"\\u{ord(letter):04x}"
 
 
 def _texts(content: object) -> Iterator[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from savmap.assembly import assembled
 from savmap.errors import PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
+from savmap.files.texts import json_visible
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.scheduler import RunOptions, map_rows_of
@@ -131,7 +132,9 @@ def _write_results(
     survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
     write_log(log, job.output / "run.json")
-    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
+    write_text(
+        job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
+    )
     report = report_for(site_map, plugins, survey, log, _title(job.source))
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():

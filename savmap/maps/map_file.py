@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
-from savmap.files.texts import json_of
+from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
 from savmap.maps.schema import MeasuredEntry
@@ -79,7 +79,7 @@ def map_text(site: SiteMap) -> str:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:
         raise OutputError(f"the map holds a number that is not finite ({error}); it was not written") from error
-    return NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
+    return json_visible(NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text)) + "\n"
 
 
 def _row_entry(row: RowMap) -> Entry:
