@@ -20,10 +20,12 @@ from typing import Any, Generic, Protocol, TypeVar
 from savmap.errors import OutputError
 from savmap.files.atomic import file_name, reason, write_bytes
 from savmap.files.serialization import packed, unpacked
+from savmap.files.texts import bounded_bytes
 from savmap.files.urls import is_url
 
 log = logging.getLogger("savmap")
 FOLDER = "stages"
+MOST_MB = 2048
 LEFT_BEHIND = re.compile(r"\.savmap-\w{8}|\..+\.\d+\.part")
 
 
@@ -86,8 +88,8 @@ class FolderCache:
 
     def load(self, row: str, stage: str, key: str) -> bytes | None:
         try:
-            content = b"" if self.fresh else self._path(row, stage).read_bytes()
-        except OSError:
+            content = b"" if self.fresh else bounded_bytes(self._path(row, stage), MOST_MB)
+        except (OSError, ValueError):
             return None
         head, _, body = content.partition(b"\n")
         return body if head == _head(key, body) else None
