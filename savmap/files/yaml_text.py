@@ -20,6 +20,10 @@ TIMESTAMP = "tag:yaml.org,2002:timestamp"
 _Events: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
+class BoundError(yaml.MarkedYAMLError):
+    """A text that may be YAML, but is not read: too deep, too much, or not to be written."""
+
+
 class _Loader(_Events):  # type: ignore[misc]
     """A safe loader without dates, that tells where a value cannot be made."""
 
@@ -104,8 +108,8 @@ def _require_scalar(event: Any) -> None:
         raise _error("a text holds half a character", event.start_mark)
 
 
-def _error(problem: str, mark: Any) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+def _error(problem: str, mark: Any) -> BoundError:
+    return BoundError(problem=problem, problem_mark=mark)
 
 
 def problem_of(error: yaml.YAMLError) -> tuple[str, int | None]:

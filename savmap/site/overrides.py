@@ -1,6 +1,6 @@
 """Single keys of a site file set from outside: by `--set rows.A.fps=5`, and by variables such as SAVMAP__ROWS__A__FPS=5.
 
-The command line counts more than the environment, and both more than the file. Values are YAML; null takes a key away.
+The command line counts more than the environment, and both more than the file. Values are YAML, or else text; null takes a key away.
 """
 
 import copy
@@ -70,10 +70,13 @@ def _from_option(option: str) -> Override:
 
 
 def _value(place: str, text: str) -> Any:
+    """What a text means as YAML; the text itself where it is none, such as `[A-Z]+`: its key then tells what is wrong with it."""
     try:
         return yaml_text.load(text)
-    except yaml.YAMLError as error:
-        raise SiteError(f"{place}: the value is not valid YAML: {yaml_text.problem_of(error)[0]}") from None
+    except yaml_text.BoundError as error:
+        raise SiteError(f"{place}: {yaml_text.problem_of(error)[0]}") from None
+    except yaml.YAMLError:
+        return text
 
 
 def _set(content: dict[str, Any], one: Override) -> Location:

@@ -79,3 +79,10 @@ def test_a_broken_scene_is_one_line(tmp_path: Path, text: str) -> None:
         load_scene(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [row(), "format: savmap-site\n"])
+def test_a_site_file_is_no_scene(tmp_path: Path, text: str) -> None:
+    (tmp_path / "site.yaml").write_text(text)
+    with pytest.raises(SceneError, match="is a site file, which `savmap map` takes"):
+        load_scene(tmp_path / "site.yaml")

@@ -4,6 +4,7 @@ A scene is a YAML file, checked strictly: an unknown key is an error. Keys of a 
 `structures: {plugin: ...}` and are checked by that plugin's `scene` hook. Lengths in metres, angles in degrees.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -108,4 +109,15 @@ def parse_scene(content: object, source: str = "scene") -> Scene:
     """A scene from plain data. Raises SceneError naming `source`."""
     if not isinstance(content, dict):
         raise SceneError(f"{source}: a scene file holds keys such as `rows`, `structures` and `cart`")
+    if _is_site(content):
+        raise SceneError(
+            f"{source}: is a site file, which `savmap map` takes; `savmap simulate` takes a scene (docs/simulator.md)"
+        )
     return validated(Scene, content, source)
+
+
+def _is_site(content: Mapping[Any, Any]) -> bool:
+    rows = content.get("rows")
+    sections = rows.values() if isinstance(rows, Mapping) else ()
+    passes = any(isinstance(row, Mapping) and "passes" in row for row in sections)
+    return passes or content.get("format") == "savmap-site"
