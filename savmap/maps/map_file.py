@@ -35,6 +35,8 @@ from savmap.types import (
 
 COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
 """Decimals."""
+LEAST_SIGMA = 10.0**-FIGURE
+"""Of a reference: readers divide by it."""
 UPPER = np.triu_indices(3)
 NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
@@ -146,6 +148,7 @@ def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
 def _reference_entry(use: ReferenceUse) -> Entry:
     names = ("value", "sigma", "solved", "residual")
     numbers = _rounded((use.value, use.sigma, use.solved, use.solved - use.value), FIGURE)
+    numbers[1] = max(numbers[1], LEAST_SIGMA)
     return {"name": use.name, "unit": use.unit, **dict(zip(names, numbers, strict=True))}
 
 
@@ -200,10 +203,11 @@ def _site_map(content: object, path: str) -> SiteMap:
     entry = checked(schema.MapFile, content, path)
     try:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
+        placements = {name: _placement(placement) for name, placement in entry.placed.items()}
+        matches = tuple(_match(match) for match in entry.ties)
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
-    placements = {name: _placement(placement) for name, placement in entry.placed.items()}
-    return SiteMap(rows, entry.made_by, entry.failed, placements, tuple(_match(match) for match in entry.ties))
+    return SiteMap(rows, entry.made_by, entry.failed, placements, matches)
 
 
 def _row_map(name: str, row: schema.RowEntry) -> RowMap:
