@@ -146,10 +146,11 @@ def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
 
 
 def _reference_entry(use: ReferenceUse) -> Entry:
-    names = ("value", "sigma", "solved", "residual")
-    numbers = _rounded((use.value, use.sigma, use.solved, use.solved - use.value), FIGURE)
-    numbers[1] = max(numbers[1], LEAST_SIGMA)
-    return {"name": use.name, "unit": use.unit, **dict(zip(names, numbers, strict=True))}
+    """The residual is that of the rounded numbers, which a reader has."""
+    value, sigma, solved = _rounded((use.value, use.sigma, use.solved), FIGURE)
+    (residual,) = _rounded((solved - value,), FIGURE)
+    numbers = {"value": value, "sigma": max(sigma, LEAST_SIGMA), "solved": solved, "residual": residual}
+    return {"name": use.name, "unit": use.unit, **numbers}
 
 
 def _placement_entry(placement: Placement) -> Entry:

@@ -15,6 +15,8 @@ from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.validation import Location
 
+MOST_LETTERS = 500
+"""Of the keys of an override."""
 PREFIX = "SAVMAP__"
 KEYS = re.compile(r'(?:^|\.)(?:"(?P<quoted>[^"]+)"|(?P<plain>[^."\[\]=]+))|\[(?P<number>\d+)\]')
 
@@ -53,6 +55,7 @@ def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[
 
 
 def _from_variable(name: str, text: str) -> Override:
+    _require_short(name)
     keys = tuple(name.removeprefix(PREFIX).split("__"))
     if not all(keys):
         raise SiteError(f"{name}: put two underscores between keys, such as {PREFIX}ROWS__A__FPS")
@@ -62,11 +65,17 @@ def _from_variable(name: str, text: str) -> Override:
 def _from_option(option: str) -> Override:
     path, equals, text = option.partition("=")
     path = path.strip()
+    _require_short(f"--set {path}")
     found = list(KEYS.finditer(path))
     if not equals or not found or "".join(one.group() for one in found) != path:
         raise SiteError(f"--set {option}: give a key and its value, such as rows.A.fps=5")
     place = f"--set {path}"
     return Override(place, tuple(next(filter(None, one.groups())) for one in found), _value(place, text))
+
+
+def _require_short(place: str) -> None:
+    if len(place) > MOST_LETTERS:
+        raise SiteError(f"{place[:60]}...: the key has more than {MOST_LETTERS} letters")
 
 
 def _value(place: str, text: str) -> Any:
