@@ -1,7 +1,6 @@
 """`savmap adapt`: the site teaches its own network, without a label."""
 
 import json
-import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -14,7 +13,7 @@ from savmap.adapt.practice import OTHER_SEED, OTHERS, practice_set
 from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows
 from savmap.adapt.rounds import INTEGERS, Adaptation, played
 from savmap.errors import SiteError, StructureError, VideoError
-from savmap.files.atomic import sha256, write_text
+from savmap.files.atomic import sha256, write_bytes, write_text
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
 from savmap.maps.map_file import read_map
@@ -189,7 +188,12 @@ def _agreement(work: Adaptation, model: Path, number: int) -> dict[str, float]:
 def _copied(work: Adaptation, state: State) -> Iterator[Path]:
     """The best network's files and its map's, copied to where they are looked for."""
     for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
-        yield Path(shutil.copyfile(source, work.folder / source.name))
+        yield _copy(source, work.folder)
     for pattern in SHOWN:
         for source in sorted(state.map_file.parent.glob(pattern)):
-            yield Path(shutil.copyfile(source, work.folder / source.name))
+            yield _copy(source, work.folder)
+
+
+def _copy(source: Path, folder: Path) -> Path:
+    write_bytes(folder / source.name, source.read_bytes())
+    return folder / source.name

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-import typer
-
+from savmap.cli.speech import say
 from savmap.errors import OutputError, SavmapError
 
 INTERRUPTED = 130
@@ -21,7 +20,7 @@ def plain_endings() -> Iterator[None]:
     try:
         yield
     except SavmapError as error:
-        typer.echo(f"savmap: {error}", err=True)
+        say(f"savmap: {error}", err=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
@@ -40,11 +39,11 @@ def _no_room(error: OSError) -> NoReturn:
     where = error.filename or "standard output"
     reason = (error.strerror or str(error)).lower()
     with suppress(OSError):
-        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+        say(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.exit(OutputError.exit_code)
 
 
 def _interrupted() -> NoReturn:
-    typer.echo("savmap: interrupted", err=True)
+    say("savmap: interrupted", err=True)
     sys.exit(INTERRUPTED)

@@ -8,6 +8,7 @@ from pathlib import Path
 from savmap.assembly import assembled
 from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
+from savmap.files.texts import json_visible
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
@@ -155,7 +156,9 @@ def _write_results(
     the box plot where there is a survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
     write_log(mapped.log, job.output / "run.json")
-    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
+    write_text(
+        job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
+    )
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():

@@ -14,6 +14,7 @@ from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
 from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key
 from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
+from savmap.jobs.kept import kept_map, kept_measurements
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin import trace
@@ -132,9 +133,10 @@ class _Progress:
         if self._use_kept(group):
             return
         for name in group:
-            kept = self.cache.load(name, MEASURED, self.keys[name])
+            content = self.cache.load(name, MEASURED, self.keys[name])
+            kept = None if content is None else kept_measurements(name, content, self.job.plugins)
             if kept is not None and (not self.wants_pictures or self._strips_of(name) is not None):
-                self.measured[name] = StoredRecord(RowMeasurements, content=kept)
+                self.measured[name] = kept
             else:
                 self._measure(name)
         self._solve_if_measured(group)
@@ -219,8 +221,9 @@ class _Progress:
             self._solve(names)
 
     def _use_kept(self, names: Group) -> bool:
-        kept = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
-        maps = {name: StoredRecord(RowMap, content=content) for name, content in kept.items() if content is not None}
+        contents = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
+        kept = {name: kept_map(name, content) for name, content in contents.items() if content is not None}
+        maps = {name: record for name, record in kept.items() if record is not None}
         shown = not self.wants_pictures or all(self._can_be_shown(name, row) for name, row in maps.items())
         if len(maps) < len(names) or not shown:
             return False

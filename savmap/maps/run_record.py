@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from savmap.files.atomic import read_json, write_text
+from savmap.files.texts import json_visible
 from savmap.files.validation import checked
 
 
@@ -39,7 +40,7 @@ class RunLog(BaseModel):
 
 def write_log(log: RunLog, path: Path) -> None:
     """Write run.json, whole or not at all. Raises OutputError."""
-    write_text(path, log.model_dump_json(indent=1) + "\n")
+    write_text(path, json_visible(log.model_dump_json(indent=1)) + "\n")
 
 
 def read_log(path: Path) -> RunLog:

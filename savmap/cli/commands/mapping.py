@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from savmap.cli.commands.options import Output, Plugins, Sets, names_of
+from savmap.cli.speech import say
 from savmap.files.urls import where
 
 
@@ -57,8 +58,8 @@ def init(
     from savmap.site.template import start
 
     site, schema = start(videos or [], output, force)
-    typer.echo(f"wrote {site} and {schema}")
-    typer.echo(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
+    say(f"wrote {site} and {schema}")
+    say(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
 
 
 def check(
@@ -79,7 +80,7 @@ def check(
     problems = check_site(source, names_of(plugins), output, EchoMonitor(), overrides, pictures, trajectory)
     if problems:
         raise CheckError(source, problems)
-    typer.echo(f"{source}: no problem found")
+    say(f"{source}: no problem found")
 
 
 def demo(output: Output = Path("out/demo")) -> None:
