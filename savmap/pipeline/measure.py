@@ -9,6 +9,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
+from savmap.pipeline.footage import require_course, require_panoramas
 from savmap.pipeline.networks import further_models, with_best_network
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
@@ -16,6 +17,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import MIN_FRAMES, Pass, pass_names
 from savmap.types import Doubt, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, View, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor
+from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
 from savmap.vision.evidence import Look
@@ -46,11 +48,14 @@ class RowMeasurements:
 
 @dataclass(frozen=True, eq=False)
 class PassPlan:
-    """One pass with the views that each plugin wants of it (`plans`, by plugin)."""
+    """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on, where it is given;
+    `doubts`: what speaks against its pictures."""
 
     name: str
     clip: Clip
     plans: Mapping[str, ViewPlan]
+    side: str | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     def travel(self) -> int:
         """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
@@ -97,18 +102,20 @@ def plan_pass(
 ) -> tuple[PassPlan, PassPreview]:
     """Ask every plugin for its views of a pass. The attitude that one finds is given to those after it.
 
-    `attitude`: world_from_rig (3, 3) of the first frame, where it is known.
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no panoramas.
     """
     clip = row_pass.clip
     frames = expected_frames(clip, probe(clip.path, clip.images_fps))
-    pass_preview = PassPreview.of_frames(*preview_frames(clip), renderer=renderer, frames=frames)
+    keys, pairs = preview_frames(clip)
+    doubts = require_panoramas(clip.path, keys)
+    pass_preview = PassPreview.of_frames(keys, pairs, renderer=renderer, frames=frames)
     manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
     plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
         predict = partial(segmenters.detect, plugin)
         plans[plugin.name] = plugin.render_views(pass_preview, predict, row_pass.side, manual, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
-    return PassPlan(name, clip, plans), pass_preview
+    return PassPlan(name, clip, plans, row_pass.side, doubts), pass_preview
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
@@ -172,6 +179,7 @@ def measure_row(
         walk.markers.marks,
         walk.flow.flows,
         failures,
+        tuple(walk.doubts),
     )
     return MeasuredPasses(measurements, plans, walk.looks, plugins)
 
@@ -247,19 +255,26 @@ class RowWalk:
         self.locators: set[str] = set()
         self.notes: list[str] = []
         self.looks: dict[str, list[Look]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
+        self.doubts: list[Doubt] = []
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
-        """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
-        report, first = DecodeReport(), len(self.passes)
+        """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads. Raises StructureError where the
+        camera's way contradicts what was asked."""
+        report, watch, first = DecodeReport(), PassWatch(), len(self.passes)
         text = f"row {row}, {plan.name}: measuring"
         for panorama, views in rendered(
             plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
         ):
+            watch.update(panorama)
             self._extract(panorama, views, plan)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(
                 f"{plan.clip.path}: {len(self.passes) - first} frames in the range of {plan.name} are too few to map from"
             )
+        self.doubts += [
+            *plan.doubts,
+            *require_course(plan.name, plan.clip.path, watch.steps, plan.attitude(), plan.side),
+        ]
         self._end_pass(plan, report)
         for note in self.notes:
             monitor.note(note)
