@@ -8,6 +8,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
+from savmap.pipeline.footage import require_course
 from savmap.pipeline.networks import choices_told, with_best_networks
 from savmap.pipeline.strips import FaceStrips, NoStrips, StripCutter
 from savmap.pipeline.view_plans import PassPlan, plan_pass
@@ -110,6 +111,7 @@ def measure_row(
         walk.markers.marks,
         walk.flow.flows,
         failures,
+        tuple(walk.doubts),
     )
     return MeasuredPasses(measurements, plans, walk.looks, plugins, cutter.strips())
 
@@ -154,20 +156,26 @@ class RowWalk:
         self.locators: set[str] = set()
         self.notes: list[str] = []
         self.looks: dict[str, list[Look]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
+        self.doubts: list[Doubt] = []
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
-        report, first = DecodeReport(), len(self.passes)
+        report, watch, first = DecodeReport(), PassWatch(), len(self.passes)
         self.cutter.begin(plan, next((name for name in self.looks if plan.plans[name].views), None))
         text = f"row {row}, {plan.name}: measuring"
         for panorama, views in rendered(
             plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
         ):
+            watch.update(panorama)
             self._extract(panorama, views, plan)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(
                 f"{plan.clip.path}: {len(self.passes) - first} frames in the range of {plan.name} are too few to map from"
             )
+        self.doubts += [
+            *plan.doubts,
+            *require_course(plan.name, plan.clip.path, watch.steps, plan.attitude(), plan.side),
+        ]
         self._end_pass(plan, report)
         for note in self.notes:
             monitor.note(note)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.errors import StructureError
+from savmap.pipeline.footage import require_panoramas
 from savmap.pipeline.view_plans import PassPlan, plan_views, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -41,9 +42,10 @@ def with_best_networks(
     """The plugins with the networks that see most in a pass, the first, and the views that they want of it. The attitude that one
     finds is given to those after it (`attitude`: world_from_rig (3, 3) of the first frame, where it is known).
 
-    Raises StructureError where a plugin finds no structure with any of its networks.
+    Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are no panoramas.
     """
     preview = preview_of(row_pass.clip, renderer)
+    doubts = require_panoramas(row_pass.clip.path, preview.keys)
     chosen: list[LoadedPlugin] = []
     plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
@@ -52,7 +54,7 @@ def with_best_networks(
         )
         chosen.append(best)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
-    return chosen, PassPlan(name, row_pass.clip, plans)
+    return chosen, PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:

@@ -8,6 +8,7 @@ import numpy as np
 from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
+from savmap.pipeline.footage import with_doubts
 from savmap.pipeline.initial_poses import first_poses, initial_attitudes
 from savmap.pipeline.measure import RowMeasurements, measure_row
 from savmap.pipeline.records import (
@@ -50,7 +51,7 @@ def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After])
         try:
             results.append(item if isinstance(item, SavmapError) else step(item))
         except SavmapError as error:
-            results.append(error)
+            results.append(with_doubts(error, item.measurements.doubts) if isinstance(item, MeasuredRow) else error)
     return results
 
 

@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from savmap.pipeline.footage import require_panoramas
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
-from savmap.types import Floats, ViewPlan, ViewSpec
+from savmap.types import Doubt, Floats, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, expected_frames, preview_frames, probe
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
@@ -15,11 +16,14 @@ from savmap.vision.views import Renderer
 
 @dataclass(frozen=True, eq=False)
 class PassPlan:
-    """One pass with the views that each plugin wants of it (`plans`, by plugin)."""
+    """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on, where it is given;
+    `doubts`: what speaks against its pictures."""
 
     name: str
     clip: Clip
     plans: Mapping[str, ViewPlan]
+    side: str | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     def travel(self) -> int:
         """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
@@ -66,14 +70,15 @@ def plan_pass(
 ) -> tuple[PassPlan, PassPreview]:
     """Ask every plugin for its views of a pass. The attitude that one finds is given to those after it.
 
-    `attitude`: world_from_rig (3, 3) of the first frame, where it is known.
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no panoramas.
     """
     pass_preview = preview_of(row_pass.clip, renderer)
+    doubts = require_panoramas(row_pass.clip.path, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in plugins:
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
-    return PassPlan(name, row_pass.clip, plans), pass_preview
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, doubts), pass_preview
 
 
 def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:

@@ -2,6 +2,7 @@
 
 from collections.abc import Container
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -118,7 +119,7 @@ def test_first_attitude_is_told_to_later_plugins(monkeypatch: pytest.MonkeyPatch
         told.append(attitude)
         return ViewPlan((), turned if plugin.name == "one" else None)
 
-    monkeypatch.setattr(networks, "preview_of", lambda clip, renderer: None)
+    monkeypatch.setattr(networks, "preview_of", lambda clip, renderer: SimpleNamespace(keys=[]))
     monkeypatch.setattr(networks, "plan_views", plan_views)
     plugins = [plugin_with(), loaded_plugin("two", plugin_class(), Config())]
     chosen, plan = with_best_networks("pass 1", Pass(video=Path("a.mp4")), plugins, Renderer(), None)
