@@ -18,6 +18,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import MIN_FRAMES, Pass, pass_names
 from savmap.types import Doubt, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, RowStrips, View, ViewSpec
 from savmap.types.progress import Monitor
+from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
 from savmap.vision.evidence import Look
