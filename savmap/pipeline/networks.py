@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.pipeline.footage import require_panoramas
+from savmap.pipeline.trust.footage import require_panoramas
 from savmap.pipeline.view_plans import PassPlan, plan_views, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool

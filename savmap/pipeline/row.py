@@ -8,7 +8,6 @@ import numpy as np
 from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
-from savmap.pipeline.footage import with_doubts
 from savmap.pipeline.initial_poses import first_poses, initial_attitudes
 from savmap.pipeline.measure import RowMeasurements, measure_row
 from savmap.pipeline.records import (
@@ -21,7 +20,8 @@ from savmap.pipeline.records import (
     TrackedRow,
 )
 from savmap.pipeline.second_look import look_again
-from savmap.pipeline.verdict import judge
+from savmap.pipeline.trust.footage import with_doubts
+from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor

@@ -50,7 +50,7 @@ class Work:
     def measure(self, job: Job, row: str, *_: object, with_strips: bool = False) -> TaskResult:
         self.done.append("measured with strips" if with_strips else "measured")
         marks = MarkerTracks((), {})
-        seen = RowMeasurements(RowFacts(row, TABLE, {}, {}), {}, {}, frozenset(), (), marks)
+        seen = RowMeasurements(RowFacts(row, TABLE, {}, {}), dict.fromkeys(job.plugins, ()), {}, frozenset(), (), marks)
         strips = {row: StoredRecord(RowStrips, RowStrips({}, (Strip(0, "face", np.zeros(2, np.uint8)),)))}
         records = {row: StoredRecord(RowMeasurements, seen)}
         return TaskResult(records, seconds=1.0, plugins_failed={row: {}}, strips=strips if with_strips else {})

@@ -12,8 +12,8 @@ from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowRequest, SolvedRow
 from savmap.pipeline.row import collect, constrain, track
-from savmap.pipeline.support import Support, supports
-from savmap.pipeline.verdict import judge
+from savmap.pipeline.trust.support import Support, supports
+from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import Doubt, RowMap, SiteMap, Structure, Track, Verdict
@@ -31,6 +31,9 @@ def post(number: int) -> Structure:
     )
 
 
+LENGTH = made.KnownLength("post 0", "post 12", 4.0, 0.001, axis="x")
+
+
 class Wall(made.Wall):
     """Of which every post is a structure."""
 
@@ -42,7 +45,7 @@ class Wall(made.Wall):
 def mapped(wall: type[Wall]) -> DescribedRow:
     """The wall's row, described, with the known length between two posts as its scale."""
     plugin: LoadedPlugin = loaded_plugin("wall", wall, made.Config())
-    references = References((made.CAMERA_HEIGHT,), (made.KnownLength("post 0", "post 12", 4.0, 0.001, axis="x"),))
+    references = References((made.CAMERA_HEIGHT,), (LENGTH,), on_contradiction="leave_out")
     measured = RowMeasurements(FACTS, {"wall": []}, {}, frozenset({"wall"}), (), MarkerTracks({}, {}))
     start = made.path()
     row = LocatedRow(

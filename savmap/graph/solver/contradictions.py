@@ -43,17 +43,17 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Span:
-    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `sign`: 1 where the
+    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `way`: 1 where the
     distance shrinks as the landmark's coordinate grows."""
 
     size: float
     usual: float
     tolerance: float
-    sign: float
+    way: float
 
     def is_odd(self, moved: float = 0.0) -> bool:
         """Whether it is unusual; strictly so, were the landmark's coordinate smaller by `moved`, m."""
-        return abs(self.size + self.sign * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
+        return abs(self.size + self.way * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
 
     @property
     def is_flat(self) -> bool:
@@ -73,14 +73,14 @@ def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
         usual = float(np.median(sizes))
         tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
         at = {
-            (axis, key): (size, sign)
+            (axis, key): (size, way)
             for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
-            for key, sign in ((a, 1.0), (b, -1.0))
+            for key, way in ((a, 1.0), (b, -1.0))
         }
         for one in problem.relations:
             if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
-                size, sign = at[one.axis, one.a]
-                found[one.name] = Span(size, usual, tolerance, sign)
+                size, way = at[one.axis, one.a]
+                found[one.name] = Span(size, usual, tolerance, way)
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.graph import Solution
 from savmap.pipeline.records import DescribedRow
-from savmap.pipeline.support import Support, is_of, supports
+from savmap.pipeline.trust.support import Support, is_of, supports
 from savmap.types import Doubt, Floats, Structure, Verdict
 
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
