@@ -159,7 +159,7 @@ def _wrap(here: Any, key: Any, rng: random.Random, value: Any) -> None:
 def _nudge(here: Any, key: Any, rng: random.Random, value: Any) -> None:
     own = here[key]
     if isinstance(own, int | float) and not isinstance(own, bool):
-        here[key] = rng.choice([-own, own * 1000, own / 1000, own + 1e-9, str(own), [own], own + 1])
+        here[key] = rng.choice([-own, own * 1000, own // 7, -own - 1, str(own)[:400], [own], own + 1])
     elif isinstance(own, str):
         here[key] = rng.choice([own + "\n", own.upper(), own[:-1], own * 40, own + "\x1b[0m", "=" + own, [own]])
     else:

@@ -8,9 +8,11 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 from savmap.cli.speech import say
-from savmap.errors import OutputError, SavmapError
+from savmap.errors import OutputError, SavmapError, SiteError
 
 INTERRUPTED = 130
+NO_NAMES = {errno.ENAMETOOLONG, errno.ELOOP}
+"""What only the name of a file can have done that somebody gave."""
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 
 
@@ -25,6 +27,9 @@ def plain_endings() -> Iterator[None]:
     except KeyboardInterrupt:
         _interrupted()
     except OSError as error:
+        if error.errno in NO_NAMES:
+            say(f"savmap: {str(error.filename)[:200]}: {(error.strerror or str(error)).lower()}", err=True)
+            sys.exit(SiteError.exit_code)
         if error.errno not in NO_ROOM:
             raise
         _no_room(error)
