@@ -61,15 +61,17 @@ class StripFlow:
     flow: NDArray[np.float32]
 
 
-def strip_flow(pair: FramePair) -> StripFlow:
-    """The apparent motion in a pair's strip."""
+def strip_flow(pair: FramePair, begin: StripFlow | None = None) -> StripFlow:
+    """The apparent motion in a pair's strip, searched for from that of another pair where one is given."""
     height, _ = pair.first.shape
     rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
     first, second = (
         np.asarray(cv2.copyMakeBorder(image[rows], 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
         for image in (pair.first, pair.second)
     )
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(first, second, np.empty(0))
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(
+        first, second, np.empty(0) if begin is None else begin.flow.copy()
+    )
     return StripFlow(first, second, np.asarray(flow, np.float32))
 
 

@@ -109,8 +109,9 @@ def _breaks(course: Course) -> Iterator[Doubt]:
 
 
 def _back(course: Course) -> list[tuple[int, float]]:
-    """Runs of steps against the way of most: the first step, and how far each goes, negative degrees of what is abeam."""
-    most = -1.0 if course.swept.sum() < 0 else 1.0
+    """Runs of steps against the way of most, or of the first half where neither way is most: the first step, and how far each goes,
+    negative degrees of what is abeam."""
+    most = course.towards or int(np.sign(course.swept[: len(course.swept) // 2].sum())) or 1
     against = most * course.pace < -max(BACK_PACE * course.usual, LEAST_RATE)
     found = [(first, float(most * course.swept[first : last + 1].sum())) for first, last in _runs(against, BACK_STEPS)]
     return [(first, swept) for first, swept in found if swept < -BACK_DEG]

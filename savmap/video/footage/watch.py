@@ -14,7 +14,7 @@ from savmap.video.footage.corridor import PAD, FramePair, Motion, StripFlow, mot
 from savmap.video.footage.small import small_grey
 
 WIDTH = 256
-UNALIKE = 0.6
+UNALIKE, SAME_PLACE = 0.6, 0.35
 DETAIL_PX = 6.0
 DARKEST_SPREAD = 2.0
 
@@ -57,12 +57,13 @@ class PassWatch:
         self._motions: list[Motion] = []
         self._likeness: list[float] = []
         self._last: list[NDArray[np.uint8]] = []
+        self._strip: StripFlow | None = None
 
     def update(self, panorama: Panorama) -> None:
         """Take the next frame."""
         picture = small_grey(panorama, WIDTH)
         if self._last:
-            motion, alike = _step(self._stamps[-1], panorama.stamp_s, self._last[-1], picture)
+            motion, alike = self._step(self._stamps[-1], panorama.stamp_s, self._last[-1], picture)
             self._motions.append(motion)
             self._likeness.append(alike)
             self._pass_over_a_bad_frame(panorama.stamp_s, picture)
@@ -72,8 +73,23 @@ class PassWatch:
     def _pass_over_a_bad_frame(self, stamp_s: float, picture: NDArray[np.uint8]) -> None:
         """Where a frame is like neither of its neighbours, and these are alike, it is a smeared one, and no break."""
         if len(self._likeness) >= 2 and max(self._likeness[-2:]) < UNALIKE:
-            _, alike = _step(self._stamps[-2], stamp_s, self._last[0], picture)
-            self._likeness[-2:] = [max(alike, own) for own in self._likeness[-2:]]
+            strip = strip_flow(_pair(self._stamps[-2], stamp_s, self._last[0], picture))
+            if _likeness(strip) > SAME_PLACE:
+                self._likeness[-2:] = [UNALIKE, UNALIKE]
+
+    def _step(
+        self, first_s: float, second_s: float, first: NDArray[np.uint8], second: NDArray[np.uint8]
+    ) -> tuple[Motion, float]:
+        """Motion and likeness. Where the search for the motion went astray, it begins again from the motion before."""
+        pair = _pair(first_s, second_s, first, second)
+        strip = strip_flow(pair)
+        alike = _likeness(strip)
+        if alike < UNALIKE and self._strip is not None:
+            again = strip_flow(pair, self._strip)
+            strip, alike = max((strip, alike), (again, _likeness(again)), key=lambda tried: tried[1])
+        if alike >= UNALIKE:
+            self._strip = strip
+        return motion_of(pair, strip), alike
 
     @property
     def steps(self) -> Steps:
@@ -81,10 +97,8 @@ class PassWatch:
         return Steps(np.array(self._stamps), tuple(self._motions), np.array(self._likeness))
 
 
-def _step(first_s: float, second_s: float, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> tuple[Motion, float]:
-    pair = FramePair(first_s, max(second_s - first_s, 1e-3), first, _exposed_as(second, first))
-    strip = strip_flow(pair)
-    return motion_of(pair, strip), _likeness(strip)
+def _pair(first_s: float, second_s: float, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> FramePair:
+    return FramePair(first_s, max(second_s - first_s, 1e-3), first, _exposed_as(second, first))
 
 
 def _exposed_as(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.uint8]:
