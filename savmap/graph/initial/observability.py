@@ -73,8 +73,8 @@ def _fitted(rows: Floats, sigmas: Floats) -> Similarity:
     """By least squares, of equations (n, 6)."""
     matrix, values = rows[:, :4] / sigmas[:, None], rows[:, 4] / sigmas
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
-    covariance: Floats = np.linalg.inv(information)
-    solved: Floats = covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0]))
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    solved = np.asarray(covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0])), np.float64)
     return Similarity(float(solved[0]), solved[1:], covariance)
 
 

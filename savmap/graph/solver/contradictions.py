@@ -265,9 +265,10 @@ def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
     for name in agreed.all_names:
         use = _given(agreed, name)
         unnoticed = SURELY * float(np.hypot(agreed.rest(name)[1], use.sigma))
-        if unnoticed > UNCHECKED_SIGMA * use.sigma:
+        scale = _scales(problem) == {name} and unnoticed > SCALE_LIMIT * abs(use.value)
+        if scale or unnoticed > UNCHECKED_SIGMA * use.sigma:
             loose.append(f"{f'{unnoticed:.2f} m' if unnoticed < abs(use.value) else 'any size'} in {name}")
-            hardly |= _scales(problem) == {name} and unnoticed > SCALE_LIMIT * abs(use.value)
+        hardly |= scale
     if not loose:
         return Judgement(problem)
     line = f"nothing would notice an error of {', of '.join(loose)}; a second measured length would tell"
