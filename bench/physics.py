@@ -78,12 +78,14 @@ def given(content: Content) -> Content:
     """The row's own references, which the site's are moved into."""
     row = content["rows"][ROW]
     row["references"] = {**content.pop("references", {}), **row.get("references", {})}
-    return row["references"]
+    own: dict[str, Any] = row["references"]
+    return own
 
 
 def heights(content: Content) -> list[float]:
     """The lowest edges' heights, section by section."""
-    return content["rows"][ROW]["plugins"][PLUGIN]["lowest_beam_bottom_height_m"]["values"]
+    values: list[float] = content["rows"][ROW]["plugins"][PLUGIN]["lowest_beam_bottom_height_m"]["values"]
+    return values
 
 
 def references_only(change: Callable[[Content, Content], None]) -> Callable[[Filmed], tuple[Content, Path]]:

@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from savmap.pipeline.footage import require_course, require_panoramas
+from savmap.pipeline.trust.footage import require_course, require_panoramas
 
 import savmap
 from savmap.errors import SavmapError
