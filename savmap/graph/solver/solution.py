@@ -15,6 +15,7 @@ from savmap.graph.solver.reference_tests import (
     ReferenceTest,
     reference_tests,
     refuse_contradiction,
+    refuse_unseen,
 )
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
@@ -99,6 +100,7 @@ def build_solution(
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
+    refuse_unseen(problem, fit)
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
