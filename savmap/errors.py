@@ -96,6 +96,12 @@ class PluginsLeftOutError(SavmapError):
     exit_code = 11
 
 
+class DoubtfulError(SavmapError):
+    """The map was made and written, but a person should check what speaks against it."""
+
+    exit_code = 12
+
+
 @contextmanager
 def ending_in_one_line() -> Iterator[None]:
     """For modules that are run with `python -m`: an expected error ends the program with its line and exit code."""

@@ -1,5 +1,7 @@
 """What the commands `map` and `demo` do and print."""
 
+from collections.abc import Iterator
+
 from savmap.assembly import site_lines
 from savmap.cli.console import Console
 from savmap.cli.speech import say, say_all
@@ -12,6 +14,7 @@ from savmap.pipeline.preview import previews
 from savmap.report.evaluation import as_table
 from savmap.site.job import Job, prepare
 from savmap.site.preflight import require_ready
+from savmap.types import SiteMap
 
 
 def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluster: str | None = None) -> None:
@@ -25,9 +28,17 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
             say(f"wrote {file}")
         if run.evaluation is not None:
             say_all(as_table(run.evaluation))
-        for line in site_lines(run.site_map):
+        for line in (*site_lines(run.site_map), *verdict_lines(run.site_map)):
             say(line)
         run.raise_if_incomplete(job)
+
+
+def verdict_lines(site_map: SiteMap) -> Iterator[str]:
+    """A line for each row's verdict, and one for each doubt."""
+    for row in site_map.rows.values():
+        if row.verdict:
+            yield f"row {row.name}: {row.verdict.grade}"
+            yield from (f"  {doubt.kind}: {doubt.what}" for doubt in row.verdict.doubts)
 
 
 def preview_and_print(job: Job) -> None:

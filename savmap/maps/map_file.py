@@ -21,6 +21,7 @@ from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
     Attribute,
     CrossRowMatch,
+    Doubt,
     Floats,
     FrameTable,
     Measured,
@@ -30,6 +31,7 @@ from savmap.types import (
     SiteMap,
     Structure,
     Trajectory,
+    Verdict,
     ViewSpec,
 )
 
@@ -85,13 +87,31 @@ def map_text(site: SiteMap) -> str:
 
 
 def _row_entry(row: RowMap) -> Entry:
+    judged = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
     return {
         "trajectory": _trajectory_entries(row.frames, row.trajectory),
         "views": {name: _view_entry(spec) for name, spec in row.views.items()},
         "structures": {plugin: list(map(_structure_entry, group)) for plugin, group in row.structures.items()},
         "references": [_reference_entry(use) for use in row.references],
         "report": {name: _plain(value) for name, value in row.report.items()},
+        **judged,
     }
+
+
+def _verdict_entry(verdict: Verdict) -> Entry:
+    return {"grade": verdict.grade, "doubts": [_doubt_entry(doubt) for doubt in verdict.doubts]}
+
+
+def _doubt_entry(doubt: Doubt) -> Entry:
+    place = None if doubt.place is None else _rounded(doubt.place, COORDINATE)
+    where = {"structures": list(doubt.structures), "place_m": place, "frame": doubt.frame}
+    return {"kind": doubt.kind, "what": doubt.what, **where}
+
+
+def _verdict(entry: schema.VerdictEntry | None) -> Verdict | None:
+    if entry is None:
+        return None
+    return Verdict(tuple(Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts))
 
 
 def _quaternion(rotation: Floats) -> list[float]:
@@ -220,6 +240,7 @@ def _row_map(name: str, row: schema.RowEntry) -> RowMap:
         structures={plugin: tuple(map(_structure, group)) for plugin, group in row.structures.items()},
         references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
         report=row.report,
+        verdict=_verdict(row.verdict),
     )
 
 

@@ -109,6 +109,23 @@ class ReferenceEntry(_Part):
     residual: Number
 
 
+class DoubtEntry(_Part):
+    """What speaks against a part of a row's map, in one line, and which structures, place (m) and frame it is about."""
+
+    kind: Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals"]
+    what: str
+    structures: list[str] = []
+    place_m: Vector | None = None
+    frame: int | None = None
+
+
+class VerdictEntry(_Part):
+    """Whether a row's map may be used as it is."""
+
+    grade: Literal["trusted", "check"]
+    doubts: list[DoubtEntry]
+
+
 class RowEntry(_Part):
     """One row in its own frame: x along the aisle from the first element's outer edge, y up from the floor, z towards
     the camera, face at z = 0. Structures by plugin."""
@@ -118,6 +135,7 @@ class RowEntry(_Part):
     structures: dict[str, list[StructureEntry]]
     references: list[ReferenceEntry]
     report: dict[str, Value]
+    verdict: VerdictEntry | None = None
 
 
 class PlacementEntry(_Part):

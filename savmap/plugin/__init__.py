@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
+    from savmap.types import Doubt as Doubt
     from savmap.types import Drawing as Drawing
     from savmap.types import Expected as Expected
     from savmap.types import Feature as Feature
@@ -113,7 +114,7 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis CrossRowLandmark Detection Distances Drawing Expected Feature Floats FrameTable Ints Measured Panorama "
+        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature Floats FrameTable Ints Measured Panorama "
         "PlaneEvidence PlanePatch RowFacts Score SiteMap Structure Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",

@@ -9,6 +9,7 @@ import numpy as np
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Doubt,
     Expected,
     Feature,
     Floats,
@@ -143,6 +144,16 @@ def check_related(structures: Sequence[Structure], given: Sequence[Structure]) -
     for structure, before in zip(structures, given, strict=True):
         require(structure.id == before.id, f"structure `{structure.id}` in the place of `{before.id}`")
     check_structures(structures)
+
+
+def check_doubts(doubts: Sequence[Doubt], structures: Sequence[Structure]) -> None:
+    """Every doubt is about structures that there are."""
+    known = {structure.id for structure in structures}
+    for doubt in doubts:
+        require(
+            known.issuperset(doubt.structures),
+            f"a doubt about {sorted(set(doubt.structures) - known)}, which is not among the structures",
+        )
 
 
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:

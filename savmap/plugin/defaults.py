@@ -4,7 +4,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import CrossRowLandmark, Detection, Expected, Floats, PlaneEvidence, PlanePatch, Structure, View
+from savmap.types import (
+    CrossRowLandmark,
+    Detection,
+    Doubt,
+    Expected,
+    Floats,
+    PlaneEvidence,
+    PlanePatch,
+    Structure,
+    View,
+)
 
 if TYPE_CHECKING:
     from savmap.types import Drawing, Score
@@ -35,6 +45,12 @@ def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> l
 def relate(structures: Sequence[Structure]) -> list[Structure]:
     """They stay as they are."""
     return list(structures)
+
+
+@hookimpl(trylast=True)
+def doubt(structures: Sequence[Structure]) -> list[Doubt]:
+    """All is plausible."""
+    return []
 
 
 @hookimpl(trylast=True)

@@ -14,6 +14,7 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Doubt,
     Expected,
     Feature,
     Floats,
@@ -85,7 +86,8 @@ def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start
 @hookspec(firstresult=True)
 def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
     """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the plugin's landmarks,
-    by name. Asked of plugins that find the face. Default: none, and nothing is looked at again."""
+    by name, and asked once more with the solved ones: then the first plane is the face of the orthophoto. Asked of plugins that find
+    the face. Default: none, nothing is looked at again, and there is no orthophoto."""
 
 
 @hookspec(firstresult=True)
@@ -110,6 +112,12 @@ def describe(
 def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
     """The plugin's structures of a row again, in the same order, with attributes that say how they stand to what other plugins
     mapped there (`others`, by plugin). Default: as they are."""
+
+
+@hookspec(firstresult=True)
+def doubt(structures: Sequence[Structure]) -> list[Doubt]:
+    """Trust: what of a row's structures is implausible, such as one of them out of proportion to its likes, where something may be missing.
+    A row with a doubt is not `trusted` but to be checked by a person. Default: none."""
 
 
 @hookspec(firstresult=True)

@@ -18,6 +18,7 @@ from savmap.plugin.protocol import Plugin, class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Doubt,
     Expected,
     Feature,
     Floats,
@@ -289,6 +290,12 @@ class LoadedPlugin:
                 structures=structures,
                 others=others,
             )
+        )
+
+    def doubt(self, structures: Sequence[Structure]) -> list[Doubt]:
+        """What of the structures is implausible."""
+        return self._ask_list(
+            "doubt", Doubt, lambda doubts: checks.check_doubts(doubts, structures), structures=structures
         )
 
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

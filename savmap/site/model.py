@@ -129,6 +129,8 @@ class Site(Strict):
     """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
     plugin_timeout_s: Annotated[float, Field(gt=0)] = 600.0
     """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
+    orthophotos: bool = True
+    """Whether a picture of each row's face, without perspective, is made of all frames."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None

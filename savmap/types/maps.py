@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from savmap.types.common import Attribute, Axis, Floats, Ints, array_record, require
+from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
+from savmap.types.verdicts import Verdict
 
 if TYPE_CHECKING:
     import pandas
@@ -74,7 +76,8 @@ class ReferenceUse:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMap:
-    """The map of one row: frames, views by name, trajectory, structures by plugin, references, and figures for the report."""
+    """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
+    metres, that is the row's face where a plugin says so (which map files do not hold), and the verdict (None: nobody judged)."""
 
     name: str
     frames: FrameTable
@@ -83,6 +86,8 @@ class RowMap:
     structures: Mapping[str, tuple[Structure, ...]]
     references: tuple[ReferenceUse, ...]
     report: Mapping[str, float | int | str] = field(default_factory=dict)
+    face: PlanePatch | None = None
+    verdict: Verdict | None = None
 
 
 @dataclass(frozen=True, eq=False)

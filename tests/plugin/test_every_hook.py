@@ -21,6 +21,7 @@ from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Doubt,
     Drawing,
     Expected,
     Feature,
@@ -120,6 +121,15 @@ def ask_relate() -> dict[str, Any]:
     return given
 
 
+def ask_doubt() -> dict[str, Any]:
+    doubt = Doubt("shape", "thing 1 is 3 m high beside others of 1 m", ("thing 1",))
+    plugin, given = asked("doubt", [doubt])
+    assert plugin.doubt([THING]) == [doubt]
+    with pytest.raises(PluginFailedError, match="thing 2"):
+        asked("doubt", [replace(doubt, structures=("thing 2",))])[0].doubt([THING])
+    return given
+
+
 def ask_cross_row_landmarks() -> dict[str, Any]:
     thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
     plugin, given = asked("cross_row_landmarks", [thing])
@@ -182,6 +192,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "constrain": ask_constrain,
     "describe": ask_describe,
     "relate": ask_relate,
+    "doubt": ask_doubt,
     "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
     "draw": ask_draw,

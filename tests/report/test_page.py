@@ -14,7 +14,7 @@ from parsed_page import Element, parsed
 
 from savmap.errors import OutputError, visible
 from savmap.report.page import Report, page_text, write_page
-from savmap.types import Placement, SiteMap
+from savmap.types import Doubt, Placement, SiteMap, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +71,22 @@ def test_every_row_has_its_section_and_those_that_failed_come_first(page: Elemen
         "Row A2: face view",
         "Row A2: plan",
     ]
+
+
+def test_doubts_are_told_with_their_row() -> None:
+    trusted, doubtful = row("A1"), row("A2")
+    doubts = (Doubt("shape", "section 1 / bar 1 is <odd>", ("section 1 / bar 1",)), Doubt("motion", "the camera turns"))
+    rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(doubtful, verdict=Verdict(doubts))}
+    page = parsed(page_text(Report(SiteMap(rows, {}), {name: drawings(own) for name, own in rows.items()})))
+    first, second = page.all("article")
+    assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
+    assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
+    assert [own.text for own in second.one("ul", "doubts").all("li")] == [
+        "shape section 1 / bar 1 is <odd>",
+        "motion the camera turns",
+    ]
+    assert second.one("p", "remark").text == "to be checked: 2 doubts"
+    assert "1 / 1" in page.one("dl", "tiles").text
 
 
 def test_numbers_agree_with_the_map(page: Element) -> None:

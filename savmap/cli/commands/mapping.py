@@ -33,6 +33,9 @@ def map_(
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
+    no_orthophotos: Annotated[
+        bool, typer.Option("--no-orthophotos", help="Make no pictures of the rows' faces out of the frames.")
+    ] = False,
     sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
@@ -41,7 +44,7 @@ def map_(
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
-    overrides = overrides_of(sets or [], os.environ)
+    overrides = overrides_of([*(sets or []), *(["orthophotos=false"] if no_orthophotos else [])], os.environ)
     job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
     preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 

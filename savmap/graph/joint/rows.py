@@ -23,9 +23,10 @@ from savmap.graph.joint.shared_measurements import Moments, equal_camera_heights
 from savmap.graph.keys import centre_key, frame_key, rekey, row_of
 from savmap.graph.problem import Problem
 from savmap.graph.solver.elimination import KeyPosition, aisle_positions, hub_keys, ordering_of
+from savmap.graph.solver.halves import half_differences
+from savmap.graph.solver.levenberg_marquardt import LevenbergMarquardt
 from savmap.graph.solver.optimise import (
     Iterate,
-    LevenbergMarquardt,
     SolveOptions,
     bias_unknowns,
     converged,
@@ -54,7 +55,8 @@ def solve_rows(
     iterates = {row: result for row, result in enumerate(alone) if isinstance(result, Iterate)}
     number: dict[Hashable, int] = {}
     pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in iterates]
-    solutions = iter(_solutions(list(iterates.values()), pictures, site_wide))
+    solved = _solutions(list(iterates.values()), pictures, site_wide)
+    solutions = iter([_with_halves(*pair) for pair in zip(solved, iterates.values(), strict=True)])
     return [result if isinstance(result, SolveError) else next(solutions) for result in alone]
 
 
@@ -70,6 +72,15 @@ def _solutions(
             apart = (f"mapped without the other rows of this drive, for together they make no sense: {error}",)
     notes = [replace(iterate, notes=(*iterate.notes, *apart)) for iterate in iterates]
     return [_attempt(solution_of, iterate) for iterate in notes]
+
+
+def _with_halves(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
+    """A row's solution with how its landmarks repeat in either half of the frames, at the optimum that the row has alone."""
+    if isinstance(result, SolveError):
+        return result
+    huber = HUBER / float(np.sqrt(iterate.persistence.solved))
+    halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, huber)
+    return replace(result, halves=halves)
 
 
 def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:

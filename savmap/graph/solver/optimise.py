@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
@@ -18,6 +17,7 @@ from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.reference_tests import tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
@@ -26,7 +26,6 @@ from savmap.types import Floats, Trajectory
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
-ROUGH, FINE = 1e-4, 1e-6
 OUTLIER_COST, CLEARLY = 12.5, 12.5
 
 
@@ -193,29 +192,6 @@ def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
     joint = _covariance(iterate, huber, ())
     near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
     return np.zeros(len(iterate.bias)) if near.all() else joint.step
-
-
-@dataclass(frozen=True)
-class LevenbergMarquardt:
-    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more than a
-    share of it, `change`."""
-
-    row: str
-    ordering: gtsam.Ordering
-    iterations: int = 50
-    change: float = FINE
-
-    def minimum(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
-        """The minimum near some values. Raises SolveError if the graph cannot be solved."""
-        settings = gtsam.LevenbergMarquardtParams()
-        settings.setMaxIterations(self.iterations)
-        settings.setRelativeErrorTol(self.change)
-        settings.setOrdering(self.ordering)
-        try:
-            return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
-        except Exception as error:  # GTSAM's own are RuntimeErrors; a plugin's factor may raise any
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-            raise SolveError(f"{self.row}: the graph cannot be solved ({reason})") from error
 
 
 def _covariance(iterate: Iterate, huber: float | None, only: Collection[int] | None = None) -> Covariance:

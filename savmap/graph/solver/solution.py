@@ -10,6 +10,7 @@ from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.reference_tests import (
     ReferenceTest,
     reference_tests,
@@ -17,7 +18,7 @@ from savmap.graph.solver.reference_tests import (
     refuse_unseen,
 )
 from savmap.graph.solver.residuals import Fit
-from savmap.types import Floats, Ints, ReferenceUse, Trajectory
+from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA = 3.0
 VAGUE_SCALE = 0.015
@@ -51,7 +52,8 @@ class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
-    variables by key (see `Constraints`); `variable_covariance` has their covariances."""
+    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `halves`: how the
+    landmarks differ between odd and even frames."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -63,6 +65,8 @@ class Solution:
     covariance: Covariance
     deviations: Mapping[str, float]
     variables: Mapping[int, Variable] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()
+    halves: tuple[HalfDifference, ...] = ()
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
         """Landmarks of a plugin by name; none of one that has none."""

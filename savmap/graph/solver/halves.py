@@ -1,0 +1,61 @@
+"""Repeatability: the landmarks by the odd and by the even frames alone.
+
+The halves share references, first attitudes and the choice of measurements, but no picture: where they differ by more than their
+uncertainty, measurements of one thing were taken for another's, or the uncertainty is wrong.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.graph.factors.problem_factors import estimate_of, values_of, whole_graph
+from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.levenberg_marquardt import ROUGH, LevenbergMarquardt
+from savmap.types import Bools, Floats, Ints
+
+LEAST_FRAMES, LEAST_SEEN = 12, 4
+
+
+@dataclass(frozen=True, eq=False)
+class HalfDifference:
+    """A landmark's position by the odd frames less that by the even ones (3,), m."""
+
+    plugin: str
+    name: str
+    difference: Floats
+
+
+def half_differences(
+    problem: Problem, estimate: Estimate, kept: Bools, inflation: float, huber: float
+) -> tuple[HalfDifference, ...]:
+    """Of the landmarks that were seen in `LEAST_SEEN` frames of either half; none where there are few frames or the camera's path is given.
+
+    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` times as large as given. Raises
+    SolveError where a half cannot be solved.
+    """
+    if problem.camera.fixed is not None or len(problem.used) < LEAST_FRAMES:
+        return ()
+    odd = np.isin(problem.measurements.frames, problem.used[1::2])
+    halves = [kept & odd, kept & ~odd]
+    points = [_points(problem, estimate, half, inflation, huber) for half in halves]
+    often = np.logical_and(*(_frames_seen(problem, half) >= LEAST_SEEN for half in halves))
+    return tuple(
+        HalfDifference(*problem.name_of(int(problem.keys[index])), points[0][index] - points[1][index])
+        for index in np.flatnonzero(often)
+    )
+
+
+def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: float, huber: float) -> Floats:
+    """The landmarks (m, 3) by some of the measurements. Frames without any stay near their neighbours."""
+    graph = whole_graph(problem, estimate, problem.measurements.take(chosen), inflation, huber)
+    row = f"row {problem.camera.facts.name}"
+    solver = LevenbergMarquardt(row, aisle_ordering(problem, estimate), change=ROUGH)
+    values = solver.minimum(graph, values_of(problem, estimate))
+    return estimate_of(problem, values, estimate).points
+
+
+def _frames_seen(problem: Problem, chosen: Bools) -> Ints:
+    """In how many frames (m,) each landmark was measured."""
+    pairs = np.unique(np.stack([problem.at_key[chosen], problem.at_frame[chosen]]), axis=1)
+    return np.bincount(pairs[0], minlength=len(problem.keys))
