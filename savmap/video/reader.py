@@ -15,7 +15,16 @@ from savmap.video.container import exact_key_times, probe_file
 from savmap.video.decode import decode_at, decode_file
 from savmap.video.image_folder import probe_folder, read_at, read_folder
 
-__all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "preview_frames", "probe"]
+__all__ = [
+    "Clip",
+    "DecodeReport",
+    "VideoInfo",
+    "check_camera",
+    "expected_frames",
+    "panoramas",
+    "preview_frames",
+    "probe",
+]
 
 TICK_TOLERANCE = 0.2
 
@@ -31,6 +40,12 @@ def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
     if path.stat().st_size == 0:
         raise VideoError(f"{path}: the file is empty")
     return probe_file(path)
+
+
+def check_camera(info: VideoInfo) -> None:
+    """Raise VideoError where a video file says of itself, beside its first frame, that it holds no upright panoramas."""
+    if info.codec != "images":
+        next(decode_at(info, [0.0]), None)
 
 
 def expected_frames(clip: Clip, info: VideoInfo) -> int:
