@@ -31,7 +31,7 @@ from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.geometry import pinhole
 from savmap.geometry.sphere import panorama_pixels_from_rays, rays_from_panorama_pixels
-from savmap.pipeline.footage import require_course, require_panoramas
+from savmap.pipeline.trust.footage import require_course, require_panoramas
 from savmap.site.load import load_site
 from savmap.types import Doubt, Floats, Structure
 from savmap.video.footage.watch import PassWatch, Steps
