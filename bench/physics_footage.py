@@ -197,7 +197,7 @@ CASES = (
     Case(
         "upside down",
         of(turned(0, 0, 180)),
-        "upside down|no building|no structure|tilted|contradict",
+        "upside down|no building|no structure|tilted|contradict|sections were found",
         True,
         new_way=True,
     ),
@@ -359,7 +359,10 @@ def judged(case: Case, result: Mapping[str, Any]) -> str:
             return "SILENTLY WRONG"
         return "ok" if not case.words or case.either else "ok (right all the same)"
     if not case.words:
-        return "false alarm"
+        footage = result["ending"] == "refused" or any(
+            re.match("camera|motion", reason) for reason in result["reasons"]
+        )
+        return "false alarm" if footage else "doubted by others"
     return "ok" if re.search(case.words, " ".join(result["reasons"])) else "other reason"
 
 
