@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError, VideoError
-from savmap.pipeline.footage import require_course, require_panoramas, with_doubts
+from savmap.pipeline.trust.footage import require_course, require_panoramas, with_doubts
 from savmap.types import Doubt, Panorama
 
 from ..video.test_camera_kind import corridor, vr180
