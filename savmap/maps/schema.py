@@ -66,6 +66,18 @@ class MeasuredEntry(_Part):
     sigma: float = Field(ge=0, le=LARGEST)
 
 
+class SolidEntry(_Part):
+    """The space that a structure fills: a flat outline, corners in order, pushed along `depth_m`. `assumed`: the depth was neither
+    measured nor given."""
+
+    outline_m: Annotated[list[Vector], Field(min_length=3, max_length=1000)]
+    depth_m: Vector
+    assumed: bool
+    ifc_class: Annotated[
+        str, Field(pattern="^Ifc[A-Za-z0-9]+$", max_length=80, description="its class in building models")
+    ]
+
+
 class StructureEntry(_Part):
     """One mapped structure. Edges join vertices by their number in `vertices`, from 0."""
 
@@ -74,6 +86,7 @@ class StructureEntry(_Part):
     vertices: list[VertexEntry]
     edges: list[tuple[int, int]]
     attributes: dict[str, Value | MeasuredEntry]
+    solid: SolidEntry | None = None
 
 
 class FrameEntry(_Part):
@@ -159,6 +172,19 @@ class MatchEntry(_Part):
     sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
 
 
+class AlignmentEntry(_Part):
+    """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from the world's x axis."""
+
+    x_m: Metres
+    y_m: Metres
+    z_m: Metres = 0.0
+    heading_deg: Degrees
+    covariance: UpperTriangle
+    anchor_lat_lon_deg: (
+        tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None
+    ) = None
+
+
 class MapFile(_Part):
     """A savmap map: metres and seconds."""
 
@@ -170,6 +196,7 @@ class MapFile(_Part):
     failed: dict[str, str] = Field(default={}, description="rows that could not be mapped, and why")
     placed: dict[str, PlacementEntry] = Field(default={}, description="placements of rows in the site's frame")
     ties: list[MatchEntry] = Field(default=[], description="what neighbouring rows have in common")
+    aligned: AlignmentEntry | None = Field(default=None, description="where the site stands in the user's world")
 
 
 def schema_text() -> str:

@@ -15,6 +15,7 @@ from savmap.errors import OutputError
 from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
 from savmap.types import (
+    Alignment,
     CrossRowMatch,
     FrameTable,
     Measured,
@@ -22,6 +23,7 @@ from savmap.types import (
     ReferenceUse,
     RowMap,
     SiteMap,
+    Solid,
     Structure,
     Trajectory,
     ViewSpec,
@@ -41,6 +43,7 @@ def site() -> SiteMap:
         vertex_labels=("lower left", "lower right", "upper right", "[ 1 ]"),
         edges=np.array([[0, 1], [1, 2], [2, 3]]),
         attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25), "height_m": Measured(1.2345, 0.002)},
+        solid=Solid(rng.normal(size=(4, 3)), np.array([0.0, 0.0, -0.5]), assumed=True, ifc_class="IfcBeam"),
     )
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3, :3] = Rotation.random(3, rng=rng).as_matrix()
@@ -58,8 +61,9 @@ def site() -> SiteMap:
     lamp = CrossRowMatch(
         "A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan])
     )
+    aligned = Alignment(100.25, -3.5, 12.5, np.diag([1e-4, 4e-4, 0.01]), 0.125, (48.137, 11.575))
     return SiteMap(
-        {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,)
+        {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,), aligned
     )
 
 
@@ -83,6 +87,12 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.edges, mapped.edges)
     np.testing.assert_allclose(read.vertices, mapped.vertices, atol=5.001e-6)
     np.testing.assert_allclose(read.covariances, mapped.covariances, rtol=1e-5)
+    assert read.solid is not None
+    assert mapped.solid is not None
+    np.testing.assert_allclose(read.solid.outline, mapped.solid.outline, atol=5.001e-6)
+    assert (read.solid.depth.tolist(), read.solid.assumed, read.solid.ifc_class) == ([0, 0, -0.5], True, "IfcBeam")
+    assert found.alignment is not None
+    assert (found.alignment.x_m, found.alignment.z_m, found.alignment.anchor) == (100.25, 0.125, (48.137, 11.575))
     assert found.failed == made.failed
     np.testing.assert_allclose(found.placements["A"].site_from_row, made.placements["A"].site_from_row, atol=1e-6)
     np.testing.assert_allclose(found.matches[0].residual_m, made.matches[0].residual_m)

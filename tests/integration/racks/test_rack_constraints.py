@@ -98,5 +98,12 @@ def test_structures(small: made.World) -> None:
 def test_a_corner_that_was_never_seen_is_where_its_lines_meet(small: made.World) -> None:
     tracks = [track for track in small.tracks if track.name != "section 2 / beam 2 / upper right"]
     solution = made.solved(replace(small, tracks=tracks))
-    beam = next(s for s in describe(tracks, solution) if s.id == "section 2 / beam 2")
+    structures = {structure.id: structure for structure in describe(tracks, solution, depth_m=0.9)}
+    beam = structures["section 2 / beam 2"]
+    frame = structures["upright 1"].solid
+    assert beam.solid is not None
+    assert frame is not None
+    assert (frame.depth.tolist(), frame.assumed, beam.solid.assumed) == ([0, 0, -0.9], False, True)
+    across = np.diff(frame.outline[[0, 1, 2, 3, 0]], axis=0)
+    assert (np.abs(across[:, :2]).min(axis=1) < 1e-6).all(), "the outline's corners are in order"
     assert beam.vertices[3] == pytest.approx([small.rack.uprights[2, 0], small.rack.beams[1][1, 1], 0], abs=0.02)
