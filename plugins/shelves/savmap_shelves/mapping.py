@@ -26,7 +26,8 @@ def describe(
     """Uprights, then beams, from left to right and from the bottom up.
 
     An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured. As a solid it is its
-    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual).
+    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual). The attribute `clear_right_m` is from
+    an upright's right edge to the next upright, `clear_above_m` from a beam's upper edge to the next beam above it.
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
@@ -51,12 +52,18 @@ def _uprights(
         left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
         heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, grid, landmarks), TOP_SIGMA_M))
         ends = [_at_height(landmarks[name], y, sigma) for y, sigma in heights for name in (left, right)]
-        attributes = {
-            "upright": upright,
-            "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
-            "width_sigma_m": solution.difference_sigma(plugin, left, right, 0),
-        }
+        attributes = {"upright": upright, **_size("width", left, right, 0, solution, plugin)}
+        if (upright + 1, "left") in grid.columns:
+            following = grid.columns[upright + 1, "left"][0]
+            attributes |= _size("clear_right", right, following, 0, solution, plugin)
         yield _structure(f"upright {upright}", "upright", UPRIGHT_CORNERS, ends, attributes)
+
+
+def _size(name: str, first: str, second: str, axis: int, solution: Solution, plugin: str) -> dict[str, float]:
+    """How far the second landmark is from the first along an axis, and the standard deviation of that, as attributes, m."""
+    landmarks = solution.landmarks_of(plugin)
+    length = float(landmarks[second].position[axis] - landmarks[first].position[axis])
+    return {f"{name}_m": length, f"{name}_sigma_m": solution.difference_sigma(plugin, first, second, axis)}
 
 
 def _structure(
@@ -92,12 +99,10 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             continue
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
         lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
-        attributes = {
-            "section": section,
-            "beam": beam,
-            "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
-            "height_sigma_m": solution.difference_sigma(plugin, lower, upper, 1),
-        }
+        attributes = {"section": section, "beam": beam, **_size("height", lower, upper, 1, solution, plugin)}
+        if (section, beam + 1, "lower") in grid.rows:
+            above = grid.rows[section, beam + 1, "lower"][0]
+            attributes |= _size("clear_above", upper, above, 1, solution, plugin)
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 
@@ -165,15 +170,16 @@ def sections_of(structures: Sequence[Structure]) -> list[MappedSection]:
     grouped: dict[int, list[Structure]] = {}
     for beam in structures:
         if beam.label == "beam":
-            grouped.setdefault(_section_of(beam), []).append(beam)
+            grouped.setdefault(number_of(beam, "section"), []).append(beam)
     sections = [MappedSection(_extent(beams), _elements(beams, 1, ("lower", "upper"))) for beams in grouped.values()]
     return sorted(sections, key=lambda section: float(section.extent.mean()))
 
 
-def _section_of(beam: Structure) -> int:
-    number = beam.attributes.get("section")
+def number_of(structure: Structure, attribute: str) -> int:
+    """A structure's number, such as its section's. Raises OutputError where it has none."""
+    number = structure.attributes.get(attribute)
     if not isinstance(number, int | np.integer):
-        raise OutputError(f"map: {beam.id}: attribute 'section' should be a whole number, not {number!r}")
+        raise OutputError(f"map: {structure.id}: attribute '{attribute}' should be a whole number, not {number!r}")
     return int(number)
 
 
@@ -185,11 +191,12 @@ def _elements(structures: list[Structure], axis: int, sides: tuple[str, str]) ->
 
 def _span(structure: Structure, axis: int, sides: tuple[str, str]) -> tuple[float, float]:
     """Mean coordinate of the vertices on either side, smaller first."""
-    first, second = sorted(_mean(structure, axis, side) for side in sides)
+    first, second = sorted(mean_of(structure, axis, side) for side in sides)
     return first, second
 
 
-def _mean(structure: Structure, axis: int, side: str) -> float:
+def mean_of(structure: Structure, axis: int, side: str) -> float:
+    """Mean coordinate of the vertices on a side, "left" or "upper". Raises OutputError where there are none."""
     chosen = [side in label.split() for label in structure.vertex_labels]
     if not any(chosen):
         raise OutputError(f"map: {structure.id}: no vertex is labelled {side!r}")
