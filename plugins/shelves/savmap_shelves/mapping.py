@@ -26,8 +26,7 @@ def describe(
     """Uprights, then beams, from left to right and from the bottom up.
 
     An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured. As a solid it is its
-    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual). The attribute `clear_right_m` is from
-    an upright's right edge to the next upright, `clear_above_m` from a beam's upper edge to the next beam above it.
+    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual).
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
@@ -52,18 +51,12 @@ def _uprights(
         left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
         heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, grid, landmarks), TOP_SIGMA_M))
         ends = [_at_height(landmarks[name], y, sigma) for y, sigma in heights for name in (left, right)]
-        attributes = {"upright": upright, **_size("width", left, right, 0, solution, plugin)}
-        if (upright + 1, "left") in grid.columns:
-            following = grid.columns[upright + 1, "left"][0]
-            attributes |= _size("clear_right", right, following, 0, solution, plugin)
+        attributes = {
+            "upright": upright,
+            "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
+            "width_sigma_m": solution.difference_sigma(plugin, left, right, 0),
+        }
         yield _structure(f"upright {upright}", "upright", UPRIGHT_CORNERS, ends, attributes)
-
-
-def _size(name: str, first: str, second: str, axis: int, solution: Solution, plugin: str) -> dict[str, float]:
-    """How far the second landmark is from the first along an axis, and the standard deviation of that, as attributes, m."""
-    landmarks = solution.landmarks_of(plugin)
-    length = float(landmarks[second].position[axis] - landmarks[first].position[axis])
-    return {f"{name}_m": length, f"{name}_sigma_m": solution.difference_sigma(plugin, first, second, axis)}
 
 
 def _structure(
@@ -99,10 +92,12 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             continue
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
         lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
-        attributes = {"section": section, "beam": beam, **_size("height", lower, upper, 1, solution, plugin)}
-        if (section, beam + 1, "lower") in grid.rows:
-            above = grid.rows[section, beam + 1, "lower"][0]
-            attributes |= _size("clear_above", upper, above, 1, solution, plugin)
+        attributes = {
+            "section": section,
+            "beam": beam,
+            "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
+            "height_sigma_m": solution.difference_sigma(plugin, lower, upper, 1),
+        }
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 

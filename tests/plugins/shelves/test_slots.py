@@ -12,7 +12,7 @@ from perfect_maps import structures_of, surveyed_row
 
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import world_from_row
-from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Solid, Structure, Trajectory
+from savmap.types import Alignment, FrameTable, JointCovariance, Placement, RowMap, SiteMap, Solid, Structure, Trajectory
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_json
 from savmap_shelves.report.slots import slots_of
 
@@ -59,12 +59,17 @@ def test_each_opening_has_its_sizes_and_sigmas() -> None:
     assert slots[6].centre[2] == pytest.approx(5.6)
 
 
-def test_the_sigma_of_the_solve_wins() -> None:
-    parts = structures_of(surveyed_row())
-    parts[0] = replace(parts[0], attributes={**parts[0].attributes, "clear_right_m": 3.6, "clear_right_sigma_m": 0.002})
-    slots = slots_of(SiteMap({"A": row(structures=parts)}, {}), "shelves")
+def test_what_two_edges_share_is_not_in_their_distance() -> None:
+    part = row()
+    uprights = part.structures["shelves"][:2]
+    numbers = {one.id: np.full((4, 3), -1) for one in uprights}
+    numbers["upright 1"][:, 0], numbers["upright 2"][:, 0] = 0, 1
+    joint = JointCovariance({"shelves": numbers}, 1e-4 * np.array([[1.0, 0.9], [0.9, 1.0]]))
+    slots = slots_of(SiteMap({"A": replace(part, joint=joint)}, {}), "shelves")
     assert slots[0].clear_width is not None
-    assert slots[0].clear_width.sigma == 0.002
+    assert slots[0].clear_width.sigma == pytest.approx(0.01 * np.sqrt(0.2))
+    assert slots[7].clear_width is not None
+    assert slots[7].clear_width.sigma == pytest.approx(0.01 * np.sqrt(2))
 
 
 def test_an_upright_that_is_missing_leaves_the_width_open() -> None:

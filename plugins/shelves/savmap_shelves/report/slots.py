@@ -1,13 +1,13 @@
 """The openings of racks: where goods stand, how wide and high each is, and how surely that is known."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.maps.exports.frames import in_site, in_world
-from savmap.types import Floats, Measured, RowMap, SiteMap, Structure, array_record
+from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
 FRAMES = ("world", "row")
@@ -60,11 +60,11 @@ def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
 
 def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     """The row's slots in the world's frame; in the row's own if there are other rows and it has no place among them."""
-    bays = bays_of(row.structures.get(plugin, ()))
+    bays = bays_of(row, plugin)
     signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
     placement = site.placements.get(row.name)
     known = placement is not None or len(site.rows) == 1
-    slots = [slot for bay in bays for slot in _slots_of_bay(row.name, bay, signs)]
+    slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs)]
     if not slots:
         return []
     centres = np.array([slot.centre for slot in slots])
@@ -78,22 +78,30 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     ]
 
 
-def bays_of(structures: Sequence[Structure]) -> list[Bay]:
+def bays_of(row: RowMap, plugin: str) -> list[Bay]:
     """The sections that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
+    structures = row.structures.get(plugin, ())
     uprights = {number_of(part, "upright"): part for part in structures if part.label == "upright"}
     grouped: dict[int, list[Structure]] = {}
     for part in structures:
         if part.label == "beam":
             grouped.setdefault(number_of(part, "section"), []).append(part)
+    sides = {number: (uprights.get(number), uprights.get(number + 1)) for number in grouped}
     return [
-        _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), uprights)
+        _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), *sides[number], row.joint, plugin)
         for number, beams in sorted(grouped.items())
     ]
 
 
-def _bay(number: int, beams: Sequence[Structure], uprights: Mapping[int, Structure]) -> Bay:
-    """An upright that was not mapped is where the beams end."""
-    left, right = uprights.get(number), uprights.get(number + 1)
+def _bay(
+    number: int,
+    beams: Sequence[Structure],
+    left: Structure | None,
+    right: Structure | None,
+    joint: JointCovariance | None,
+    plugin: str,
+) -> Bay:
+    """A bay between uprights, if both were mapped; where one was not, the bay ends with its beams."""
     beside = [upright for upright in (left, right) if upright is not None]
     extent = (
         edge(left, 0, "right") if left else edge(beams[0], 0, "left"),
@@ -104,7 +112,7 @@ def _bay(number: int, beams: Sequence[Structure], uprights: Mapping[int, Structu
     return Bay(
         number,
         extent,
-        _size(left, "clear_right", *extent) if left and right else None,
+        gap(joint, plugin, (left, "right"), (right, "left"), 0) if left and right else None,
         USUAL_RACK_DEPTH_M if solid is None else float(np.linalg.norm(solid.depth)),
         solid is None or solid.assumed,
         face,
@@ -121,27 +129,38 @@ def edge(structure: Structure, axis: int, side: str = "") -> Measured:
     return Measured(value, float(np.sqrt(max(variance, 0.0))))
 
 
-def _size(structure: Structure, name: str, first: Measured, second: Measured) -> Measured:
-    """From one edge to another. The standard deviation is the one that the solve gave the distance; of a map without it, that of two
-    edges whose errors are independent."""
-    sigma = structure.attributes.get(f"{name}_sigma_m")
-    apart = float(np.hypot(first.sigma, second.sigma))
-    return Measured(second.value - first.value, float(sigma) if isinstance(sigma, int | float) else apart)
+def gap(
+    joint: JointCovariance | None, plugin: str, first: tuple[Structure, str], second: tuple[Structure, str], axis: int
+) -> Measured:
+    """From an edge, a structure and a side of it, to another one along an axis, m. The standard deviation leaves out what both share; of a map
+    that does not know that, it is that of two edges whose errors are independent."""
+    start, end = edge(first[0], axis, first[1]), edge(second[0], axis, second[1])
+    if joint is None:
+        return Measured(end.value - start.value, float(np.hypot(start.sigma, end.sigma)))
+    ends = [(plugin, structure, _vertex_on(structure, side)) for structure, side in (first, second)]
+    variance = joint.of_difference(ends[0], ends[1])[axis, axis]
+    return Measured(end.value - start.value, float(np.sqrt(max(variance, 0.0))))
 
 
-def _slots_of_bay(row: str, bay: Bay, signs: Sequence[Structure]) -> Iterator[Slot]:
+def _vertex_on(structure: Structure, side: str) -> int:
+    return next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
+
+
+def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]) -> Iterator[Slot]:
     """The openings of a bay from the floor up, in the row's frame."""
     here = sorted((part for part in signs if part.attributes["bay"] == f"section {bay.number}"), key=_middle_x)
     at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
     for level, (below, above) in enumerate(pairwise((None, *bay.beams, None))):
         floor = Measured(0.0, 0.0) if below is None else edge(below, 1, "upper")
         roof = None if above is None else edge(above, 1, "lower")
-        height = None if roof is None else roof if below is None else _size(below, "clear_above", floor, roof)
+        height = roof
+        if above is not None and below is not None:
+            height = gap(row.joint, plugin, (below, "upper"), (above, "lower"), 1)
         centre, covariance = _centre(bay, floor, roof or floor)
         texts = tuple(_text(part) for part in here if _between_uprights(part, bay) and _level(part, bay) == level)
         depth = bay.depth_m, bay.depth_assumed
         yield Slot(
-            row, "row", bay.number, level, texts, at_bay, centre, covariance, bay.clear_width, height, floor, *depth
+            row.name, "row", bay.number, level, texts, at_bay, centre, covariance, bay.clear_width, height, floor, *depth
         )
 
 
