@@ -12,7 +12,17 @@ from perfect_maps import structures_of, surveyed_row
 
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import world_from_row
-from savmap.types import Alignment, FrameTable, JointCovariance, Placement, RowMap, SiteMap, Solid, Structure, Trajectory
+from savmap.types import (
+    Alignment,
+    FrameTable,
+    JointCovariance,
+    Placement,
+    RowMap,
+    SiteMap,
+    Solid,
+    Structure,
+    Trajectory,
+)
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_json
 from savmap_shelves.report.slots import slots_of
 

@@ -160,7 +160,18 @@ def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]
         texts = tuple(_text(part) for part in here if _between_uprights(part, bay) and _level(part, bay) == level)
         depth = bay.depth_m, bay.depth_assumed
         yield Slot(
-            row.name, "row", bay.number, level, texts, at_bay, centre, covariance, bay.clear_width, height, floor, *depth
+            row.name,
+            "row",
+            bay.number,
+            level,
+            texts,
+            at_bay,
+            centre,
+            covariance,
+            bay.clear_width,
+            height,
+            floor,
+            *depth,
         )
 
 
