@@ -17,6 +17,12 @@ Exporter = Callable[[SiteMap, Path], None]
 FORMATS = {
     "csv": "plain:write_csv",
     "ply": "plain:write_ply",
+    "nav2": "plans.nav2:write_nav2",
+    "lif": "plans.lif:write_lif",
+    "vda5050-zones": "plans.vda5050:write_zone_set",
+    "open-rmf": "plans.open_rmf:write_building",
+    "geojson": "plans.geojson:write_geojson",
+    "imdf": "plans.imdf:write_imdf",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
