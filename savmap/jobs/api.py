@@ -96,7 +96,7 @@ def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None
 
 
 def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format: "csv", "ply", or a format of an installed plugin; default: by the path's ending.
+    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: by the path's ending.
 
     Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
     """

@@ -44,7 +44,7 @@ def report(
 
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:

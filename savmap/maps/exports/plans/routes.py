@@ -20,7 +20,7 @@ LEAST_M = 1.0
 GAP_M = 2.0
 """A path whose next place is further away is interrupted."""
 STEP_M = 0.25
-STRAIGHT_M = 0.03
+STRAIGHT_M = 0.1
 """How far a path may be from the straight lines between its nodes."""
 SPACING_M = 3.0
 """The longest way from node to node: about a section."""
@@ -89,7 +89,7 @@ class _Paths:
             return np.full(len(points), np.inf)
         starts = np.vstack([line[:-1] for line in self.lines])
         ends = np.vstack([line[1:] for line in self.lines])
-        away = np.array([np.linalg.norm(_onto(starts, ends, point) - point, axis=1).min() for point in points])
+        away: Floats = np.linalg.norm(_onto(starts, ends, points[:, None]) - points[:, None], axis=2).min(axis=1)
         return away
 
     def _nearest(self, point: Floats) -> tuple[int, int, Floats]:
@@ -141,7 +141,7 @@ def _simplified(path: Floats) -> Floats:
     """The path with as few places as leave it no further than `STRAIGHT_M` from where it was."""
     if len(path) < 3:
         return path
-    away = np.array([np.linalg.norm(_onto(path[:1], path[-1:], point)[0] - point) for point in path])
+    away = np.linalg.norm(_onto(path[:1], path[-1:], path) - path, axis=1)
     worst = int(np.argmax(away))
     if away[worst] <= STRAIGHT_M:
         ends: Floats = path[[0, -1]]
@@ -161,11 +161,11 @@ def _spaced(line: Floats) -> Floats:
 
 
 def _onto(starts: Floats, ends: Floats, point: Floats) -> Floats:
-    """The nearest place (n, 2) to a point on each of the segments from starts (n, 2) to ends (n, 2)."""
+    """The nearest place (n, 2) to a point on each of the segments from starts (n, 2) to ends (n, 2); of points (m, 1, 2), (m, n, 2)."""
     steps = ends - starts
-    squares = np.maximum((steps**2).sum(axis=1), 1e-18)
-    share = np.clip(((point - starts) * steps).sum(axis=1) / squares, 0.0, 1.0)
-    places: Floats = starts + share[:, None] * steps
+    squares = np.maximum((steps**2).sum(axis=-1), 1e-18)
+    share = np.clip(((point - starts) * steps).sum(axis=-1) / squares, 0.0, 1.0)
+    places: Floats = starts + share[..., None] * steps
     return places
 
 
