@@ -56,6 +56,15 @@ def poses_of(site: SiteMap) -> Floats:
     return poses
 
 
+def test_tum_is_a_table_of_poses(tmp_path: Path) -> None:
+    site = one_pass()
+    export(site, tmp_path / "a.tum")
+    table = np.loadtxt(tmp_path / "a.tum")
+    np.testing.assert_allclose(table[:, 1:4], poses_of(site)[:, :3, 3], atol=1e-8)
+    turns = Rotation.from_quat(table[:, 4:]).as_matrix()
+    np.testing.assert_allclose(turns, poses_of(site)[:, :3, :3], atol=1e-8)
+
+
 def test_tum_is_read_by_evo(tmp_path: Path) -> None:
     file_interface = pytest.importorskip("evo.tools.file_interface")
     site = one_pass()
