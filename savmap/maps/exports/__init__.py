@@ -23,6 +23,12 @@ FORMATS = {
     "open-rmf": "plans.open_rmf:write_building",
     "geojson": "plans.geojson:write_geojson",
     "imdf": "plans.imdf:write_imdf",
+    "tum": "trajectories.text:write_tum",
+    "colmap": "trajectories.text:write_colmap",
+    "nerfstudio": "trajectories.text:write_nerfstudio",
+    "mcap": "trajectories.foxglove:write_mcap",
+    "rosbag2": "trajectories.ros:write_rosbag2",
+    "rrd": "trajectories.rerun:write_rerun",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
