@@ -8,9 +8,9 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import Element, elements
-from savmap.maps.exports.plans.archive import json_text
 from savmap.maps.exports.plans.footprints import Footprint, footprints
 from savmap.maps.exports.plans.geodesy import Earth
+from savmap.maps.exports.plans.json_text import json_text
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 

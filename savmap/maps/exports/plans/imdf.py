@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from savmap.errors import OutputError
+from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.archive import json_text, timestamp, write_zip
 from savmap.maps.exports.plans.footprints import Footprint, footprints, hull
 from savmap.maps.exports.plans.geodesy import Earth
 from savmap.maps.exports.plans.geojson import ring
+from savmap.maps.exports.plans.json_text import json_text, timestamp
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Floats, SiteMap
 
@@ -45,10 +46,10 @@ def write_imdf(site: SiteMap, path: Path) -> None:
     }
     kinds = {**_envelope(earth, ground), "fixture": [_fixture(earth, footprint) for footprint in found]}
     collections = {
-        f"{kind}.geojson": json_text({"type": "FeatureCollection", "name": kind, "features": features})
+        f"{kind}.geojson": json_text({"type": "FeatureCollection", "name": kind, "features": features}).encode()
         for kind, features in kinds.items()
     }
-    write_zip(path, {"manifest.json": json_text(manifest), **collections})
+    write_archive(path, {"manifest.json": json_text(manifest).encode(), **collections})
 
 
 def _envelope(earth: Earth, ground: Floats) -> dict[str, list[dict[str, Any]]]:

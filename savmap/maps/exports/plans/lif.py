@@ -6,7 +6,7 @@ from typing import Any
 
 from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
-from savmap.maps.exports.plans.archive import json_text, timestamp
+from savmap.maps.exports.plans.json_text import json_text, timestamp
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 

@@ -12,9 +12,10 @@ import numpy.typing as npt
 import yaml
 
 from savmap.errors import OutputError
+from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.archive import json_text, write_zip
 from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
+from savmap.maps.exports.plans.json_text import json_text
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import Floats, SiteMap
 
@@ -37,13 +38,13 @@ def write_nav2(site: SiteMap, path: Path) -> None:
     if not found:
         raise OutputError("nothing in this map stands in the way: it has no solids near the floor")
     picture, about = keepout(found, graph.nodes)
-    write_zip(
+    write_archive(
         path,
         {
             "keepout.pgm": picture,
-            "keepout.yaml": about,
-            "route_graph.geojson": json_text(route_content(graph)),
-            "vector_objects.yaml": vector_objects(found),
+            "keepout.yaml": about.encode(),
+            "route_graph.geojson": json_text(route_content(graph)).encode(),
+            "vector_objects.yaml": vector_objects(found).encode(),
         },
     )
 
