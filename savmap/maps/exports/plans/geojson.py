@@ -24,7 +24,7 @@ def write_geojson(site: SiteMap, path: Path) -> None:
     everything = elements(site)
     features = [
         *(_solid(earth, footprint) for footprint in footprints(everything)),
-        *(_lines(earth, element) for element in everything if element.structure.solid is None),
+        *(_lines(earth, element) for element in everything if not (element.structure.solid or _empty(element))),
         *(_ways(earth, route_graph(site))),
     ]
     write_text(path, json_text({"type": "FeatureCollection", "features": features}))
@@ -48,6 +48,10 @@ def _solid(earth: Earth, footprint: Footprint) -> dict[str, Any]:
         "depth": "assumed" if footprint.assumed else "given",
     }
     return _feature("Polygon", [ring(earth, footprint)], properties)
+
+
+def _empty(element: Element) -> bool:
+    return not len(element.structure.vertices)
 
 
 def _lines(earth: Earth, element: Element) -> dict[str, Any]:

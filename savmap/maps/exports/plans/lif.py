@@ -1,4 +1,5 @@
-"""VDMA LIF 1.0 (Layout Interchange Format): nodes and edges along what was driven, and a station at either end of each row."""
+"""VDMA LIF 1.0 (Layout Interchange Format): nodes and edges along what was driven, a station at either end of each row, and one
+before each of its sections."""
 
 import math
 from pathlib import Path
@@ -8,6 +9,7 @@ from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.plans.json_text import json_text, timestamp
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
+from savmap.maps.exports.plans.stations import Station
 from savmap.types import SiteMap
 
 VERSION = "1.0.0"
@@ -30,9 +32,12 @@ def write_lif(site: SiteMap, path: Path) -> None:
         "nodes": [_node(graph, number) for number in range(len(graph.nodes))],
         "edges": [_edge(graph, *way) for a, b in graph.edges for way in ((a, b), (b, a))],
         "stations": [
-            _station(graph, row, side, node)
-            for row, ends in graph.ends.items()
-            for side, node in zip(("left", "right"), ends, strict=True)
+            *(
+                _end(graph, row, side, node)
+                for row, ends in graph.ends.items()
+                for side, node in zip(("left", "right"), ends, strict=True)
+            ),
+            *(_stop(graph, station, node) for station, node in graph.stops.values()),
         ],
     }
     about = {
@@ -71,7 +76,19 @@ def _edge(graph: RouteGraph, start: int, end: int) -> dict[str, Any]:
     }
 
 
-def _station(graph: RouteGraph, row: str, side: str, node: int) -> dict[str, Any]:
+def _stop(graph: RouteGraph, station: Station, node: int) -> dict[str, Any]:
+    """At a section: on its face, looking at it from the path."""
+    dx, dy = (station.place - graph.nodes[node]).tolist()
+    x, y = station.place.tolist()
+    return {
+        "stationId": station.name,
+        "interactionNodeIds": [_node_id(node)],
+        "stationName": station.title or station.name,
+        "stationPosition": {"x": _rounded(x), "y": _rounded(y), "theta": round(math.atan2(dy, dx), 6)},
+    }
+
+
+def _end(graph: RouteGraph, row: str, side: str, node: int) -> dict[str, Any]:
     """At an end of a row; it looks into the aisle."""
     return {
         "stationId": f"{visible(row)} / {side} end",
@@ -90,7 +107,11 @@ def _heading(graph: RouteGraph, node: int) -> float:
 
 def _position(graph: RouteGraph, number: int) -> dict[str, float]:
     x, y = graph.nodes[number].tolist()
-    return {"x": round(x, DECIMALS) + 0.0, "y": round(y, DECIMALS) + 0.0}
+    return {"x": _rounded(x), "y": _rounded(y)}
+
+
+def _rounded(value: float) -> float:
+    return round(value, DECIMALS) + 0.0
 
 
 def _node_id(number: int) -> str:

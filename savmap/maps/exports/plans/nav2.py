@@ -75,16 +75,20 @@ def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
 
 
 def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
-    """Mark all cells that a convex outline (n, 2), in cells from the lower left corner, touches: no straight line separates them."""
-    low = np.maximum(np.floor(outline.min(axis=0)).astype(int), 0)
-    high = np.minimum(np.ceil(outline.max(axis=0)).astype(int), np.array(cells.shape[::-1]))
-    x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
-    touched = np.ones(x.shape, bool)
-    sides = np.roll(outline, -1, axis=0) - outline
-    for (dx, dy), corner in zip(sides, outline, strict=True):
-        outside = dy * (x - corner[0]) - dx * (y - corner[1])
-        touched &= outside <= 0.5 * (abs(dx) + abs(dy))
-    cells[low[1] : high[1], low[0] : high[0]][touched] = OCCUPIED
+    """Mark all cells that a convex outline (n, 2), in cells from the lower left corner, has a part of: in each row of cells those from where it
+    reaches furthest left to where it reaches furthest right."""
+    first = int(max(np.floor(outline[:, 1].min()), 0))
+    last = int(min(np.ceil(outline[:, 1].max()), len(cells)))
+    below = np.arange(first, max(last, first + 1))[:, None]
+    (x, y), (dx, dy) = outline.T, (np.roll(outline, -1, axis=0) - outline).T
+    low, high = np.minimum(y, y + dy), np.maximum(y, y + dy)
+    crossing = np.clip(np.stack([below + 0 * low, below + 1 + 0 * low]), low, high)
+    share = np.where(np.abs(dy) > 0, (crossing - y) / np.where(dy == 0, 1.0, dy), [[[0.0]], [[1.0]]])
+    met = (low <= below + 1) & (high >= below)
+    left = np.where(met, x + share * dx, np.inf).min(axis=(0, 2))
+    right = np.where(met, x + share * dx, -np.inf).max(axis=(0, 2))
+    for row, start, end in zip(below[:, 0].tolist(), np.floor(left).tolist(), np.ceil(right).tolist(), strict=True):
+        cells[row, max(int(start), 0) : max(int(end), int(start) + 1)] = OCCUPIED
 
 
 def route_content(graph: RouteGraph) -> dict[str, Any]:

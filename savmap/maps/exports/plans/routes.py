@@ -11,6 +11,8 @@ import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import Drive, drives, world_from_row
+from savmap.maps.exports.plans.footprints import unique
+from savmap.maps.exports.plans.stations import Station, stations
 from savmap.types import Bools, Floats, SiteMap, array_record
 
 MEET_M = 0.5
@@ -24,29 +26,36 @@ STRAIGHT_M = 0.1
 """How far a path may be from the straight lines between its nodes."""
 SPACING_M = 3.0
 """The longest way from node to node: about a section."""
+REACH_M = 5.0
+"""How far the path before a section may be from it."""
+NEAR_M = 0.05
+"""A node so near to where a vehicle would stop is where it stops."""
 DECIMALS = 4
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class RouteGraph:
-    """Nodes (n, 2) m in the world, a name for each and the row by which it was driven first; edges as pairs of nodes, to be driven both ways;
-    and for each row the nodes at its left and its right end, as one faces it."""
+    """Nodes (n, 2) m in the world, a name for each (that of the section before which it is) and the row by which it was driven first; edges as pairs of nodes, to be driven both ways;
+    for each row the nodes at its left and its right end, as one faces it; and the nodes before sections by the sections' names."""
 
     nodes: Floats
     names: tuple[str, ...]
     rows: tuple[str, ...]
     edges: tuple[tuple[int, int], ...]
     ends: Mapping[str, tuple[int, int]]
+    stops: Mapping[str, tuple[Station, int]]
 
 
 def route_graph(site: SiteMap) -> RouteGraph:
-    """The graph of all rows' paths. Raises OutputError where rows have no common frame."""
+    """The graph of all rows' paths, with a node before each section that a path comes near. Raises OutputError where rows have no common
+    frame."""
     paths = _Paths()
     driven = [drive for drive in drives(site) if len(drive.frames)]
     for drive in driven:
         for piece in _pieces(drive):
             paths.add(piece, drive.row)
+    stops = {station.name: (station, stop) for station in stations(site) if (stop := paths.stop(station)) is not None}
     numbers: dict[tuple[float, float], int] = {}
     rows: list[str] = []
     edges: list[tuple[int, int]] = []
@@ -59,7 +68,12 @@ def route_graph(site: SiteMap) -> RouteGraph:
         edges += [(a, b) for a, b in pairwise(along) if a != b]
     nodes = np.array(list(numbers), dtype=np.float64).reshape(-1, 2)
     ends = {drive.row: _ends(drive, world_from_row(site, drive.row), nodes) for drive in driven if len(nodes)}
-    return RouteGraph(nodes, tuple(_names(rows)), tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends)
+    before = {name: (station, numbers[_key(stop)]) for name, (station, stop) in stops.items() if _key(stop) in numbers}
+    names = list(_names(rows))
+    for name, (_, number) in before.items():
+        names[number] = name
+    named = tuple(unique(names))
+    return RouteGraph(nodes, named, tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends, before)
 
 
 class _Paths:
@@ -83,6 +97,13 @@ class _Paths:
         self.lines += [_spaced(line) for line in found]
         self.rows += [row] * len(found)
 
+    def stop(self, station: Station) -> Floats | None:
+        """The place on a path nearest to a section, which becomes a node; None where no path comes near."""
+        if not self.lines:
+            return None
+        _, _, place = self._nearest(station.place)
+        return self._join(place, NEAR_M) if np.linalg.norm(place - station.place) < REACH_M else None
+
     def _distances(self, points: Floats) -> Floats:
         """How far points (n, 2) are from the nearest line; infinite where there is none."""
         if not self.lines:
@@ -100,12 +121,12 @@ class _Paths:
         segment = int(np.argmin(away[number]))
         return number, segment, places[number][segment]
 
-    def _join(self, point: Floats) -> Floats:
-        """The nearest place on a line, which becomes a node of it."""
+    def _join(self, point: Floats, near_m: float = MEET_M) -> Floats:
+        """The nearest place on a line, which becomes a node of it, or the node near it."""
         number, segment, place = self._nearest(point)
         line = self.lines[number]
         at = int(np.argmin(np.linalg.norm(line - place, axis=1)))
-        if np.linalg.norm(line[at] - place) < MEET_M:
+        if np.linalg.norm(line[at] - place) < near_m:
             near: Floats = line[at]
             return near
         self.lines[number] = np.insert(line, segment + 1, place, axis=0)
@@ -182,6 +203,11 @@ def _ends(drive: Drive, world_from_row: Floats, nodes: Floats) -> tuple[int, int
         for number in (np.argmin(along), np.argmax(along))
     )
     return left, right
+
+
+def _key(place: Floats) -> tuple[float, float]:
+    x, y = np.round(place, DECIMALS).tolist()
+    return x, y
 
 
 def _names(rows: Sequence[str]) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """A hall of two rows that face each other across an aisle, which were filmed on one drive and one across it; aligned, with an anchor."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +27,18 @@ def line(name: str) -> Structure:
     """A structure without a solid, high above the aisle."""
     ends = np.array([[0.0, 8, 1.5], [1.2, 8, 1.5]])
     return Structure(name, "strip", ends, np.tile(1e-6 * np.eye(3), (2, 1, 1)), ("a", "b"), np.array([[0, 1]]))
+
+
+def section(number: int, x: float) -> Structure:
+    """A bar of a section, 2 m wide, and what is written before it."""
+    bar = solid(f"section {number}", "bar", (x, 1.5), (2.0, 0.1), 0.05)
+    return replace(bar, attributes={"section": number})
+
+
+def plate(bay: int, text: str) -> Structure:
+    corner = np.array([[0.0, 1.5, 0.0]])
+    attributes = {"bay": f"section {bay}", "text": text}
+    return Structure("plate", "plate", corner, np.eye(3)[None], ("a",), np.zeros((0, 2), np.int64), attributes)
 
 
 def row(name: str, path: np.ndarray, hostile: str = "bar 2") -> RowMap:

@@ -17,7 +17,7 @@ from savmap.maps.exports.frames import elements
 from savmap.maps.exports.plans.footprints import footprints
 from savmap.maps.exports.plans.geojson import write_geojson
 from savmap.maps.exports.plans.imdf import write_imdf
-from savmap.types import SiteMap
+from savmap.types import SiteMap, Structure
 
 FEATURES = {"address", "venue", "building", "footprint", "level", "fixture"}
 
@@ -62,6 +62,17 @@ def test_geojson_gives_solids_lines_and_ways_on_the_earth(tmp_path: Path) -> Non
     assert features[0]["properties"]["depth"] == "assumed"
     assert (features[0]["properties"]["bottom_m"], features[0]["properties"]["top_m"]) == (0.5, 5.5)
     assert "\\n=cmd" in features[4]["properties"]["row"]
+
+
+def test_structures_without_vertices_are_left_out(tmp_path: Path) -> None:
+    nothing = Structure("nothing", "strip", np.zeros((0, 3)), np.zeros((0, 3, 3)), (), np.zeros((0, 2), np.int64))
+    point = Structure("point", "strip", np.zeros((1, 3)), np.zeros((1, 3, 3)), ("a",), np.zeros((0, 2), np.int64))
+    site = hall()
+    row = replace(site.rows["A"], structures={"strips": (nothing, point)})
+    write_geojson(replace(site, rows={"A": row}), tmp_path / "a.geojson")
+    features = collection((tmp_path / "a.geojson").read_text(encoding="utf-8"))["features"]
+    assert [feature["geometry"]["type"] for feature in features] == ["Point", "MultiLineString"]
+    np.testing.assert_allclose(metres(features[0]["geometry"]["coordinates"]), [100.0, 50.0], atol=1e-4)
 
 
 def test_positions_agree_with_another_library(tmp_path: Path) -> None:

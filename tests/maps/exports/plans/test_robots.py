@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
-from made_up_hall import HOSTILE, PLACES, hall, row, world
+from made_up_hall import HOSTILE, PLACES, hall, plate, row, section, world
 from PIL import Image
 
 from savmap.errors import OutputError
@@ -179,6 +180,26 @@ def test_lif_is_as_its_specification_says(tmp_path: Path) -> None:
     assert start["stationPosition"]["theta"] == pytest.approx(np.radians(30.0), abs=1e-3)
     found = [[place["x"], place["y"]] for place in nodes.values()]
     np.testing.assert_allclose(found, route_graph(hall()).nodes, atol=1e-4)
+
+
+def test_sections_are_stations_before_which_vehicles_stop(tmp_path: Path) -> None:
+    site = hall()
+    parts = (section(1, 2.0), section(2, 7.5), plate(2, "A-02\n"))
+    first = replace(site.rows["A"], structures={"things": parts})
+    write_lif(replace(site, rows={**site.rows, "A": first}), tmp_path / "a.lif.json")
+    content = json.loads((tmp_path / "a.lif.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, LIF)
+    (layout,) = content["layouts"]
+    stations = {station["stationId"]: station for station in layout["stations"]}
+    second = stations["A / section 2"]
+    assert second["stationName"] == "A-02\\n"
+    (node,) = [node for node in layout["nodes"] if [node["nodeId"]] == second["interactionNodeIds"]]
+    assert node["nodeName"] == "A / section 2"
+    np.testing.assert_allclose(list(node["nodePosition"].values()), world(8.5, 1.5), atol=1e-4)
+    place = second["stationPosition"]
+    np.testing.assert_allclose([place["x"], place["y"]], world(8.5, 0.0), atol=1e-4)
+    assert place["theta"] == pytest.approx(np.radians(120.0), abs=1e-5)
+    assert len({node["nodeId"] for node in layout["nodes"]}) == len(layout["nodes"])
 
 
 def test_zones_are_as_vda_5050_says(tmp_path: Path) -> None:
