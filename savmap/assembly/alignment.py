@@ -20,6 +20,8 @@ MOST_HEADING_DEG, MOST_SHIFT_M = 5.0, 3.0
 MOST_SHARE = 3
 """One in so many places may be left out."""
 SUSPECTS = 20
+FARTHEST_M = 1e7
+"""Of the site's origin from that of the user's world."""
 OFF_SIGMA = 3.0
 
 
@@ -109,10 +111,13 @@ def _determined(equations: PlaceEquations, known: KnownAlignment) -> RigidFit:
     """The likeliest fit. Raises SiteError where there are several, or where it leaves the heading or the place open."""
     if not equations.places:
         raise SiteError(known.line((), "none of its rows were mapped"))
-    fits = equations.fits()
+    fits = [fit for fit in equations.fits() if np.abs(fit.shift).max() < FARTHEST_M]
     if not fits:
         raise SiteError(
-            known.line((), "no way to turn the site brings its places into the order in which lines name them")
+            known.line(
+                (),
+                "no way to turn and move the site brings its places where they are known, in the order in which lines name them",
+            )
         )
     heading, shift = equations.spread(fits[0])
     if np.degrees(heading) > MOST_HEADING_DEG:

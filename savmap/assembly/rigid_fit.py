@@ -16,8 +16,10 @@ from scipy.stats import chi2
 from savmap.assembly.known_places import KnownPlace
 from savmap.types import Floats, Measured, array_record
 
-HEADINGS = 24
+HEADINGS = 16
 STEPS = 20
+CONVERGED = 1e-9
+"""Radians and metres."""
 SAME_DEG = 0.5
 LIKELY = 9.0
 """By how much the sum of squares of another heading may exceed the least one for it to be likely, too: three standard deviations."""
@@ -100,15 +102,29 @@ class PlaceEquations:
     def fits(self) -> list[RigidFit]:
         """All that are likely, the likeliest first; several where the places fit in several ways."""
         fits: list[RigidFit] = []
-        for heading in np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False):
-            rough = self._descended(float(heading), self._rough_noise())
-            if rough is None or any(_near(rough.heading_rad, fit.heading_rad) for fit in fits):
-                continue
-            fit = self._descended(rough.heading_rad)
+        for rough in self._rough_headings():
+            fit = self._descended(rough, self.noise(rough))
+            fit = fit and self._descended(fit.heading_rad, self.noise(fit.heading_rad))
             if fit is not None and self._in_order(fit) and not any(_near(fit.heading_rad, f.heading_rad) for f in fits):
                 fits.append(fit)
         fits.sort(key=lambda fit: fit.squares)
         return [fit for fit in fits if fit.squares < fits[0].squares + LIKELY]
+
+    def _rough_headings(self) -> list[float]:
+        """Headings that least squares may come to: that of points, in closed form; where there are lines, those that are come to from all sides."""
+        if all(place.normal is None for place in self.places):
+            weights = 1 / np.array(
+                [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places]
+            )
+            here, there = (places - np.average(places, axis=0, weights=weights) for places in (self.points, self.world))
+            cross = here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]
+            return [float(np.arctan2(weights @ cross, weights @ (here * there).sum(axis=1)))]
+        headings: list[float] = []
+        for heading in np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False).tolist():
+            rough = self._descended(heading, self._rough_noise())
+            if rough is not None and not any(_near(rough.heading_rad, other) for other in headings):
+                headings.append(rough.heading_rad)
+        return headings
 
     def scale(self, fit: RigidFit) -> Measured | None:
         """How much longer the user's distances are than the map's, near a fit; None where the places do not tell."""
@@ -157,20 +173,16 @@ class PlaceEquations:
             [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places for _ in place.axes]
         )
 
-    def _descended(self, heading_rad: float, rough: Floats | None = None) -> RigidFit | None:
-        """The fit that least squares come to from a heading; None where they come to none."""
-        middle, world = self.points.mean(axis=0), self.world.mean(axis=0)
-        shift = world - _turn(heading_rad) @ middle
+    def _descended(self, heading_rad: float, noise: Floats) -> RigidFit | None:
+        """The fit that least squares come to from a heading, with this covariance of the residuals; None where they come to none."""
+        shift = self.world.mean(axis=0) - _turn(heading_rad) @ self.points.mean(axis=0)
         for _ in range(STEPS):
-            fit = self._at(heading_rad, shift, self.noise(heading_rad) if rough is None else rough)
-            step = self._step(fit)
-            heading_rad = float(_wrapped(heading_rad + step[0]))
+            step = self._step(self._at(heading_rad, shift, noise))
+            heading_rad = _wrapped(heading_rad + step[0])
             shift = shift + step[1:]
-            if np.abs(step).max() < 1e-12:
+            if np.abs(step).max() < CONVERGED:
                 break
-        if not np.isfinite(shift).all():
-            return None
-        return self._at(heading_rad, shift, self.noise(heading_rad) if rough is None else rough)
+        return self._at(heading_rad, shift, noise) if np.isfinite(shift).all() else None
 
     def _step(self, fit: RigidFit) -> Floats:
         """The next step of Gauss and Newton; about the places' middle, so that the shift follows the turn."""

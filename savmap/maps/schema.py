@@ -193,7 +193,7 @@ class AlignmentResidualEntry(_Part):
 
     row: str
     at: str
-    residual_m: tuple[Metres | None, Metres | None, Metres | None]
+    residual_m: tuple[Number | None, Number | None, Number | None]
     sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
     deviation: Annotated[float, Field(ge=0, le=LARGEST)]
     used: bool

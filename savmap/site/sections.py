@@ -239,6 +239,7 @@ class LayoutSection(Strict):
 
 
 Easting = Annotated[float, Field(ge=-1e7, le=1e7)]
+KnownSigma = Annotated[float, Field(ge=1e-4, le=10)]
 MOST_PLACES = 500
 """Points, or lines, at most: their joint covariance is a matrix."""
 
@@ -252,7 +253,7 @@ class AlignPoint(Strict):
     """A vertex, "upright 1 / left / bottom", what begins so, "upright 1 / left", or the id of a whole structure: the mean of its vertices."""
     world_m: tuple[Easting, Easting] | tuple[Easting, Easting, Metres]
     """x, y, and z (up) where it is known, in the user's world."""
-    sigma_m: Sigma = 0.01
+    sigma_m: KnownSigma = 0.01
     """Standard deviation of each."""
 
 
@@ -265,7 +266,7 @@ class AlignLine(Strict):
     """Places as in points, in the order in which the line runs past them."""
     world_m: tuple[tuple[Easting, Easting], tuple[Easting, Easting]]
     """Two points x, y of the line, which runs from the first to the second and beyond either."""
-    sigma_m: Sigma = 0.01
+    sigma_m: KnownSigma = 0.01
     """Standard deviation of the line, across it."""
 
     @field_validator("world_m")

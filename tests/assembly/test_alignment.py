@@ -1,15 +1,19 @@
 """Where the site stands in the user's world: what points and lines tell, how surely, and what contradicts is named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from savmap.assembly import aligned, alignment_lines
 from savmap.assembly.alignment import Aligned
 from savmap.errors import SiteError
 from savmap.maps.exports.frames import elements
+from savmap.maps.map_file import map_of, map_text
 from savmap.site.load import load_alignment
 from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
@@ -32,7 +36,7 @@ def two_rows() -> SiteMap:
     return SiteMap({"A": row("A"), "B": row("B")}, {}, placements=places)
 
 
-def given(number: int, row: str = "A", off: tuple[float, ...] = (0.0, 0.0), scale: float = 1.0) -> dict[str, object]:
+def known(number: int, row: str = "A", off: tuple[float, ...] = (0.0, 0.0), scale: float = 1.0) -> dict[str, object]:
     """A point as the user knows it: its place in the world where the site stands at SHIFT, turned by HEADING."""
     site = PLACES[number] if row == "A" else two_rows().placements["B"].points(PLACES[number][None])[0]
     turn = np.array([[np.cos(HEADING), -np.sin(HEADING)], [np.sin(HEADING), np.cos(HEADING)]])
@@ -47,7 +51,7 @@ def solved(folder: Path, site: SiteMap, **section: object) -> Aligned:
 
 
 def test_two_points_place_and_turn_the_site(tmp_path: Path) -> None:
-    result = solved(tmp_path, two_rows(), points=[given(0), given(1, "B", (0, 0, 0))])
+    result = solved(tmp_path, two_rows(), points=[known(0), known(1, "B", (0, 0, 0))])
     alignment = result.site_map.alignment
     assert alignment is not None
     assert (alignment.x_m, alignment.y_m) == pytest.approx(tuple(SHIFT), abs=1e-6)
@@ -55,7 +59,7 @@ def test_two_points_place_and_turn_the_site(tmp_path: Path) -> None:
     assert alignment.z_m == pytest.approx(HEIGHT)
     assert result.notes == ()
     world = {(part.row, part.structure.id): part.structure.vertices[0] for part in elements(result.site_map)}
-    np.testing.assert_allclose(world["B", "post 1"][:2], given(1, "B")["world_m"], atol=1e-5)
+    np.testing.assert_allclose(world["B", "post 1"][:2], known(1, "B")["world_m"], atol=1e-5)
     assert alignment.scale is not None
     assert alignment.scale.value == pytest.approx(1.0, abs=1e-6)
 
@@ -66,7 +70,7 @@ def test_sigmas_are_those_of_repeated_tries(tmp_path: Path) -> None:
     tries = []
     for _ in range(150):
         noise = np.hypot(0.01, 0.003) * rng.standard_normal((3, 2))
-        points = [given(k, off=tuple(noise[k])) for k in range(3)]
+        points = [known(k, off=tuple(noise[k])) for k in range(3)]
         result = solved(tmp_path, site, points=points).site_map.alignment
         assert result is not None
         tries.append([result.x_m - SHIFT[0], result.y_m - SHIFT[1], result.heading_deg + 160.0])
@@ -75,7 +79,7 @@ def test_sigmas_are_those_of_repeated_tries(tmp_path: Path) -> None:
 
 
 def test_a_wrong_point_is_named_and_left_out(tmp_path: Path) -> None:
-    points = [given(0), given(1), given(2, off=(0.3, -0.4)), given(3)]
+    points = [known(0), known(1), known(2, off=(0.3, -0.4)), known(3)]
     result = solved(tmp_path, SiteMap({"A": row("A")}, {}), points=points)
     (note,) = result.notes
     assert "align.yaml:" in note
@@ -91,8 +95,8 @@ def test_a_wrong_point_is_named_and_left_out(tmp_path: Path) -> None:
 
 def test_two_wrong_ones_of_many_are_named(tmp_path: Path) -> None:
     site = two_rows()
-    points = [given(k, name) for name in "AB" for k in range(4)]
-    points[1], points[6] = given(1, off=(0.5, 0.0)), given(2, "B", (0.0, -0.7))
+    points = [known(k, name) for name in "AB" for k in range(4)]
+    points[1], points[6] = known(1, off=(0.5, 0.0)), known(2, "B", (0.0, -0.7))
     notes = solved(tmp_path, site, points=points).notes
     assert sorted(note.split("`")[1] for note in notes) == ["align.points[1]", "align.points[6]"]
 
@@ -104,19 +108,19 @@ def test_two_points_that_contradict_the_map_are_an_error(tmp_path: Path) -> None
         solved(
             tmp_path,
             SiteMap({"A": row("A")}, {}),
-            points=[given(0), given(1, off=(-0.2 * np.cos(np.radians(20)), -0.2 * np.sin(np.radians(20))))],
+            points=[known(0), known(1, off=(-0.2 * np.cos(np.radians(20)), -0.2 * np.sin(np.radians(20))))],
         )
 
 
 def test_places_that_cannot_be_told_apart_are_an_error(tmp_path: Path) -> None:
-    points = [given(0), given(1), given(3, off=(-0.2 * np.sin(HEADING), 0.2 * np.cos(HEADING)))]
+    points = [known(0), known(1), known(3, off=(-0.2 * np.sin(HEADING), 0.2 * np.cos(HEADING)))]
     with pytest.raises(SiteError, match="contradict one another, and it cannot be told which is wrong"):
         solved(tmp_path, SiteMap({"A": row("A")}, {}), points=points)
 
 
 def test_the_scale_is_told_and_stays(tmp_path: Path) -> None:
     site = two_rows()
-    points = [given(k, name, scale=1.02) for name in "AB" for k in range(3)]
+    points = [known(k, name, scale=1.02) for name in "AB" for k in range(3)]
     result = solved(tmp_path, site, points=points)
     assert "2.00 %" in result.notes[0]
     assert "longer than in the map, whose scale stays" in result.notes[0]
@@ -137,13 +141,13 @@ def test_points_too_near_do_not_tell_the_heading(tmp_path: Path) -> None:
 
 
 def line(through: list[str], *numbers: int, row: str = "A") -> dict[str, object]:
-    ends = [given(number, row)["world_m"] for number in numbers]
+    ends = [known(number, row)["world_m"] for number in numbers]
     return {"row": row, "through": through, "world_m": ends}
 
 
 def test_a_line_and_a_point_tell_it_too(tmp_path: Path) -> None:
     site = SiteMap({"A": row("A")}, {})
-    result = solved(tmp_path, site, lines=[line([NAMES[0], NAMES[1]], 0, 1)], points=[given(3)])
+    result = solved(tmp_path, site, lines=[line([NAMES[0], NAMES[1]], 0, 1)], points=[known(3)])
     alignment = result.site_map.alignment
     assert alignment is not None
     assert alignment.heading_deg == pytest.approx(-160.0, abs=1e-6)
@@ -152,7 +156,7 @@ def test_a_line_and_a_point_tell_it_too(tmp_path: Path) -> None:
 
 def test_the_order_of_places_directs_a_line(tmp_path: Path) -> None:
     site = SiteMap({"A": row("A")}, {})
-    result = solved(tmp_path, site, lines=[line([NAMES[1], NAMES[0]], 0, 1)], points=[given(3)])
+    result = solved(tmp_path, site, lines=[line([NAMES[1], NAMES[0]], 0, 1)], points=[known(3)])
     alignment = result.site_map.alignment
     assert alignment is not None
     assert alignment.heading_deg == pytest.approx(20.0, abs=0.2)
@@ -166,7 +170,7 @@ def test_lines_alone_leave_the_place_open(tmp_path: Path) -> None:
 def test_what_a_rows_place_is_unsure_of_its_points_share(tmp_path: Path) -> None:
     vague = {"A": Placement(0, 0, 0, np.diag([0.3**2, 0.3**2, 0.01**2]))}
     site = SiteMap({"A": row("A")}, {}, placements=vague)
-    points = [given(0), given(1), given(2, off=(0.1, 0.05)), given(3)]
+    points = [known(0), known(1), known(2, off=(0.1, 0.05)), known(3)]
     result = solved(tmp_path, site, points=points)
     assert "post 2 / top is 0.112 m" in result.notes[0]
     assert result.site_map.alignment is not None
@@ -187,20 +191,20 @@ def test_a_pose_is_taken_as_given(tmp_path: Path) -> None:
     ("section", "words"),
     [
         (
-            {"points": [given(0), {**given(1), "at": "post 9 / top"}]},
+            {"points": [known(0), {**known(1), "at": "post 9 / top"}]},
             r"`align.points\[1\]`: row A has no `post 9 / top`; nearest: post",
         ),
         (
-            {"points": [given(0), {**given(1), "row": "C"}]},
+            {"points": [known(0), {**known(1), "row": "C"}]},
             r"`align.points\[1\]`: there is no row `C`; the map's rows are A, B",
         ),
-        ({"points": [given(0), {"at": "x", "world_m": [0, 1]}]}, r"`align.points\[1\]`: say which `row` it is in"),
-        ({"points": [given(0)]}, "one point does not say how the site is turned"),
+        ({"points": [known(0), {"at": "x", "world_m": [0, 1]}]}, r"`align.points\[1\]`: say which `row` it is in"),
+        ({"points": [known(0)]}, "one point does not say how the site is turned"),
         ({}, "give two or more points"),
         ({"x_m": 1.0, "y_m": 1.0}, "go together"),
-        ({"x_m": 1.0, "points": [given(0), given(1)]}, "not both"),
-        ({"points": [given(0), {**given(1), "sigma": 1}]}, "did you mean `sigma_m`"),
-        ({"points": [given(0), {**given(1), "world_m": [1.0]}]}, r"align.points\[1\].world_m"),
+        ({"x_m": 1.0, "points": [known(0), known(1)]}, "not both"),
+        ({"points": [known(0), {**known(1), "sigma": 1}]}, "did you mean `sigma_m`"),
+        ({"points": [known(0), {**known(1), "world_m": [1.0]}]}, r"align.points\[1\].world_m"),
         ({"lines": [{"row": "A", "through": [NAMES[0]], "world_m": [[1, 1], [1, 1]]}]}, "are the same"),
     ],
 )
@@ -214,12 +218,12 @@ def test_mistakes_are_one_line_with_their_place(tmp_path: Path, section: dict[st
 def test_a_row_without_a_place_tells_nothing(tmp_path: Path) -> None:
     site = SiteMap({"A": row("A"), "B": row("B")}, {})
     with pytest.raises(SiteError, match="row A has no place in the site's frame"):
-        solved(tmp_path, site, points=[given(0), given(1)])
+        solved(tmp_path, site, points=[known(0), known(1)])
 
 
 def test_rows_that_failed_are_left_out(tmp_path: Path) -> None:
     site = SiteMap({"A": row("A")}, {}, failed={"B": "no video"})
-    result = solved(tmp_path, site, points=[given(0), given(1), given(2, "B")])
+    result = solved(tmp_path, site, points=[known(0), known(1), known(2, "B")])
     assert "row B was not mapped" in result.notes[0]
     assert result.site_map.alignment is not None
 
@@ -228,4 +232,36 @@ def test_names_that_mean_several_are_an_error(tmp_path: Path) -> None:
     one = row("A")
     doubled = RowMap("A", one.frames, {}, one.trajectory, {"posts": one.structures["posts"] * 2}, ())
     with pytest.raises(SiteError, match="there are 2 structures in row A that `post 0 / top` may mean"):
-        solved(tmp_path, SiteMap({"A": doubled}, {}), points=[given(0), given(1)])
+        solved(tmp_path, SiteMap({"A": doubled}, {}), points=[known(0), known(1)])
+
+
+NUMBERS = st.one_of(st.floats(-1e7, 1e7), st.integers(-20, 20).map(float))
+PAIRS = st.tuples(NUMBERS, NUMBERS).map(list)
+POINTS = st.fixed_dictionaries(
+    {"row": st.sampled_from("AB"), "at": st.sampled_from(NAMES), "world_m": PAIRS},
+    optional={"sigma_m": st.floats(1e-4, 10)},
+)
+LINES = st.fixed_dictionaries(
+    {
+        "row": st.sampled_from("AB"),
+        "through": st.lists(st.sampled_from(NAMES), min_size=1, max_size=3),
+        "world_m": st.tuples(PAIRS, PAIRS).filter(lambda ends: ends[0] != ends[1]).map(list),
+    }
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(POINTS, max_size=5), st.lists(LINES, max_size=2))
+def test_any_places_align_the_site_or_are_one_line(tmp_path: Path, points: list[object], lines: list[object]) -> None:
+    try:
+        alignment = solved(tmp_path, two_rows(), points=points, lines=lines).site_map.alignment
+    except SiteError as error:
+        text = str(error)
+    else:
+        assert alignment is not None
+        text = map_text(replace(two_rows(), alignment=alignment))
+        assert np.isfinite(alignment.covariance).all()
+        assert np.linalg.eigvalsh(alignment.covariance).min() > -1e-9
+        assert map_of(text, "here").alignment is not None
+        text = ""
+    assert "\n" not in text
