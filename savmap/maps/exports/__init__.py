@@ -17,6 +17,12 @@ Exporter = Callable[[SiteMap, Path], None]
 FORMATS = {
     "csv": "plain:write_csv",
     "ply": "plain:write_ply",
+    "glb": "models.glb:write_glb",
+    "usda": "models.usd:write_usda",
+    "usdc": "models.usd:write_usdc",
+    "ifc": "models.ifc:write_ifc4",
+    "ifc4x3": "models.ifc:write_ifc4x3",
+    "dxf": "models.dxf:write_dxf",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
