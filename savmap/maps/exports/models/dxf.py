@@ -67,6 +67,8 @@ def dxf_text(site: SiteMap) -> str:
             for part in row.parts:
                 drawing.wireframe(part)
         drawing.sheets([(row.name, site.rows[row.name]) for row in rows], _below(rows))
+        for kind in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(kind)  # ezdxf itself would add them in an order of its own in each process
         stream = io.StringIO()
         document.write(stream)
     return stream.getvalue()
