@@ -104,6 +104,7 @@ def test_models_are_valid(site: SiteMap, name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # ifcopenshell leaves files of its own open
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_models_obey_the_rules_of_the_schema(name: str, tmp_path: Path) -> None:
     log = validate.json_logger()
