@@ -23,6 +23,12 @@ FORMATS = {
     "mcap": "trajectories.foxglove:write_mcap",
     "rosbag2": "trajectories.ros:write_rosbag2",
     "rrd": "trajectories.rerun:write_rerun",
+    "glb": "models.glb:write_glb",
+    "usda": "models.usd:write_usda",
+    "usdc": "models.usd:write_usdc",
+    "ifc": "models.ifc:write_ifc4",
+    "ifc4x3": "models.ifc:write_ifc4x3",
+    "dxf": "models.dxf:write_dxf",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
