@@ -17,6 +17,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "evaluate": results.evaluate,
     "report": results.report,
     "export": results.export,
+    "align": results.align,
     "find": results.find,
     "measure": results.measure,
     "plugins": installation.plugins,

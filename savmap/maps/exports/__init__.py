@@ -29,6 +29,12 @@ FORMATS = {
     "ifc": "models.ifc:write_ifc4",
     "ifc4x3": "models.ifc:write_ifc4x3",
     "dxf": "models.dxf:write_dxf",
+    "nav2": "plans.nav2:write_nav2",
+    "lif": "plans.lif:write_lif",
+    "vda5050-zones": "plans.vda5050:write_zone_set",
+    "open-rmf": "plans.open_rmf:write_building",
+    "geojson": "plans.geojson:write_geojson",
+    "imdf": "plans.imdf:write_imdf",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
