@@ -3,6 +3,7 @@
 `source/data.js` reads it.
 """
 
+import base64
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -10,10 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
-from savmap.types import Attribute, Doubt, Evaluation, Floats, Measured, Placement, RowMap, SiteMap, Structure
+from savmap.types import Attribute, Doubt, Evaluation, Floats, JointCovariance, Measured, Placement, RowMap, SiteMap, Structure
 
 Entry = dict[str, Any]
-UNIT_M, FACTOR_UNIT_M = 1e-5, 1e-6
+UNIT_M = 1e-5
 DIGITS = 5
 """Of a variance: a standard deviation is shown with two."""
 TURN = 6
@@ -21,22 +22,23 @@ TURN = 6
 UPPER = np.triu_indices(3)
 
 
-def page_data(site_map: SiteMap, title: str, evaluation: Evaluation | None, pictures: Mapping[str, Entry]) -> Entry:
-    """All that the page shows, for JSON. `pictures`: by row, what lies beside the page: "face" and "stills"."""
+def page_data(site_map: SiteMap, title: str, evaluation: Evaluation | None, beside: Mapping[str, Entry]) -> Entry:
+    """All that the page shows, for JSON. `beside`: by row, what lies beside the page:
+    "face", "stills" and "joint"."""
     labels: dict[str, int] = {}
     rows = [
         {
-            **_row(row, site_map.placements.get(name), labels),
+            **_row(row, site_map.placements.get(name), beside.get(name, {}).get("joint", "")),
             "structures": list(_structures(row, labels, _deviations(evaluation, name))),
-            "face": pictures.get(name, {}).get("face"),
-            "stills": pictures.get(name, {}).get("stills", []),
+            "face": beside.get(name, {}).get("face"),
+            "stills": beside.get(name, {}).get("stills", []),
         }
         for name, row in site_map.rows.items()
     ]
     return {"title": visible(title), "surveyed": evaluation is not None, "rows": rows, "vertex_labels": list(labels)}
 
 
-def _row(row: RowMap, placement: Placement | None, labels: dict[str, int]) -> Entry:
+def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
     structures = [structure for group in row.structures.values() for structure in group]
     return {
         "name": visible(row.name),
@@ -46,7 +48,7 @@ def _row(row: RowMap, placement: Placement | None, labels: dict[str, int]) -> En
         "doubts": [_doubt(doubt) for doubt in row.verdict.doubts] if row.verdict else [],
         "positions": _units(_stacked([structure.vertices for structure in structures]), UNIT_M),
         "covariances": _digits(_stacked([structure.covariances[:, *UPPER] for structure in structures])),
-        "joint": _joint(row),
+        "joint": _joint(row, joint_path),
         "frames": _frames(row),
     }
 
@@ -123,24 +125,25 @@ def _frames(row: RowMap) -> Entry:
     }
 
 
-def _joint(row: RowMap) -> Entry | None:
-    """How the vertices' errors go together: the covariance of n coordinates is `factor` (n, k) times its transpose, and `rest` (n,) on the
-    diagonal; `coordinates` has each vertex's three numbers among them, in the order of `positions`, -1 where it shares none."""
-    joint: Any = getattr(row, "joint", None)
-    if joint is None:
+def _joint(row: RowMap, path: str) -> Entry | None:
+    """Which coordinates, in the order of `positions`, share errors, -1 for those that share none; their covariance is in the page, or, where a
+    path is given, in a script beside it."""
+    if row.joint is None:
         return None
     numbers = [
-        np.asarray(joint.coordinates.get(plugin, {}).get(structure.id, np.full((len(structure.vertices), 3), -1)))
+        row.joint.coordinates.get(plugin, {}).get(structure.id, np.full((len(structure.vertices), 3), -1))
         for plugin, group in row.structures.items()
         for structure in group
     ]
-    factor = np.asarray(joint.factor)
-    return {
-        "rank": factor.shape[1] if factor.ndim == 2 else 0,
-        "factor": _units(factor, FACTOR_UNIT_M),
-        "rest": _digits(joint.rest),
-        "coordinates": _stacked(numbers).astype(int).ravel().tolist(),
-    }
+    coordinates = np.concatenate(numbers).ravel().tolist() if numbers else []
+    kept = {"path": path} if path else {"covariance": joint_text(row.joint)}
+    return {"size": len(row.joint.covariance), "coordinates": coordinates, **kept}
+
+
+def joint_text(joint: JointCovariance) -> str:
+    """The upper triangle of a joint covariance, row by row: little-endian single precision as base64."""
+    triangle = joint.covariance[np.triu_indices(len(joint.covariance))].astype("<f4")
+    return base64.b64encode(triangle.tobytes()).decode("ascii")
 
 
 def _stacked(parts: Sequence[Floats]) -> Floats:

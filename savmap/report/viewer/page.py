@@ -12,8 +12,9 @@ from pathlib import Path
 from string import Template
 
 from savmap.files.atomic import write_text
+from savmap.report.viewer.beside import joints_apart, written_beside
 from savmap.report.viewer.data import Entry, page_data
-from savmap.report.viewer.pictures import written_pictures
+
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
 POLICY = "default-src 'none'; script-src 'sha256-{script}' 'self' file:; style-src 'sha256-{style}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
@@ -34,19 +35,24 @@ class View:
 
 def write_view(view: View, path: Path) -> None:
     """Write the page, and beside it the pictures that it loads when they are looked at. Raises OutputError."""
-    pictures = {
-        name: written_pictures(
-            name, view.photos.get(name), None if view.stills is None else view.stills.get(name, ()), path.parent
+    apart, stills = joints_apart(view.site_map.rows), view.stills
+    beside = {
+        name: written_beside(
+            name,
+            view.photos.get(name),
+            None if stills is None else stills.get(name, ()),
+            row.joint if apart else None,
+            path.parent,
         )
-        for name in view.site_map.rows
+        for name, row in view.site_map.rows.items()
     }
-    write_text(path, page_text(view, pictures))
+    write_text(path, page_text(view, beside))
 
 
-def page_text(view: View, pictures: Mapping[str, Entry]) -> str:
+def page_text(view: View, beside: Mapping[str, Entry]) -> str:
     """The page. Texts of the map are in it packed, as base64: none of them can be taken for HTML or script."""
     style, script = _resource("viewer.css"), _resource("viewer.js")
-    data = page_data(view.site_map, view.title, view.evaluation, pictures)
+    data = page_data(view.site_map, view.title, view.evaluation, beside)
     packed = gzip.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), mtime=0)
     return Template(_resource("page.html")).substitute(
         policy=POLICY.format(script=_digest(script), style=_digest(style)),

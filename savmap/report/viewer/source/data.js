@@ -1,8 +1,9 @@
 // The map as the page holds it (JSON, gzip, base64), and what is worked out of it once: savmap/report/viewer/data.py writes it.
+import { floatsOf } from "./pictures.js";
 
 const UNIT_M = 1e-5;
-const FACTOR_M = 1e-6;
 const GAP_M = 6;
+const FACE_M = 0.5;
 const WRITTEN = ["text", "code"];
 
 export async function readSite() {
@@ -30,7 +31,7 @@ function rowOf(site, entry, names) {
     doubts: entry.doubts,
     positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
     covariances: Float64Array.from(entry.covariances),
-    joint: entry.joint && jointOf(entry.joint),
+    joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },
     path: pathOf(entry.frames),
     face: entry.face,
     stills: entry.stills,
@@ -45,6 +46,7 @@ function rowOf(site, entry, names) {
     first += part.labels.length;
   }
   row.box = boxOf(row.positions);
+  row.front = frontOf(row);
   row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.structures));
   return row;
 }
@@ -78,15 +80,6 @@ function elementOf(row, part, first, names) {
 
 const fullLabel = (name, id) => (name.startsWith("+") ? id + name.slice(1) : name.slice(1));
 
-function jointOf(entry) {
-  return {
-    rank: entry.rank,
-    factor: Float64Array.from(entry.factor, (value) => value * FACTOR_M),
-    rest: Float64Array.from(entry.rest),
-    coordinates: Int32Array.from(entry.coordinates),
-  };
-}
-
 function pathOf(frames) {
   return {
     number: frames.number,
@@ -118,6 +111,17 @@ export function boxOf(positions) {
     high[k % 3] = Math.max(high[k % 3], value);
   });
   return positions.length ? { low, high } : { low: [0, 0, 0], high: [1, 1, 1] };
+}
+
+// What a first look at a row should show: as much of its length as what lies in its face takes, with all that hangs over that.
+function frontOf(row) {
+  const inFace = row.elements.filter((one) => Math.abs(one.centre[2]) < FACE_M);
+  if (!inFace.length) return row.box;
+  const places = inFace.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]);
+  const { low, high } = boxOf(places);
+  const over = row.elements.filter((one) => one.centre[0] > low[0] && one.centre[0] < high[0]);
+  const box = boxOf(over.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]));
+  return { low: [low[0], box.low[1], box.low[2]], high: [high[0], box.high[1], box.high[2]] };
 }
 
 // Rows whose place is not known stand side by side in front of the others.

@@ -4,14 +4,14 @@ import { colouring, modesOf } from "./colours.js";
 import { elementOfVertex, readSite, toSite, vertexOf } from "./data.js";
 import { byId, element, fill } from "./dom.js";
 import { drawNames, namesOf } from "./labels.js";
-import { measured } from "./measure.js";
+import { comparable, measured, withJoint } from "./measure.js";
 import { Notes } from "./notes.js";
 import { PanoramaView } from "./panorama.js";
 import { distanceText, link, showDoubts, showHelp, showLegend, showMeasure, showNotes, showSelection } from "./panels.js";
 import { Model } from "./scene.js";
 import { named, search, searchIndex } from "./search.js";
 import { text } from "./text.js";
-import { ModelView, cornersInSite, pick, pickVertex, pointsOf, projected } from "./views.js";
+import { ModelView, frontInSite, pick, pickVertex, pointsOf, projected } from "./views.js";
 
 const GROUND = new Color("#fbfcfd"), NIGHT = new Color("#eef1f4"), CLICK_PX = 5, MOST_PHOTO_ROWS = 6;
 
@@ -122,8 +122,8 @@ class Viewer {
   setKind(kind) {
     for (const button of document.querySelectorAll("[data-kind]")) button.setAttribute("aria-pressed", String(button.dataset.kind === kind));
     this.model.floor.visible = kind !== "face";
-    const whole = kind === "face" ? cornersInSite(this.row) : this.site.rows.flatMap(cornersInSite);
-    this.view.look(kind, whole, this.row);
+    this.view.look(kind, kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(frontInSite), this.row);
+    this.model.update(kind);
     this.hangPhotos();
   }
 
@@ -157,6 +157,8 @@ class Viewer {
       else this.lookFrom(Math.floor(this.panorama.placesOf(this.row).length / 2), this.row);
     }
     this.resize();
+    if (this.selected.length) this.view.fly(pointsOf(this.selected), 0.6);
+    else this.setKind(this.view.kind);
   }
 
   lookFrom(place, row = this.panorama.row ?? this.row) {
@@ -228,7 +230,7 @@ class Viewer {
     else if (doubt.place) {
       const [x, y, z] = doubt.place;
       this.view.fly([-0.8, 0.8].map((by) => toSite(this.row, [x + by, y + by, z])), 0.8);
-    } else this.view.fly(cornersInSite(this.row));
+    } else this.view.fly(frontInSite(this.row));
     if (doubt.frame !== null && !byId("pano").hidden) {
       const places = this.panorama.placesOf(this.row), apart = ({ index }) => Math.abs(this.row.path.number[index] - doubt.frame);
       const best = places.reduce((least, place, k) => (apart(place) < apart(places[least]) ? k : least), 0);
@@ -278,10 +280,20 @@ class Viewer {
     const own = label.startsWith(one.id) ? label : `${one.id} / ${label}`;
     if (this.points.length === 2) this.points = [];
     this.points.push({ row, vertex, label: this.site.rows.length > 1 ? `${row.name}: ${own}` : own });
-    this.result = this.points.length === 2 ? measured(...this.points) : null;
+    this.result = null;
     this.model.drawRule(this.points.map((point) => toSite(point.row, vertexOf(point.row, point.vertex))));
-    if (this.result) byId("rule").textContent = distanceText(this.result);
-    showMeasure(this.points, this.result);
+    showMeasure(this.points, null);
+    if (this.points.length === 2) this.measure(this.points);
+    this.redraw();
+  }
+
+  async measure(points) {
+    if (!comparable(...points)) return showMeasure(points, null, text.notComparable);
+    if (points[0].row === points[1].row) await withJoint(points[0].row).catch(() => {});
+    if (points !== this.points || points.length !== 2) return;
+    this.result = measured(...points);
+    byId("rule").textContent = distanceText(this.result);
+    showMeasure(points, this.result);
     this.redraw();
   }
 
@@ -312,7 +324,7 @@ class Viewer {
     if (!row) return;
     this.setRow(row);
     if (this.view.kind === "face") this.setKind("face");
-    else this.view.fly(cornersInSite(row));
+    else this.view.fly(frontInSite(row));
   }
 
   buildSide() {

@@ -1,6 +1,15 @@
 // The distance of two vertices and its standard deviation: from the joint covariance of the row where the map has it, else from each
 // vertex's own, and between rows with the covariance of their places.
 import { toSite, vertexOf } from "./data.js";
+import { numbers } from "./pictures.js";
+
+// Have the joint covariance of a row at hand, which large maps keep beside the page.
+export async function withJoint(row) {
+  if (row.joint && !row.joint.covariance) row.joint.covariance = await numbers(row.joint.path);
+}
+
+// Whether both places are known in one frame.
+export const comparable = (a, b) => a.row === b.row || (a.row.known && b.row.known);
 
 export function measured(a, b) {
   const same = a.row === b.row;
@@ -12,7 +21,7 @@ export function measured(a, b) {
   const covariance = same ? differenceInRow(a.row, a.vertex, b.vertex) : sum(inSite(a), inSite(b));
   const distance = Math.hypot(...difference);
   const along = distance > 0 ? difference.map((value) => value / distance) : [1, 0, 0];
-  const how = !same ? "rows" : a.row.joint ? "joint" : "own";
+  const how = !same ? "rows" : a.row.joint?.covariance ? "joint" : "own";
   return {
     distance,
     sigma: Math.sqrt(Math.max(quadratic(along, covariance), 0)),
@@ -28,29 +37,17 @@ export function ownCovariance(row, vertex) {
 }
 
 function differenceInRow(row, a, b) {
-  if (a === b) return [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
-  if (!row.joint) return sum(ownCovariance(row, a), ownCovariance(row, b));
-  const [one, other] = [share(row, a), share(row, b)];
-  const apart = one.lines.map((line, k) => line.map((value, n) => value - other.lines[k][n]));
-  return [0, 1, 2].map((k) =>
-    [0, 1, 2].map((n) => {
-      const common = apart[k].reduce((total, value, m) => total + value * apart[n][m], 0);
-      const shared = one.numbers[k] >= 0 && one.numbers[k] === other.numbers[k];
-      return k === n && !shared ? common + one.rest[k] + other.rest[k] : common;
-    }),
-  );
+  if (!row.joint?.covariance) return a === b ? sum(nothing, nothing) : sum(ownCovariance(row, a), ownCovariance(row, b));
+  const places = [a, b].flatMap((vertex) => [0, 1, 2].map((axis) => ({ vertex, axis, number: row.joint.coordinates[3 * vertex + axis] })));
+  const whole = places.map((one, k) => places.map((other, n) => shared(row, one, other, k === n)));
+  return [0, 1, 2].map((k) => [0, 1, 2].map((n) => whole[k][n] + whole[k + 3][n + 3] - whole[k][n + 3] - whole[k + 3][n]));
 }
 
-// What a vertex has in common with others: by axis, the number of its coordinate, its line of the factor, and what it shares with none.
-function share(row, vertex) {
-  const { coordinates, factor, rest, rank } = row.joint;
-  const numbers = [0, 1, 2].map((axis) => coordinates[3 * vertex + axis]);
-  const own = ownCovariance(row, vertex);
-  return {
-    numbers,
-    lines: numbers.map((n) => (n < 0 ? new Array(rank).fill(0) : Array.from(factor.subarray(n * rank, (n + 1) * rank)))),
-    rest: numbers.map((n, axis) => (n < 0 ? own[axis][axis] : rest[n])),
-  };
+// The covariance of two coordinates, as JointCovariance in savmap/types/maps.py: one that shares its error with no other has its vertex's own.
+function shared(row, one, other, same) {
+  if (one.number < 0 || other.number < 0) return same ? ownCovariance(row, one.vertex)[one.axis][one.axis] : 0;
+  const { size, covariance } = row.joint, low = Math.min(one.number, other.number), high = Math.max(one.number, other.number);
+  return covariance[low * size - (low * (low - 1)) / 2 + high - low];
 }
 
 // As Placement.covariances in savmap/types/maps.py.
@@ -67,6 +64,7 @@ function inSite({ row, vertex }) {
   return sum(turned, product(product(slopes, placed), transposed(slopes)));
 }
 
+const nothing = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
 const sum = (a, b) => a.map((line, k) => line.map((value, n) => value + b[k][n]));
 const transposed = (a) => a[0].map((_, n) => a.map((line) => line[n]));
 const product = (a, b) => a.map((line) => b[0].map((_, n) => line.reduce((total, value, k) => total + value * b[k][n], 0)));

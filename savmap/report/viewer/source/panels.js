@@ -42,11 +42,11 @@ function facts(one) {
   return lines;
 }
 
-export function showMeasure(points, result) {
+export function showMeasure(points, result, remark = null) {
   const panel = byId("measured");
   panel.hidden = points === null;
   if (points === null) return;
-  const hint = element("p", { className: "hint" }, points.length === 1 ? text.measureSecond : text.measureFirst);
+  const hint = element("p", { className: "hint" }, remark ?? [text.measureFirst, text.measureSecond, ""][points.length]);
   if (!result) return fill(panel, element("h2", {}, text.measure), ...points.map(pointLine), hint);
   const axes = text.axes[result.how === "rows" ? "other" : "same"];
   const parts = axes.map((axis, k) => [axis, `${metres(result.difference[k])} \u00b1 ${millimetres(result.sigmas[k])}`]);

@@ -1,15 +1,17 @@
-// Pictures that lie beside the page, as scripts that hand over data URIs: a page opened from a disk may run scripts beside it, and may not
-// draw pictures beside it into WebGL.
+// What lies beside the page, as scripts that hand over a text: pictures as data URIs, covariances as base64. A page opened from a disk may run
+// scripts beside it, and may neither fetch what lies there nor draw pictures from there into WebGL.
 
 const waiting = new Map(), kept = new Map();
 const MOST_KEPT = 24;
+const PICTURE = /^data:image\/jpeg;base64,[A-Za-z0-9+/=]*$/, NUMBERS = /^[A-Za-z0-9+/=]*$/;
 
-export function picture(path) {
+function part(path, pattern, read) {
   if (kept.has(path)) return kept.get(path);
   const asked = new Promise((resolve, reject) => {
     const script = document.createElement("script");
-    waiting.set(path, (address) => decoded(address).then(resolve, reject));
-    script.onerror = () => reject(new Error(path));
+    const failed = () => reject(new Error(path));
+    waiting.set(path, (content) => (pattern.test(content) ? Promise.resolve(read(content)).then(resolve, reject) : failed()));
+    script.onerror = failed;
     script.onload = () => script.remove();
     script.src = path.split("/").map(encodeURIComponent).join("/");
     document.head.append(script);
@@ -20,10 +22,20 @@ export function picture(path) {
   return asked;
 }
 
-window.savmapPicture = (path, address) => {
-  if (waiting.has(path) && /^data:image\/jpeg;base64,[A-Za-z0-9+/=]*$/.test(address)) waiting.get(path)(address);
+window.savmapPart = (path, content) => {
+  waiting.get(path)?.(content);
   waiting.delete(path);
 };
+
+export const picture = (path) => part(path, PICTURE, decoded);
+
+export const numbers = (path) => part(path, NUMBERS, floatsOf);
+
+export function floatsOf(content) {
+  const text = atob(content), bytes = new Uint8Array(text.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = text.charCodeAt(k);
+  return new Float32Array(bytes.buffer);
+}
 
 async function decoded(address) {
   const image = new Image();

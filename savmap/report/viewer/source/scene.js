@@ -47,6 +47,8 @@ export class Model {
     const floor = new GridHelper(size, size > 80 ? Math.round(size / 10) : size, "#dfe4ea", "#e9edf1");
     floor.position.set(Math.round((low[0] + high[0]) / 2), 0, Math.round((low[2] + high[2]) / 2));
     floor.layers.set(MODEL);
+    floor.material.depthWrite = false;
+    floor.renderOrder = -2;
     this.floor = floor;
     this.scene.add(floor);
   }
@@ -76,11 +78,12 @@ export class Model {
   }
 
   // What is heavy is made when it is first shown; of large sites for the row at hand alone.
-  update() {
+  update(kind = this.kind) {
+    this.kind = kind;
     const few = this.allThick;
     for (const objects of this.rows) {
       const here = few || objects.row === this.focused;
-      objects.path.visible = this.shown.path;
+      objects.path.visible = this.shown.path && kind !== "face";
       if (this.shown.solids && !objects.solids) this.drawSolids(objects);
       if (objects.solids) objects.solids.visible = this.shown.solids;
       if (objects.ellipsoids) dispose(objects.ellipsoids);

@@ -35,6 +35,7 @@ export const text = {
   link: "Link to it",
   measureFirst: "Pick a corner. The pointer snaps to corners.",
   measureSecond: "Pick the other corner.",
+  notComparable: "Where one of these rows stands is not known: distances between them are not known either.",
   how: {
     joint: "Standard deviation of the difference, from the joint covariance of both points.",
     own: "Standard deviation from each point by itself: the map has no joint covariance. What both have in common is counted twice.",

@@ -135,7 +135,7 @@ function spanOf(points, axis) {
   return [Math.min(...along), Math.max(...along)];
 }
 
-export const cornersInSite = (row) => cornersOf(row.box).map((corner) => toSite(row, corner));
+export const frontInSite = (row) => cornersOf(row.front).map((corner) => toSite(row, corner));
 
 export function pointsOf(elements) {
   return elements.flatMap((one) =>
