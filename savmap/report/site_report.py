@@ -12,6 +12,7 @@ from savmap.maps.survey import read_survey
 from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
+from savmap.report.viewer import View, write_view
 from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
@@ -54,6 +55,21 @@ def write_report(map_file: Path, path: Path, run_file: Path | None = None, surve
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
     write_page(report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos), path)
+
+
+def viewed(source: Path, survey_file: Path | None = None, fresh: bool = False) -> tuple[Path, bool]:
+    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where the map is newer,
+    where errors against a survey are asked for, or `fresh`. Raises SavmapError."""
+    map_file = source / "map.json" if source.is_dir() else source
+    page = map_file.with_name("view.html")
+    there = page.is_file() and map_file.is_file() and page.stat().st_mtime >= map_file.stat().st_mtime
+    if there and survey_file is None and not fresh:
+        return page, False
+    site_map = read_map(map_file)
+    evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
+    title = map_file.absolute().parent.name or "Site map"
+    write_view(View(site_map, evaluation, title, read_orthophotos(site_map.rows, map_file.parent)), page)
+    return page, True
 
 
 def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:
