@@ -72,8 +72,9 @@ def measure_task(
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        wanted = {"strips": with_strips and job.site.orthophotos, "stills": with_strips and job.site.panoramas}
-        request = replace(request_for(job, row, failures.get(row)), **wanted)
+        request = request_for(job, row, failures.get(row))
+        if with_strips:
+            request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
         try:
             measured = measure(request, shown)
         except SavmapError as error:

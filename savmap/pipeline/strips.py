@@ -115,8 +115,9 @@ class Stills:
         self._kept: list[Still] = []
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
-        frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
-        self._every = max(round(STILL_S * plan.clip.fps), -(-frames // MOST_STILLS), 1)
+        info = probe(plan.clip.path, plan.clip.images_fps)
+        rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
+        self._every = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
 
     def cut(self, panorama: Panorama) -> None:
         if panorama.frame % self._every == 0:

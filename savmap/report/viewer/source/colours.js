@@ -27,7 +27,8 @@ export function colouring(site, mode) {
   if (mode === "error") return byError(site);
   const sigmas = site.elements.map((one) => one.sigma).sort((a, b) => a - b);
   const most = sigmas[Math.floor(0.98 * (sigmas.length - 1))] || 1e-3;
-  return byNumber(site, (one) => one.sigma, (value) => `${(1000 * value).toFixed(1)} mm`, [sigmas[0] ?? 0, most]);
+  const least = Math.max(sigmas[0] ?? 0, most / 1000);
+  return byNumber(site, (one) => Math.log(Math.max(one.sigma, least)), (value) => `${(1000 * Math.exp(value)).toFixed(1)} mm`, [Math.log(least), Math.log(most)]);
 }
 
 function byLabel(site) {

@@ -51,6 +51,21 @@ class Viewer {
 
   // ---- drawing -------------------------------------------------------------------------------------------------------------------
 
+  // Frames a second while the model turns around once, and milliseconds of each that this script takes.
+  async spin(frames = 60) {
+    let own = 0;
+    const begin = performance.now(), { target } = this.view.controls, camera = this.view.camera;
+    for (let k = 0; k < frames; k++) {
+      camera.position.sub(target).applyAxisAngle(camera.up, (2 * Math.PI) / frames).add(target);
+      camera.lookAt(target);
+      await new Promise(requestAnimationFrame);
+      const since = performance.now();
+      this.draw();
+      own += performance.now() - since;
+    }
+    return [(1000 * frames) / (performance.now() - begin), own / frames];
+  }
+
   redraw() {
     if (this.asked) return;
     this.asked = true;
@@ -122,7 +137,7 @@ class Viewer {
   setKind(kind) {
     for (const button of document.querySelectorAll("[data-kind]")) button.setAttribute("aria-pressed", String(button.dataset.kind === kind));
     this.model.floor.visible = kind !== "face";
-    this.view.look(kind, kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(frontInSite), this.row);
+    this.view.look(kind, kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(frontInSite), this.row, this.site.rows.length);
     this.model.update(kind);
     this.hangPhotos();
   }
@@ -253,6 +268,8 @@ class Viewer {
   }
 
   choose(entry) {
+    byId("search").blur();
+    byId("tip").hidden = true;
     byId("results").hidden = true;
     this.open(entry.elements, entry.key, entry.shown);
   }
@@ -266,6 +283,7 @@ class Viewer {
   // ---- measuring -----------------------------------------------------------------------------------------------------------------
 
   setMeasuring(on) {
+    byId("tip").hidden = true;
     this.points = on ? [] : null;
     this.result = null;
     byId("measure").setAttribute("aria-pressed", String(on));

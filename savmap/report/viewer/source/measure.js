@@ -74,5 +74,5 @@ export const metres = (value) => `${value.toFixed(3)}\u00a0m`;
 
 export function millimetres(value) {
   const mm = 1000 * value;
-  return `${mm < 0.995 ? mm.toPrecision(2) : mm.toFixed(0)}\u00a0mm`;
+  return `${mm === 0 ? "0" : mm < 0.995 ? mm.toPrecision(2) : mm.toFixed(0)}\u00a0mm`;
 }

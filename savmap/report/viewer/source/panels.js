@@ -27,12 +27,12 @@ function table(lines) {
 
 // What is known of an element: sizes with their standard deviations, then the rest.
 function facts(one) {
-  const lines = [[text.place, one.centre.map((value) => value.toFixed(3)).join(", ") + "\u00a0m"], [text.largestSigma, millimetres(one.sigma)]];
+  const lines = [[text.place, one.centre.map((value) => value.toFixed(3)).join(" ") + "\u00a0m"], [text.largestSigma, millimetres(one.sigma)]];
   if (typeof one.off === "number") lines.push([text.off, millimetres(one.off)]);
   if (one.off === "spurious") lines.push([text.off, text.spurious]);
   for (const [name, value] of Object.entries(one.attributes)) {
     if (name.endsWith("_sigma_m")) continue;
-    const sigma = typeof value === "object" ? value.sigma : one.attributes[name.replace(/_m$/, "_sigma_m")];
+    const sigma = typeof value === "object" ? value.sigma : name.endsWith("_m") ? one.attributes[name.replace(/_m$/, "_sigma_m")] : undefined;
     const number = typeof value === "object" ? value.value : value;
     const size = name.endsWith("_m") && typeof number === "number";
     const shown = size ? metres(number) : typeof number === "number" ? String(Number(number.toPrecision(4))) : number;

@@ -37,10 +37,10 @@ export class ModelView {
   }
 
   // Show a box of points (site's frame), in perspective from a direction, else straight.
-  look(kind, points, row) {
+  look(kind, points, row, rows) {
     this.flight = null;
     this.kind = kind;
-    const from = directionOf(kind, row), up = kind === "plan" ? axisOf(row, 2, -1) : new Vector3(0, 1, 0);
+    const from = directionOf(kind, row, rows), up = kind === "plan" ? axisOf(row, 2, -1) : new Vector3(0, 1, 0);
     const camera = this.camera;
     camera.up.copy(up);
     this.controls.object = camera;
@@ -119,10 +119,11 @@ export class ModelView {
   }
 }
 
-function directionOf(kind, row) {
+// Many rows are looked down on, so that those in front do not hide the others.
+function directionOf(kind, row, rows) {
   if (kind === "plan") return new Vector3(0, 1, 0);
   const out = axisOf(row, 2, 1);
-  return kind === "face" ? out : out.add(axisOf(row, 0, -0.42)).add(new Vector3(0, 0.3, 0)).normalize();
+  return kind === "face" ? out : out.add(axisOf(row, 0, -0.42)).add(new Vector3(0, rows > 4 ? 0.85 : 0.3, 0)).normalize();
 }
 
 function axisOf(row, axis, sign) {
