@@ -4,6 +4,7 @@ import { floatsOf } from "./pictures.js";
 const UNIT_M = 1e-5;
 const GAP_M = 6;
 const FACE_M = 0.5;
+const CROSS_M = 0.04;
 const WRITTEN = ["text", "code"];
 
 export async function readSite() {
@@ -151,6 +152,16 @@ export function toSite(row, point) {
 }
 
 export const vertexOf = (row, k) => [row.positions[3 * k], row.positions[3 * k + 1], row.positions[3 * k + 2]];
+
+// The ends (row's frame) of the lines that show an element: its edges, or a small cross at each vertex where it has none.
+export function linesOf(one) {
+  if (one.edges.length) return one.edges.map((end) => vertexOf(one.row, end));
+  const ends = [];
+  for (let k = one.first; k < one.first + one.count; k++)
+    for (let axis = 0; axis < 3; axis++)
+      for (const by of [-CROSS_M, CROSS_M]) ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
+  return ends;
+}
 
 export function elementOfVertex(row, vertex) {
   return row.elements.find((one) => vertex >= one.first && vertex < one.first + one.count);

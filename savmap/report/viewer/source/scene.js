@@ -6,7 +6,7 @@ import {
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
-import { toSite } from "./data.js";
+import { linesOf, toSite } from "./data.js";
 import { ownCovariance } from "./measure.js";
 import { picture } from "./pictures.js";
 
@@ -120,9 +120,7 @@ export class Model {
 
   mark(elements) {
     this.marked.children.slice().forEach(dispose);
-    const positions = elements.flatMap((one) =>
-      one.edges.flatMap((end) => toSite(one.row, one.row.positions.slice(3 * end, 3 * end + 3))),
-    );
+    const positions = elements.flatMap((one) => linesOf(one).flatMap((end) => toSite(one.row, end)));
     if (positions.length) this.marked.add(fatLines(positions, SELECTED, 4));
   }
 
@@ -140,13 +138,7 @@ function rowObjects(row) {
   const group = new Group();
   group.matrixAutoUpdate = false;
   group.matrix.set(...row.siteFromRow);
-  const ends = new Float32Array(3 * row.elements.reduce((total, one) => total + one.edges.length, 0));
-  let place = 0;
-  for (const one of row.elements)
-    for (const end of one.edges) {
-      ends.set(row.positions.subarray(3 * end, 3 * end + 3), place);
-      place += 3;
-    }
+  const ends = new Float32Array(row.elements.flatMap((one) => linesOf(one).flat()));
   const path = pathLine(row);
   group.add(path);
   return { row, group, ends, path, lines: [], photoSize: -1, solids: null, photo: null, ellipsoids: null };
@@ -156,7 +148,7 @@ function coloursOf(row, of) {
   const values = [], colour = new Color();
   for (const one of row.elements) {
     colour.set(of(one));
-    for (let k = 0; k < one.edges.length; k++) values.push(colour.r, colour.g, colour.b);
+    for (let k = linesOf(one).length; k > 0; k--) values.push(colour.r, colour.g, colour.b);
   }
   return new Float32Array(values);
 }

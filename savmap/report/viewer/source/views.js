@@ -195,7 +195,9 @@ function edgeDistance(one, pixels, x, y) {
     if (!(pixels[a + 2] <= 1) || !(pixels[b + 2] <= 1)) continue;
     least = Math.min(least, toSegment(x, y, pixels[a], pixels[a + 1], pixels[b], pixels[b + 1]));
   }
-  if (!one.edges.length && pixels[3 * one.first + 2] <= 1) return Math.hypot(pixels[3 * one.first] - x, pixels[3 * one.first + 1] - y);
+  if (!one.edges.length)
+    for (let k = one.first; k < one.first + one.count; k++)
+      if (pixels[3 * k + 2] <= 1) least = Math.min(least, Math.hypot(pixels[3 * k] - x, pixels[3 * k + 1] - y));
   return least;
 }
 
