@@ -43,7 +43,7 @@ def large_site(row: RowMap, rows: int, elements: int) -> SiteMap:
     times = max(1, -(-elements // (rows * count)))
     names = [f"{chr(65 + k // 10)}{k % 10 + 1}" for k in range(rows)]
     longer = lengthened(row, times)
-    places = {name: place for name, place in zip(names, _places(rows, _length(longer)), strict=True)}
+    places = dict(zip(names, _places(rows, _length(longer)), strict=True))
     return SiteMap({name: replace(longer, name=name) for name in names}, {}, {}, places)
 
 
@@ -74,8 +74,9 @@ def _repeated(joint: JointCovariance, times: int) -> JointCovariance:
 def _moved(structure: Structure, number: int, step: float) -> Structure:
     name = _name(structure.id, number)
     labels = tuple(label.replace(structure.id, name) for label in structure.vertex_labels)
-    vertices = structure.vertices + [number * step, 0.0, 0.0]
-    solid = structure.solid and replace(structure.solid, outline=structure.solid.outline + [number * step, 0.0, 0.0])
+    along = np.array([number * step, 0.0, 0.0])
+    vertices = structure.vertices + along
+    solid = structure.solid and replace(structure.solid, outline=structure.solid.outline + along)
     return replace(structure, id=name, vertices=vertices, vertex_labels=labels, solid=solid)
 
 

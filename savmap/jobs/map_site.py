@@ -22,7 +22,7 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import PluginsByRow, evaluation_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, report_for
 from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
@@ -32,7 +32,6 @@ from savmap.types.progress import Monitor
 from savmap.vision.networks.providers import runtime_version
 
 DRAWN = "drawn"
-VIEW = "view.html"
 
 
 @dataclass(frozen=True, eq=False)

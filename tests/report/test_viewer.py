@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import hashlib
 import json
 import re
 import threading
@@ -100,6 +101,15 @@ def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
     assert data_of(written(tmp_path / "2", View(one)))["rows"][0]["joint"]["path"] == "joint/A.js"
     assert scripts(tmp_path / "2") == {"joint/A.js"}
+
+
+def test_bundle_is_that_of_its_sources() -> None:
+    folder = Path(beside_module.__file__).parent
+    parts = sorted(file for file in (folder / "source").iterdir() if file.suffix in (".js", ".mjs", ".json"))
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in parts)).hexdigest()
+    head = (folder / "viewer.js").read_text(encoding="utf-8")[:2000]
+    assert digest in head, "run `npm ci && npm run build` in savmap/report/viewer/source"
+    assert "three.js authors" in head
 
 
 @pytest.fixture

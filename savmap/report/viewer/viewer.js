@@ -1,4 +1,4 @@
-/*! savmap viewer, Apache-2.0. With three.js 0.187.0:
+/*! savmap viewer, Apache-2.0, of sources 53c987a0e79de7d424c0f5a33169728973c8f13403b04d33d2ab2d462b9968b6. With three.js:
 The MIT License
 
 Copyright © 2010-2026 three.js authors
