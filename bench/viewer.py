@@ -68,7 +68,7 @@ def _repeated(joint: JointCovariance, times: int) -> JointCovariance:
         }
         for plugin, group in joint.coordinates.items()
     }
-    return JointCovariance(numbers, np.kron(np.eye(times), joint.covariance))
+    return JointCovariance(numbers, np.asarray(np.kron(np.eye(times), joint.covariance), np.float64))
 
 
 def _moved(structure: Structure, number: int, step: float) -> Structure:

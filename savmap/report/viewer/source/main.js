@@ -78,7 +78,7 @@ class Viewer {
     for (const { row, lines } of this.model.rows) for (const line of lines.slice(1)) line.visible = row === this.panorama.row;
     this.drawOn(byId("view"), this.view.camera, GROUND);
     this.view.camera.updateMatrixWorld();
-    if (this.labels) drawNames(byId("names"), this.names, this.view.camera, this.view.width, this.view.height, this.row);
+    if (this.labels) drawNames(byId("names"), this.view.kind === "face" ? this.names.filter((name) => name.row === this.row) : this.names, this.view.camera, this.view.width, this.view.height, this.row);
     if (panorama) this.drawOn(byId("pano-area"), this.panorama.camera, NIGHT);
     this.placeDistance();
   }
@@ -93,11 +93,13 @@ class Viewer {
   }
 
   resize() {
-    const stage = byId("stage").getBoundingClientRect();
+    const stage = byId("stage").getBoundingClientRect(), size = `${stage.width} ${stage.height} ${byId("pano").hidden}`;
+    if (size === this.size) return;
+    this.size = size;
     this.renderer.setSize(stage.width, stage.height, false);
     for (const [part, area] of [[this.view, byId("view")], [this.panorama, byId("pano-area")]])
       if (area.clientWidth && area.clientHeight) part.resize(area.clientWidth, area.clientHeight);
-    this.draw();
+    if (this.mode) this.draw(); // at once, for a canvas of a new size is empty
   }
 
   placeDistance() {
@@ -106,6 +108,10 @@ class Viewer {
     if (!this.result) return;
     const [a, b] = this.points.map((one) => this.pixelOf(one.row, one.vertex));
     shown.style.transform = `translate(-50%, -140%) translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
+  }
+
+  get rowsInView() {
+    return this.view.kind === "face" ? [this.row] : this.site.rows;
   }
 
   pixelOf(row, vertex) {
@@ -131,6 +137,7 @@ class Viewer {
     showDoubts(row, (doubt) => this.openDoubt(doubt));
     this.hangPhotos();
     if (!byId("pano").hidden && this.panorama.row !== row) this.lookFrom(Math.floor(this.panorama.placesOf(row).length / 2), row);
+    if (this.view.kind === "face" && this.view.row !== row) this.setKind("face");
     this.redraw();
   }
 
@@ -187,6 +194,7 @@ class Viewer {
   }
 
   visit(elements) {
+    if (elements[0].row !== this.row) this.setRow(elements[0].row);
     this.panorama.visit(elements[0].row, pointsOf(elements));
     this.tellPlace();
   }
@@ -341,8 +349,7 @@ class Viewer {
   goToRow(row) {
     if (!row) return;
     this.setRow(row);
-    if (this.view.kind === "face") this.setKind("face");
-    else this.view.fly(frontInSite(row));
+    if (this.view.kind !== "face") this.view.fly(frontInSite(row));
   }
 
   buildSide() {
@@ -430,7 +437,7 @@ class Viewer {
     addEventListener("pointerdown", (event) => {
       if (!event.target.closest?.("#finder")) byId("results").hidden = true;
     });
-    this.listenOn(byId("view"), () => [this.view.camera, this.view.width, this.view.height, this.site.rows]);
+    this.listenOn(byId("view"), () => [this.view.camera, this.view.width, this.view.height, this.rowsInView]);
     this.listenOn(byId("pano-area"), () => [this.panorama.camera, this.panorama.width, this.panorama.height, [this.panorama.row ?? this.row]]);
   }
 

@@ -83,6 +83,7 @@ export class Model {
     const few = this.allThick;
     for (const objects of this.rows) {
       const here = few || objects.row === this.focused;
+      objects.group.visible = kind !== "face" || objects.row === this.focused;
       objects.path.visible = this.shown.path && kind !== "face";
       if (this.shown.solids && !objects.solids) this.drawSolids(objects);
       if (objects.solids) objects.solids.visible = this.shown.solids;

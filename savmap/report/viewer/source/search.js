@@ -37,9 +37,10 @@ export function search(index, query) {
     if (!parts.every((part) => one.words.includes(part))) continue;
     const shown = one.shown.toLowerCase();
     const rank = shown === wanted ? 0 : shown.startsWith(wanted) ? 1 : shown.includes(wanted) ? 2 : 3;
-    found.push([rank, one]);
+    const words = new Set(one.words.split(/[\s/]+/));
+    found.push([rank, one, parts.filter((part) => words.has(part)).length]);
   }
-  found.sort((a, b) => a[0] - b[0]);
+  found.sort((a, b) => a[0] - b[0] || b[2] - a[2]);
   return found.slice(0, MOST).map((pair) => pair[1]);
 }
 

@@ -40,6 +40,7 @@ export class ModelView {
   look(kind, points, row, rows) {
     this.flight = null;
     this.kind = kind;
+    this.row = row;
     const from = directionOf(kind, row, rows), up = kind === "plan" ? axisOf(row, 2, -1) : new Vector3(0, 1, 0);
     const camera = this.camera;
     camera.up.copy(up);
