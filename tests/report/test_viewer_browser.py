@@ -227,6 +227,21 @@ def test_panorama_turns_to_what_is_selected(opened: Open) -> None:
     assert selected(page) == "post 2"
 
 
+def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("2")
+    x, y = page.evaluate(
+        """() => { const v = savmapViewer, at = v.view.camera.position.clone(), box = document.getElementById("view").getBoundingClientRect();
+        at.set(...v.row.path.positions.slice(3 * 7, 3 * 8)).project(v.view.camera);
+        return [box.left + box.width * (at.x + 1) / 2, box.top + box.height * (1 - at.y) / 2]; }"""
+    )
+    page.mouse.click(x, y)
+    until(page, "savmapViewer.panorama.shows")
+    assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 6
+    page.keyboard.press(".")
+    assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 12
+
+
 def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
     """The panorama's middle column looks out of the face: behind the camera that looks at the face, and up is up."""
     page = opened(one_row())
@@ -285,6 +300,14 @@ def test_names_do_not_overlap(opened: Open) -> None:
     for k, (left, top, right, bottom) in enumerate(boxes):
         for x, y, x1, y1 in boxes[k + 1 :]:
             assert not (left < x1 - 1 and x < right - 1 and top < y1 - 1 and y < bottom - 1)
+
+
+def test_print_shows_the_picture(opened: Open) -> None:
+    page = opened(one_row())
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.locator("#printed").evaluate("(image) => image.naturalWidth") > 500
+    assert page.locator("#search").is_hidden()
 
 
 def test_fits_a_phone(opened: Open) -> None:

@@ -11,7 +11,7 @@ import { distanceText, link, showDoubts, showHelp, showLegend, showMeasure, show
 import { Model } from "./scene.js";
 import { named, search, searchIndex } from "./search.js";
 import { text } from "./text.js";
-import { ModelView, frontInSite, pick, pickVertex, pointsOf, projected } from "./views.js";
+import { ModelView, frontInSite, planInSite, pick, pickPlace, pickVertex, pointsOf, projected } from "./views.js";
 
 const GROUND = new Color("#fbfcfd"), NIGHT = new Color("#eef1f4"), CLICK_PX = 5, MOST_PHOTO_ROWS = 6;
 
@@ -144,7 +144,8 @@ class Viewer {
   setKind(kind) {
     for (const button of document.querySelectorAll("[data-kind]")) button.setAttribute("aria-pressed", String(button.dataset.kind === kind));
     this.model.floor.visible = kind !== "face";
-    this.view.look(kind, kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(frontInSite), this.row, this.site.rows.length);
+    const whole = kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(kind === "plan" ? planInSite : frontInSite);
+    this.view.look(kind, whole, this.row, this.site.rows.length);
     this.model.update(kind);
     this.hangPhotos();
   }
@@ -177,7 +178,7 @@ class Viewer {
       this.resize();
       if (this.selected.length) this.visit(this.selected);
       else this.lookFrom(Math.floor(this.panorama.placesOf(this.row).length / 2), this.row);
-    }
+    } else this.model.drawPlace(null);
     this.resize();
     if (this.selected.length) this.view.fly(pointsOf(this.selected), 0.6);
     else this.setKind(this.view.kind);
@@ -200,8 +201,9 @@ class Viewer {
   }
 
   tellPlace() {
-    const { places, place, row } = this.panorama;
+    const { places, place, row, centre } = this.panorama;
     if (!places?.length) return;
+    this.model.drawPlace(centre);
     const { index, path } = places[place], { passes, pass, stamp } = row.path;
     Object.assign(byId("place"), { max: String(places.length - 1), value: String(place) });
     byId("pano-what").textContent = `${this.site.rows.length > 1 ? `${text.row(row.name)}, ` : ""}${text.still(passes[pass[index]], stamp[index])}${path ? "" : `. ${text.noStill}`}`;
@@ -475,7 +477,22 @@ class Viewer {
       return;
     }
     const found = pick(rows, camera, width, height, ...at, coarse ? 16 : 8);
+    const place = this.model.shown.path && camera === this.view.camera && this.view.kind !== "face" && pickPlace(rows, camera, width, height, ...at);
+    if (place && !(found && this.near(found, camera, width, height, at))) return this.goToPlace(place);
     this.select(found ? [found] : [], found?.key);
+  }
+
+  // Whether the pointer is on an element's edge, not within it.
+  near(found, camera, width, height, at) {
+    return pick([found.row], camera, width, height, ...at, 3, false) !== null;
+  }
+
+  // Show the panorama from where the camera's path was clicked.
+  goToPlace({ row, index }) {
+    if (row !== this.row) this.setRow(row);
+    if (byId("pano").hidden) this.togglePanorama(true);
+    const places = this.panorama.placesOf(row), apart = (one) => Math.abs(one.index - index);
+    this.lookFrom(places.reduce((least, one, k) => (apart(one) < apart(places[least]) ? k : least), 0), row);
   }
 
   hover(area, [camera, width, height, rows], at) {

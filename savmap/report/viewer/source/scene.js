@@ -6,7 +6,7 @@ import {
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
-import { linesOf, toSite } from "./data.js";
+import { linesOf, toSite, vertexOf } from "./data.js";
 import { ownCovariance } from "./measure.js";
 import { picture } from "./pictures.js";
 
@@ -24,7 +24,8 @@ export class Model {
     for (const objects of this.rows) this.scene.add(objects.group);
     this.marked = new Group();
     this.rule = new Group();
-    this.scene.add(this.marked, this.rule);
+    this.place = new Group();
+    this.scene.add(this.marked, this.rule, this.place);
     this.addFloor();
     this.shown = { solids: false, photos: false, path: true, ellipsoids: false };
     this.exaggeration = 10;
@@ -127,8 +128,15 @@ export class Model {
 
   drawRule(points) {
     this.rule.children.slice().forEach(dispose);
-    if (points.length === 2) this.rule.add(fatLines(points.flat(), MEASURE, 2.5));
-    if (points.length) this.rule.add(dots(points, MEASURE, 10));
+    if (points.length === 2) this.rule.add(fatLines(points.flat(), "#ffffff", 6), fatLines(points.flat(), MEASURE, 2.5));
+    if (points.length) this.rule.add(dots(points, "#ffffff", 13), dots(points, MEASURE, 9));
+  }
+
+  // Where the panorama that is shown was taken; null for nowhere.
+  drawPlace(place) {
+    this.place.children.slice().forEach(dispose);
+    if (place) this.place.add(dots([place], SELECTED, 11));
+    for (const dot of this.place.children) dot.layers.set(MODEL);
   }
 }
 
@@ -206,8 +214,11 @@ function pathLine(row) {
   for (let k = 1; k < passes.length; k++) if (passes[k] === passes[k - 1]) joined.push(k - 1, k);
   geometry.setIndex(joined);
   const line = new LineSegments(geometry, new LineBasicMaterial({ color: PATH }));
-  line.layers.set(MODEL);
+  const index = new Map(row.path.number.map((frame, k) => [frame, k]));
+  const stills = row.stills.filter((one) => index.has(one.frame)).map((one) => vertexOf(row.path, index.get(one.frame)));
   path.add(line);
+  if (stills.length) path.add(dots(stills, PATH, 5));
+  for (const part of path.children) part.layers.set(MODEL);
   return path;
 }
 

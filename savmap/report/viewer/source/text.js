@@ -80,5 +80,6 @@ export const text = {
     ["right drag, two fingers", "move"],
     ["wheel, pinch", "nearer and farther"],
     ["click, tap", "select; the panorama turns to it"],
+    ["click on the camera's path", "the panorama from there"],
   ],
 };

@@ -1,7 +1,7 @@
 // Where one looks from: the model in perspective, the plan, a row's face; picking what is under the pointer; names beside things.
 import { OrthographicCamera, PerspectiveCamera, Vector3, Vector4, Matrix4, MOUSE, TOUCH } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { toSite } from "./data.js";
+import { boxOf, toSite } from "./data.js";
 import { COMMON, MODEL, PHOTO, cornersOf } from "./scene.js";
 
 const MARGIN = 1.06, FLY_MS = 420;
@@ -139,6 +139,12 @@ function spanOf(points, axis) {
 
 export const frontInSite = (row) => cornersOf(row.front).map((corner) => toSite(row, corner));
 
+// From above the camera's path belongs to a row.
+export function planInSite(row) {
+  const path = row.path.positions.length ? cornersOf(boxOf(row.path.positions)) : [];
+  return [...frontInSite(row), ...path.map((corner) => toSite(row, corner))];
+}
+
 export function pointsOf(elements) {
   return elements.flatMap((one) =>
     Array.from({ length: one.count }, (_, k) => {
@@ -150,6 +156,7 @@ export function pointsOf(elements) {
 
 // Pixels (x, y, depth) of a row's vertices in a view of so many pixels; depth is NaN behind the camera.
 export function projected(row, camera, width, height) {
+  camera.updateMatrixWorld();
   const matrix = new Matrix4().set(...row.siteFromRow).premultiply(camera.matrixWorldInverse).premultiply(camera.projectionMatrix);
   const count = row.positions.length / 3, pixels = new Float32Array(3 * count), place = new Vector4();
   for (let k = 0; k < count; k++) {
@@ -164,13 +171,13 @@ export function projected(row, camera, width, height) {
 const EDGE_PX = 8;
 
 // The element whose edge is nearest the pointer, or, where there is none near, the nearest one that surrounds it.
-export function pick(rows, camera, width, height, x, y, reach = EDGE_PX) {
+export function pick(rows, camera, width, height, x, y, reach = EDGE_PX, within = true) {
   let best = null, score = Infinity;
   for (const row of rows) {
     const pixels = projected(row, camera, width, height);
     for (const one of row.elements) {
       const found = edgeDistance(one, pixels, x, y);
-      const here = found <= reach ? found : surrounds(one, pixels, x, y) ? reach + 1 + pixels[3 * one.first + 2] : Infinity;
+      const here = found <= reach ? found : within && surrounds(one, pixels, x, y) ? reach + 1 + pixels[3 * one.first + 2] : Infinity;
       if (here < score) [best, score] = [one, here];
     }
   }
@@ -187,6 +194,12 @@ export function pickVertex(rows, camera, width, height, x, y, reach = 18) {
     }
   }
   return best;
+}
+
+// The place of a camera's path that is nearest the pointer.
+export function pickPlace(rows, camera, width, height, x, y) {
+  const found = pickVertex(rows.map((row) => ({ row, siteFromRow: row.siteFromRow, positions: row.path.positions })), camera, width, height, x, y, EDGE_PX);
+  return found && { row: found.row.row, index: found.vertex };
 }
 
 function edgeDistance(one, pixels, x, y) {
