@@ -232,6 +232,7 @@ def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
     page.keyboard.press("2")
     x, y = page.evaluate(
         """() => { const v = savmapViewer, at = v.view.camera.position.clone(), box = document.getElementById("view").getBoundingClientRect();
+        v.view.camera.updateMatrixWorld();
         at.set(...v.row.path.positions.slice(3 * 7, 3 * 8)).project(v.view.camera);
         return [box.left + box.width * (at.x + 1) / 2, box.top + box.height * (1 - at.y) / 2]; }"""
     )
