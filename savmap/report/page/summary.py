@@ -18,7 +18,7 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, remarks for the reader, and orthophotos of rows by name."""
+    survey, remarks for the reader, orthophotos of rows by name, and the name of the viewer's page beside this one."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -27,6 +27,7 @@ class Report:
     remarks: tuple[str, ...] = ()
     title: str = "Site map"
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
+    viewer: str = ""
 
 
 @dataclass(frozen=True, eq=False)
