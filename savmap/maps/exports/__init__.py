@@ -17,6 +17,12 @@ Exporter = Callable[[SiteMap, Path], None]
 FORMATS = {
     "csv": "plain:write_csv",
     "ply": "plain:write_ply",
+    "tum": "trajectories.text:write_tum",
+    "colmap": "trajectories.text:write_colmap",
+    "nerfstudio": "trajectories.text:write_nerfstudio",
+    "mcap": "trajectories.foxglove:write_mcap",
+    "rosbag2": "trajectories.ros:write_rosbag2",
+    "rrd": "trajectories.rerun:write_rerun",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
