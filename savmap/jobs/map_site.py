@@ -159,7 +159,7 @@ def _write_results(
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
-    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos, mapped.stills)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None

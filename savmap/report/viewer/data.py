@@ -11,7 +11,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
-from savmap.types import Attribute, Doubt, Evaluation, Floats, JointCovariance, Measured, Placement, RowMap, SiteMap, Structure
+from savmap.types import (
+    Attribute,
+    Doubt,
+    Evaluation,
+    Floats,
+    JointCovariance,
+    Measured,
+    Placement,
+    RowMap,
+    SiteMap,
+    Structure,
+)
 
 Entry = dict[str, Any]
 UNIT_M = 1e-5

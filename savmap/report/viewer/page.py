@@ -14,7 +14,6 @@ from string import Template
 from savmap.files.atomic import write_text
 from savmap.report.viewer.beside import joints_apart, written_beside
 from savmap.report.viewer.data import Entry, page_data
-
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
 POLICY = "default-src 'none'; script-src 'sha256-{script}' 'self' file:; style-src 'sha256-{style}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
