@@ -176,7 +176,8 @@ def _write_results(
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
-    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
+    photos, stills = mapped.orthophotos, mapped.stills
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
     report = replace(report, viewer=VIEW)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
