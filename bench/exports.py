@@ -43,10 +43,10 @@ api.Init().then(() => {
 });
 """
 Validator = Callable[[Path], list[str]]
-"""What it finds wrong with a file, a line each. Raises `Missing` where it is not installed."""
+"""What it finds wrong with a file, a line each. Raises `MissingError` where it is not installed."""
 
 
-class Missing(Exception):
+class MissingError(Exception):
     """A validator is not installed."""
 
 
@@ -75,9 +75,9 @@ def in_node(script: str, module: str, path: Path) -> list[str]:
     """What a script prints of a file."""
     node = shutil.which("node")
     if node is None:
-        raise Missing
+        raise MissingError
     if subprocess.run([node, "-e", f"require.resolve('{module}')"], capture_output=True).returncode:
-        raise Missing
+        raise MissingError
     return printed([node, "-e", script, str(path.resolve())])
 
 
@@ -92,7 +92,7 @@ def usd_validation(path: Path) -> list[str]:
     try:
         from pxr import Usd, UsdValidation
     except ImportError as error:
-        raise Missing from error
+        raise MissingError from error
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     return [str(error.GetMessage()) for error in errors]
@@ -102,7 +102,7 @@ def nvidia_validation(path: Path) -> list[str]:
     """NVIDIA's validator of what Omniverse reads, by its command, which may lie in an environment of its own."""
     command = os.environ.get("NVIDIA_USD_VALIDATE") or shutil.which("nvidia_usd_validate")
     if command is None:
-        raise Missing
+        raise MissingError
     done = subprocess.run([command, str(path)], capture_output=True, text=True)
     lines = (done.stdout + done.stderr).splitlines()
     return [] if any("No issues found" in line for line in lines) else lines[-20:]
@@ -113,7 +113,7 @@ def ifc_validation(path: Path) -> list[str]:
     try:
         import ifcopenshell.validate as validate
     except ImportError as error:
-        raise Missing from error
+        raise MissingError from error
     log = validate.json_logger()
     validate.validate(str(path), log, express_rules=True)
     return [str(statement) for statement in log.statements]
@@ -124,7 +124,7 @@ def dxf_audit(path: Path) -> list[str]:
     try:
         import ezdxf
     except ImportError as error:
-        raise Missing from error
+        raise MissingError from error
     auditor = ezdxf.readfile(path).audit()
     return [str(entry.message) for entry in (*auditor.errors, *auditor.fixes)]
 
@@ -134,7 +134,7 @@ def gdal(path: Path) -> list[str]:
     try:
         import pyogrio
     except ImportError as error:
-        raise Missing from error
+        raise MissingError from error
     return [] if pyogrio.read_info(path, force_feature_count=True)["features"] else ["no shape was read"]
 
 
@@ -160,7 +160,7 @@ def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
         begin = time.perf_counter()
         try:
             faults[validator] = check(path)
-        except Missing:
+        except MissingError:
             faults[validator] = None
         took[validator] = time.perf_counter() - begin
     return Result(name, seconds, path.stat().st_size, faults, took)
