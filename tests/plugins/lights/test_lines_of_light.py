@@ -1,0 +1,83 @@
+"""Lines of lamps in space: joints, repetition, heights, ends out of sight."""
+
+import numpy as np
+import pytest
+
+from savmap.errors import StructureError
+from savmap.graph import KeySpace, camera_priors, merge, solve
+from savmap.types import Feature, Structure
+from savmap_lights.doubts import UNKNOWN_M
+from savmap_lights.plugin import Lights, Settings
+from savmap_lights.space.ties import alike
+from savmap_lights.tracking import track_lamps
+
+from . import drawn_ceiling as drawn
+
+LIGHTS = Lights(Settings())
+
+
+def mapped(features: list[Feature]) -> list[Structure]:
+    """The lamps of a drive whose path is known."""
+    path, facts = drawn.path(), drawn.facts()
+    tracks = track_lamps(features, facts, path)
+    constraints = LIGHTS.constrain(tracks, facts, path, KeySpace("lights"))
+    solution = solve(merge(camera_priors(facts, path, fixed=path), constraints))
+    return LIGHTS.describe(tracks, solution.landmarks_of("lights"))
+
+
+def whole(lamps: list[Structure]) -> list[Structure]:
+    return [lamp for lamp in lamps if lamp.covariances[:, 0, 0].max() < 1]
+
+
+def test_a_line_of_light_is_mapped_joint_by_joint() -> None:
+    starts = np.arange(-4.5, 10.0, 1.5)
+    lamps = whole(mapped(drawn.features_of([drawn.strip(x, x + 1.46) for x in starts])))
+    inside = [lamp for lamp in lamps if 0 < lamp.vertices[:, 0].mean() < 6]
+    assert len(inside) == 4
+    for lamp in inside:
+        start = starts[np.argmin(np.abs(starts - lamp.vertices[0, 0]))]
+        truth = [[start, drawn.HEIGHT_M, drawn.LINE_Z_M], [start + 1.46, drawn.HEIGHT_M, drawn.LINE_Z_M]]
+        assert np.abs(lamp.vertices - truth).max() < 0.015
+
+
+def test_alike_strips_are_not_shifted_by_a_pitch() -> None:
+    starts = np.arange(-4.0, 10.0, 1.3)
+    lamps = whole(mapped(drawn.features_of([drawn.strip(x, x + 0.8) for x in starts])))
+    inside = [lamp for lamp in lamps if 0 < lamp.vertices[:, 0].mean() < 6]
+    assert len(inside) == 5
+    assert all(np.abs(starts - lamp.vertices[0, 0]).min() < 0.01 for lamp in inside)
+    assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in inside]).max() < 0.01
+
+
+def test_a_beam_below_a_line_of_light_makes_no_lamps() -> None:
+    lamps = mapped(drawn.features_of([drawn.strip(0.5, 5.5)], beams=(1.5, 3.0, 4.2)))
+    assert len(lamps) == 1
+    assert np.abs(lamps[0].vertices[:, 0] - [0.5, 5.5]).max() < 0.01
+
+
+def test_a_line_without_an_end_in_sight_is_unknown_along() -> None:
+    (lamp,) = mapped(drawn.features_of([drawn.strip(2.0, 40.0)]))
+    assert lamp.vertex_labels == ("end 0", "end 1")
+    assert lamp.vertices[0, 0] == pytest.approx(2.0, abs=0.02)
+    assert lamp.covariances[0, 0, 0] < 0.05**2
+    assert np.sqrt(lamp.covariances[1, 0, 0]) == UNKNOWN_M
+    assert not LIGHTS.cross_row_landmarks([lamp])
+
+
+def test_a_line_without_any_end_is_said() -> None:
+    with pytest.raises(StructureError, match="no lamp"):
+        track_lamps(drawn.features_of([drawn.strip(-40.0, 40.0)]), drawn.facts(), drawn.path())
+
+
+def test_a_lamp_that_hangs_lower_keeps_its_height() -> None:
+    heights = [6.0, 6.0, 5.85, 6.0, 6.0]
+    strips = [drawn.strip(1.4 * k, 1.4 * k + 0.8, height) for k, height in enumerate(heights)]
+    lamps = whole(mapped(drawn.features_of(strips)))
+    assert [lamp.vertices[:, 1].mean() for lamp in lamps] == pytest.approx(heights, abs=0.015)
+    assert [doubt.structures for doubt in LIGHTS.doubt(lamps)] == [("light 3",)]
+
+
+def test_values_are_alike_that_agree_with_most() -> None:
+    values, sigmas = np.array([6.0, 6.002, 5.999, 5.9, 6.05]), np.array([0.002, 0.002, 0.002, 0.002, 0.03])
+    assert alike(values, sigmas).tolist() == [True, True, True, False, True]
+    assert not alike(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
