@@ -20,12 +20,13 @@ STEP_PX = 0.5
 DROP, VARIES = 5.0, 20.0
 BEYOND_PX = 9.0
 SHARP_PX, STEEP = 3.5, 0.6
-BESIDE_PX, COVERS, SAME_PX = 3.0, 8.0, 1.5
+BESIDE_PX, COVERS, SAME_PX = 3.0, 8.0, 2.0
 WIDER = 0.3
 BORDER_PX = 3.0
 SURE = 0.7
 LEAST_PX = 12
-FIRST_STRIP = 10_000
+FIRST_STRIP, FIRST_LIKE = 10_000, 20_000
+VIEW_AXES = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 SLICES, FEWEST, PARTS = 24, 6, 5
 THIN_PX, ROUNDS = 3.0, 3
 HALF = 0.6
@@ -46,13 +47,14 @@ class Seed:
 @dataclass(frozen=True, eq=False)
 class Body:
     """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,) px along the axis,
-    None where it is cut, hidden or blurred; `reach`: how far it is seen either way (2, 2) px."""
+    None where it is cut, hidden or blurred; `covered`: where something that runs across hides an end; `reach`: how far it is seen either way (2, 2) px."""
 
     instance: int
     numbers: tuple[int, ...]
     axis: Floats
     width: float
     ends: tuple[Floats | None, Floats | None]
+    covered: tuple[Floats, ...]
     reach: Floats
 
 
@@ -120,7 +122,7 @@ def _axes(seed: Seed, seeds: Sequence[Seed]) -> Iterator[Floats]:
         away = other.middle - seed.middle
         if other is not seed and np.linalg.norm(away) > seed.width:
             yield away / np.linalg.norm(away)
-    yield from (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    yield from VIEW_AXES
 
 
 def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> list[Body]:
@@ -153,12 +155,14 @@ def _body(
 ) -> Body:
     low, high = (middle + at * axis for at in (run.low, run.high))
     inside = {other.number for other in seeds if _within(other.middle - middle, axis, width, run.low, run.high)}
-    ends = (
-        low if run.low_sharp and not _is_covered(grey, middle, axis, width, run.low) else None,
-        high if run.high_sharp and not _is_covered(grey, middle, axis, width, run.high) else None,
-    )
     numbers = tuple(sorted(inside)) or (seed.number,)
-    return Body(0, numbers, axis, width, ends, np.array([low, high]))
+    sharp = [(low, run.low, run.low_sharp), (high, run.high, run.high_sharp)]
+    hidden = [is_sharp and _is_covered(grey, middle, axis, width, at) for _, at, is_sharp in sharp]
+    ends = [
+        pixel if is_sharp and not hides else None for (pixel, _, is_sharp), hides in zip(sharp, hidden, strict=True)
+    ]
+    covered = tuple(pixel for (pixel, _, _), hides in zip(sharp, hidden, strict=True) if hides)
+    return Body(0, numbers, axis, width, (ends[0], ends[1]), covered, np.array([low, high]))
 
 
 @dataclass(frozen=True)
@@ -210,7 +214,8 @@ def _is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: f
     along = at + np.arange(-reach, reach + 0.01, STEP_PX)
     steep = round(SHARP_PX / STEP_PX)
     for side in (-1, 1):
-        aside = side * np.linspace(width + BESIDE_PX, 1.5 * width + 3 * BESIDE_PX, 5)
+        begin = 0.5 * width + max(BESIDE_PX, 0.25 * width)
+        aside = side * np.linspace(begin, begin + 2 * BESIDE_PX, 5)
         line = sampled(grey, middle, axis, along, aside).mean(axis=1)
         steps = np.abs(line[steep:] - line[:-steep])
         if steps.max() < COVERS:
@@ -264,7 +269,10 @@ def _profile(grey: Singles, middle: Floats, axis: Floats, places: Floats, half: 
 
 def sampled(grey: Singles, middle: Floats, axis: Floats, along: Floats, aside: Floats) -> Floats:
     """Brightness (n, m) at places along and aside of an axis."""
-    normal = np.array([-axis[1], axis[0]])
+    return _sampled_at(grey, middle, axis, np.array([-axis[1], axis[0]]), along, aside)
+
+
+def _sampled_at(grey: Singles, middle: Floats, axis: Floats, normal: Floats, along: Floats, aside: Floats) -> Floats:
     pixels = (middle + along[:, None, None] * axis + aside[None, :, None] * normal).astype(np.float32)
     values = cv2.remap(grey, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, np.float64)
@@ -321,28 +329,51 @@ def _sides(values: Floats, aside: Floats, level: float, side: int) -> Floats:
     return out
 
 
-def compact_middle(grey: Singles, seed: Seed) -> tuple[Floats | None, bool]:
-    """The middle (2,) px of a compact lamp by where its brightness falls sharply on all sides, along the view's axes, and whether it does
-    so, well within the picture. No middle where something before the lamp may hide a side."""
+@dataclass(frozen=True, eq=False)
+class Compact:
+    """A compact lamp: its middle (2,) px, its sizes px along the view's axes, and whether something before it may hide a side."""
+
+    middle: Floats
+    sizes: tuple[float, float]
+    covered: bool
+
+
+def compact_of(grey: Singles, seed: Seed) -> Compact | None:
+    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; None where it does not, or not well
+    within the picture."""
     if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
-        return None, False
-    middle, covered, sizes = seed.middle, False, []
-    for axis in (np.array([1.0, 0.0]), np.array([0.0, 1.0])):
-        normal = np.array([-axis[1], axis[0]])
+        return None
+    middle, covered, sizes = seed.middle, False, [0.0, 0.0]
+    for number, axis in enumerate(VIEW_AXES):
+        across = VIEW_AXES[1 - number]
         aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
         along = np.linspace(-0.3 * seed.width, 0.3 * seed.width, SLICES)
-        values = sampled(grey, middle, axis, along, aside)
+        values = _sampled_at(grey, middle, axis, across, along, aside)
         left, right = (_sides(values, aside, seed.level, side) for side in (-1, 1))
         both = np.isfinite(left) & np.isfinite(right)
         if both.sum() < SLICES / 2 or float(np.median((right - left)[both])) < 0.6 * seed.width:
-            return None, False
+            return None
         low, high = (float(np.median(side[both])) for side in (left, right))
-        sizes.append(high - low)
-        covered |= any(_is_covered(grey, middle, normal, seed.width, at) for at in (low, high))
-        middle = middle + (low + high) / 2 * normal
-    if max(sizes) > STRIP_RATIO * min(sizes):
-        return None, False
-    return (None if covered else np.asarray(middle)), True
+        sizes[1 - number] = high - low
+        covered |= any(_is_covered(grey, middle, across, seed.width, at) for at in (low, high))
+        middle = middle + (low + high) / 2 * across
+    return None if max(sizes) > STRIP_RATIO * min(sizes) else Compact(middle, (sizes[0], sizes[1]), covered)
+
+
+def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
+    """Compact lamps of one size on lines with a lamp, along the view's axes."""
+    found: list[Compact] = []
+    for number, axis in enumerate(VIEW_AXES):
+        places = _inside(grey, lamp.middle, axis)
+        lit = _profile(grey, lamp.middle, axis, places, 0.3 * lamp.sizes[1 - number]) >= seed.level - DROP
+        changes = np.flatnonzero(np.diff(np.concatenate([[False], lit, [False]]).astype(np.int8)))
+        for first, last in zip(places[changes[::2]], places[changes[1::2] - 1], strict=True):
+            if abs(last - first - lamp.sizes[number]) <= WIDER * lamp.sizes[number] and not first <= 0 <= last:
+                like = replace(seed, middle=lamp.middle + (first + last) / 2 * axis)
+                other = compact_of(grey, like)
+                if other is not None and np.allclose(other.sizes, lamp.sizes, rtol=WIDER, atol=1.0):
+                    found.append(other)
+    return found
 
 
 def _within_picture(grey: Singles, middle: Floats, margin: float) -> bool:

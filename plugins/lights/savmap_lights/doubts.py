@@ -62,13 +62,14 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """A gap in a line of lamps that is regular but for it."""
-    x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps])
+    x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
     steps = np.diff(x)
     if len(steps) < FEWEST or not _are_regular(steps):
         return
     usual = float(np.median(steps))
-    for (before, after), step in zip(pairwise(lamps), steps.tolist(), strict=True):
-        if step > GAP * usual:
+    for before, after in pairwise(lamps):
+        step = float(after.vertices[:, 0].mean() - before.vertices[:, 0].mean())
+        if is_whole(before) and is_whole(after) and step > GAP * usual:
             what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m: a lamp may be missing between them"
             yield Doubt("shape", what, (before.id, after.id), _middle(before))
 

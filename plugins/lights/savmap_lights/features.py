@@ -1,38 +1,52 @@
 """Lamps in a ceiling-facing view: mask and brightness to centre (compact lamps) or to ends (strips). Paper, section III.C."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
-from savmap_lights.bodies import Body, Seed, Singles, compact_middle, seeds_of, strips
+from savmap_lights.bodies import FIRST_LIKE, Body, Compact, Seed, Singles, compact_of, more_like, seeds_of, strips
 
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
 BY_MASK_PX = 1.2
-ALONG_PX = 40.0
 SEEN = 255.0
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """For each compact lamp a "centre". For each strip, up to its joints where it is part of a line of light, an "end a" and an "end b"
-    where it ends sharply and within the view, a "centre" where both do, and a "middle" of what is seen of it, uncertain along it.
+    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse". For each strip, up to its joints where it is part of a line of light, an "end a" and an "end b"
+    where it ends sharply and within the view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a
+    "middle" of what is seen of it, uncertain along it by half its length.
 
     What the picture's brightness does not show is measured in the masks. Ends come in no particular order.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
     seeds = seeds_of(grey, detections)
-    middles = {seed.number: compact_middle(grey, seed) for seed in seeds}
-    others = [seed for seed in seeds if not middles[seed.number][1]]
+    compact = {seed.number: lamp for seed in seeds if (lamp := compact_of(grey, seed)) is not None}
+    others = [seed for seed in seeds if seed.number not in compact]
     lit = strips(grey, others)
-    features = [
-        point_feature(view, detections[number], number, "centre", middle, SIGMA_CENTRE_PX)
-        for number, (middle, _) in middles.items()
-        if middle is not None
-    ]
+    features = _compact(view, detections, grey, seeds, compact)
     features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
     return features + _by_mask(view, detections, _rest(others, lit))
+
+
+def _compact(
+    view: View, detections: Sequence[Detection], grey: Singles, seeds: Sequence[Seed], lamps: Mapping[int, Compact]
+) -> list[Feature]:
+    """Features of compact lamps, those too that the network did not see but that are as one that it did; a "glimpse" of one of which
+    something may hide a side."""
+    features: list[Feature] = []
+    known: list[Floats] = []
+    for seed in seeds:
+        for lamp in [lamps[seed.number], *more_like(grey, seed, lamps[seed.number])] if seed.number in lamps else []:
+            if all(np.abs(lamp.middle - other).max() > min(lamp.sizes) / 2 for other in known):
+                known.append(lamp.middle)
+                part = "glimpse" if lamp.covered else "centre"
+                instance = FIRST_LIKE + len(known)
+                detection = detections[seed.number]
+                features.append(point_feature(view, detection, instance, part, lamp.middle, SIGMA_CENTRE_PX))
+    return features
 
 
 def _rest(seeds: Sequence[Seed], bodies: Sequence[Body]) -> list[Seed]:
@@ -67,13 +81,15 @@ def _strip(view: View, detections: Sequence[Detection], body: Body, sigma_px: fl
     ]
     if body.ends[0] is not None and body.ends[1] is not None:
         points.append(point_feature(view, detection, instance, "centre", (body.ends[0] + body.ends[1]) / 2, sigma_px))
+    points += [point_feature(view, detection, instance, "glimpse", place, sigma_px) for place in body.covered]
     return [*points, _middle(view, detection, instance, body, sigma_px)]
 
 
 def _middle(view: View, detection: Detection, instance: int, body: Body, sigma_px: float) -> Feature:
-    """What is seen of a strip as a point that is well known across it only."""
+    """What is seen of a strip: its middle, with half its length as the standard deviation along it."""
     across: Floats = np.array([-body.axis[1], body.axis[0]])
-    covariance = ALONG_PX**2 * np.outer(body.axis, body.axis) + sigma_px**2 * np.outer(across, across)
+    half = np.linalg.norm(body.reach[1] - body.reach[0]) / 2
+    covariance = half**2 * np.outer(body.axis, body.axis) + sigma_px**2 * np.outer(across, across)
     pixel = body.reach.mean(axis=0)[None]
     return Feature(
         view.frame, view.spec.name, detection.label, "middle", instance, pixel, covariance[None], score=detection.score

@@ -79,7 +79,7 @@ def level_of(marks: Marks) -> float:
 def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
     """How many pairs of marks of one kind, of different frames, lie within `width` times the height of one another, softly."""
     places = marks.seen.at(base + above)
-    near = np.abs(places[:, 1] - marks.seen.origins[:, 2]) < NEAR_M
+    near = over_aisle(marks, base + above)
     total = 0.0
     for kind in np.unique(marks.kind):
         own = near & (marks.kind == kind)
@@ -93,14 +93,21 @@ def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
     return total
 
 
+def over_aisle(marks: Marks, level_m: float) -> Mask:
+    """Which marks' (n,) lamps would be before the face, and not far aside of the camera, at a level."""
+    z = marks.aside(level_m)
+    near: Mask = (z > 0) & (np.abs(z - marks.seen.origins[:, 2]) < NEAR_M)
+    return near
+
+
 def line_of(marks: Marks, level_m: float) -> float:
     """z of the line of lamps, parallel to x, that runs nearest above the camera, of those with marks that many frames agree on.
 
     Raises StructureError where there is none."""
     places, above = marks.seen.at(level_m), level_m - float(marks.seen.origins[:, 1].mean())
     weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.seen.certainty
-    weight[_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1] = 0.0
     z = marks.aside(level_m)
+    weight[(_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
     firm = z[weight > 0]
     lines = peaks.peaks(firm, SAME_LINE_M, LEAST_FRAMES)
     if not len(lines):
