@@ -337,6 +337,12 @@ class Compact:
     sizes: tuple[float, float]
     covered: bool
 
+    @property
+    def sides(self) -> list[Floats]:
+        """The middles (2,) px of its four sides."""
+        halves = [size / 2 * axis for size, axis in zip(self.sizes, VIEW_AXES, strict=True)]
+        return [self.middle + sign * half for half in halves for sign in (-1, 1)]
+
 
 def compact_of(grey: Singles, seed: Seed) -> Compact | None:
     """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; None where it does not, or not well

@@ -15,7 +15,7 @@ SEEN = 255.0
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse". For each strip, up to its joints where it is part of a line of light, an "end a" and an "end b"
+    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each "side". For each strip, up to its joints where it is part of a line of light, an "end a" and an "end b"
     where it ends sharply and within the view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a
     "middle" of what is seen of it, uncertain along it by half its length.
 
@@ -45,7 +45,8 @@ def _compact(
                 part = "glimpse" if lamp.covered else "centre"
                 instance = FIRST_LIKE + len(known)
                 detection = detections[seed.number]
-                features.append(point_feature(view, detection, instance, part, lamp.middle, SIGMA_CENTRE_PX))
+                points = [(part, lamp.middle), *(("side", side) for side in lamp.sides)]
+                features += [point_feature(view, detection, instance, *point, SIGMA_CENTRE_PX) for point in points]
     return features
 
 

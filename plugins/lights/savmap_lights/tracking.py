@@ -37,9 +37,11 @@ SAME_LAMP_M = 0.3
 LEAST_SHARE, LEAST_SHOWN = 0.45, 0.3
 JOINT_M = 0.15
 LIT = 0.75
+OTHER_SIZE, OTHER_SIZE_M = 0.06, 0.03
 LEAST_OPEN_M = 0.3
 SHORTEST_M = 0.1
-MOST_FIT, OTHER_PLANE_M = 0.5, 0.3
+LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
+PATH_M = 0.007
 SEEN_TO = "seen to, mm"
 
 
@@ -71,6 +73,7 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     level = level_of(marks)
     line = line_of(marks, level)
     marks = marks.where(np.abs(marks.aside(level) - line) <= SAME_LINE_M)
+    marks = marks.where(~_is_partial(marks, seen.where(seen.of_part("side")), level))
     glimpses = seen.where(seen.of_part("glimpse"))
     lit = lit_stretches(seen.where(seen.of_part("middle")), level, line, facts)
     lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
@@ -106,6 +109,21 @@ def lamps_of(aisle: Aisle) -> list[Lamp]:
         nears, fars = (_places(aisle, (0, sign)) for sign in (-1, 1))
         return _across(_shown(nears, (), aisle), _shown(fars, (), aisle))
     return [{"centre": place} for place in _shown(_places(aisle, (0, 0)), (), aisle)]
+
+
+def _is_partial(marks: Marks, sides: Sightings, level_m: float) -> Mask:
+    """Which marks (n,) are of compact lamps that show less, or more, than the usual size of one: something before them looks alike."""
+    corners: dict[tuple[int, str, int], list[Floats]] = {}
+    for feature, place in zip(sides.features, sides.at(level_m), strict=True):
+        corners.setdefault((feature.frame, feature.view, feature.instance), []).append(place)
+    keys = [(feature.frame, feature.view, feature.instance) for feature in marks.seen.features]
+    sizes = np.array([np.ptp(corners[key], axis=0) if key in corners else [np.nan, np.nan] for key in keys])
+    sizes = sizes.reshape(-1, 2)
+    if np.isfinite(sizes).all(axis=1).sum() < LEAST_FRAMES:
+        return np.zeros(len(keys), np.bool_)
+    usual = np.nanmedian(sizes, axis=0)
+    off: Mask = (np.abs(sizes - usual) > OTHER_SIZE * usual + OTHER_SIZE_M).any(axis=1)
+    return off
 
 
 def lit_stretches(middles: Sightings, level_m: float, line_z: float, facts: RowFacts) -> Floats:
@@ -160,17 +178,18 @@ def _one_a_frame(marks: Marks, chosen: Ints, level_m: float, x: float) -> Ints:
 
 
 def _is_steady(aisle: Aisle, chosen: Ints, x: float) -> bool:
-    """Whether enough frames show a place, of those whose view was rendered and that passed between the outermost that do."""
+    """Whether enough frames show a place, of those whose view was rendered and that passed between the outermost that measured it."""
     seen, facts = aisle.marks.seen, aisle.facts
+    measured = seen.frames[chosen]
     frames = _frames_of(aisle, chosen, x)
-    between = 0
-    for view in {seen.features[index].view for index in chosen.tolist()}:
-        own = [frame for frame in frames.tolist() if view.startswith(facts.frames.passes[frame])]
-        passing = aisle.path.frames[(aisle.path.frames >= min(own)) & (aisle.path.frames <= max(own))].tolist()
-        between += sum(
-            facts.views[view].shows(frame) and view.startswith(facts.frames.passes[frame]) for frame in passing
-        )
-    return len(frames) >= LEAST_SHARE * between
+    frames = frames[(frames >= measured.min()) & (frames <= measured.max())]
+    passing = aisle.path.frames[(aisle.path.frames >= frames[0]) & (aisle.path.frames <= frames[-1])].tolist()
+    views = {seen.features[index].view for index in chosen.tolist()}
+    rendered = [
+        any(facts.views[view].shows(frame) and view.startswith(facts.frames.passes[frame]) for view in views)
+        for frame in passing
+    ]
+    return len(frames) >= LEAST_SHARE * sum(rendered)
 
 
 def _along(starts: Sequence[Place], stops: Sequence[Place], lit: Floats) -> list[Lamp]:
@@ -234,7 +253,7 @@ def _tracks(
     for number, (lamp, part, place) in enumerate(named):
         own = np.flatnonzero((rays.place == number) & fitted.kept)
         fits = len(own) >= MOST_FIT * (rays.place == number).sum()
-        if len(own) < LEAST_FRAMES or not fits or abs(fitted.heights[lamp] - level_m) > OTHER_PLANE_M:
+        if len(own) < LEAST_FITTING or not fits or abs(fitted.heights[lamp] - level_m) > OTHER_PLANE_M:
             continue
         features = [
             _at_middle(marks.seen.features[index[k]], fitted, rays, int(k), line_z, poses, facts) for k in own.tolist()
@@ -274,7 +293,7 @@ def _rays(named: Sequence[tuple[int, str, Place]], marks: Marks, level_m: float,
     focal = np.array([facts.views[seen.features[k].view].camera[0, 0] for k in index.tolist()])
     pixels = np.array([np.sqrt(seen.features[k].covariance[0, 0, 0]) for k in index.tolist()])
     above = level_m - seen.origins[index, 1]
-    sigma = pixels / focal * above * (1 + slope**2 + seen.slopes[index, 1] ** 2)
+    sigma = np.hypot(PATH_M, pixels / focal * above * (1 + slope**2 + seen.slopes[index, 1] ** 2))
     return Rays(number, lamp, seen.origins[index, 0], seen.origins[index, 1], slope, edge, sigma), index
 
 

@@ -46,12 +46,16 @@ def test_what_a_beam_hides_of_a_strip_is_no_end() -> None:
     assert np.abs(ends - [pixel(X - 1.5), pixel(X + 1.5)]).max() < 0.6
 
 
+def places_of(features: list[Feature]) -> list[str]:
+    return [feature.part for feature in features if feature.part != "side"]
+
+
 def test_a_compact_lamp_half_hidden_has_no_centre() -> None:
     lamp = drawn.strip(X - 0.1, X + 0.1)
-    assert [f.part for f in found([lamp], faded=False)] == ["centre"]
-    assert [f.part for f in found([lamp], beams=(X + 0.02,), faded=False)] == ["glimpse"]
+    assert places_of(found([lamp], faded=False)) == ["centre"]
+    assert places_of(found([lamp], beams=(X + 0.02,), faded=False)) == ["glimpse"]
 
 
 def test_a_compact_lamps_centre_is_in_the_middle_of_what_shines() -> None:
-    (centre,) = found([drawn.strip(X - 0.1, X + 0.1)], faded=False)
+    centre = found([drawn.strip(X - 0.1, X + 0.1)], faded=False)[0]
     assert np.abs(centre.pixels[0] - pixel(X)).max() < 0.3

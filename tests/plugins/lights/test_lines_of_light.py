@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import StructureError
+from savmap.geometry.pinhole import project
 from savmap.graph import KeySpace, camera_priors, merge, solve
 from savmap.types import Feature, Structure
 from savmap_lights.doubts import UNKNOWN_M
@@ -81,3 +82,32 @@ def test_values_are_alike_that_agree_with_most() -> None:
     values, sigmas = np.array([6.0, 6.002, 5.999, 5.9, 6.05]), np.array([0.002, 0.002, 0.002, 0.002, 0.03])
     assert alike(values, sigmas).tolist() == [True, True, True, False, True]
     assert not alike(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
+
+
+def test_a_strip_with_a_hidden_end_is_as_long_as_its_likes() -> None:
+    starts = np.arange(-0.5, 6.0, 1.3)
+    features = drawn.features_of([drawn.strip(x, x + 0.9) for x in starts])
+    hidden = [f for f in features if not (f.part.startswith("end") and _is_near(f, starts[2] + 0.9))]
+    lamps = mapped(hidden)
+    (lamp,) = (
+        lamp for lamp in lamps if "end not seen" in lamp.attributes and abs(lamp.vertices[0, 0] - starts[2]) < 0.1
+    )
+    assert lamp.attributes["end not seen"] == "end 1"
+    assert lamp.vertices[1, 0] == pytest.approx(starts[2] + 0.9, abs=0.02)
+    assert 0.01 < np.sqrt(lamp.covariances[1, 0, 0]) < 0.1
+
+
+def _is_near(feature: Feature, x: float) -> bool:
+    """Whether a feature is where a place on the line of lamps shows."""
+    pose = drawn.path().world_from_rig[feature.frame]
+    point = (np.array([[x, drawn.HEIGHT_M, drawn.LINE_Z_M]]) - pose[:3, 3]) @ pose[:3, :3]
+    pixel = project(point @ drawn.CEILING.rig_from_view, drawn.CEILING.camera)[0]
+    return bool(np.linalg.norm(pixel - feature.pixels[0]) < 5)
+
+
+def test_compact_lamps_are_mapped_by_their_centres() -> None:
+    centres = [0.0, 1.5, 3.0, 6.0]
+    lamps = mapped(drawn.features_of([drawn.strip(x - 0.12, x + 0.12) for x in centres], beams=(1.1,), faded=False))
+    assert [lamp.vertex_labels for lamp in lamps] == [("centre",)] * 4
+    truth = [[x, drawn.HEIGHT_M, drawn.LINE_Z_M] for x in centres]
+    assert np.abs(np.concatenate([lamp.vertices for lamp in lamps]) - truth).max() < 0.015
