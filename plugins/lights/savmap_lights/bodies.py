@@ -264,7 +264,8 @@ def _inside(grey: Singles, middle: Floats, axis: Floats) -> Floats:
 def _profile(grey: Singles, middle: Floats, axis: Floats, places: Floats, half: float) -> Floats:
     """Mean brightness (n,) at places along an axis, over a band of `half` px to either side."""
     aside = np.linspace(-half, half, max(3, 2 * round(half) + 1))
-    return sampled(grey, middle, axis, places, aside).mean(axis=1)
+    profile: Floats = sampled(grey, middle, axis, places, aside).mean(axis=1)
+    return profile
 
 
 def sampled(grey: Singles, middle: Floats, axis: Floats, along: Floats, aside: Floats) -> Floats:

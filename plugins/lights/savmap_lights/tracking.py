@@ -28,6 +28,7 @@ from savmap.plugin import (
 from savmap.vision import peaks
 from savmap_lights.space.ends import Fitted, Rays, fit
 from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
+from savmap_lights.space.partial import completed
 
 Mask = NDArray[np.bool_]
 
@@ -37,7 +38,6 @@ SAME_LAMP_M = 0.3
 LEAST_SHARE, LEAST_SHOWN = 0.45, 0.3
 JOINT_M = 0.15
 LIT = 0.75
-OTHER_SIZE, OTHER_SIZE_M = 0.06, 0.03
 LEAST_OPEN_M = 0.3
 SHORTEST_M = 0.1
 LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
@@ -72,8 +72,9 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
         raise no_lamp()
     level = level_of(marks)
     line = line_of(marks, level)
+    seen = sightings(completed(features, seen, level, line), facts, start, upwards=True, max_slope=MAX_SLOPE)
+    marks = marks_of(seen)
     marks = marks.where(np.abs(marks.aside(level) - line) <= SAME_LINE_M)
-    marks = marks.where(~_is_partial(marks, seen.where(seen.of_part("side")), level))
     glimpses = seen.where(seen.of_part("glimpse"))
     lit = lit_stretches(seen.where(seen.of_part("middle")), level, line, facts)
     lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
@@ -109,21 +110,6 @@ def lamps_of(aisle: Aisle) -> list[Lamp]:
         nears, fars = (_places(aisle, (0, sign)) for sign in (-1, 1))
         return _across(_shown(nears, (), aisle), _shown(fars, (), aisle))
     return [{"centre": place} for place in _shown(_places(aisle, (0, 0)), (), aisle)]
-
-
-def _is_partial(marks: Marks, sides: Sightings, level_m: float) -> Mask:
-    """Which marks (n,) are of compact lamps that show less, or more, than the usual size of one: something before them looks alike."""
-    corners: dict[tuple[int, str, int], list[Floats]] = {}
-    for feature, place in zip(sides.features, sides.at(level_m), strict=True):
-        corners.setdefault((feature.frame, feature.view, feature.instance), []).append(place)
-    keys = [(feature.frame, feature.view, feature.instance) for feature in marks.seen.features]
-    sizes = np.array([np.ptp(corners[key], axis=0) if key in corners else [np.nan, np.nan] for key in keys])
-    sizes = sizes.reshape(-1, 2)
-    if np.isfinite(sizes).all(axis=1).sum() < LEAST_FRAMES:
-        return np.zeros(len(keys), np.bool_)
-    usual = np.nanmedian(sizes, axis=0)
-    off: Mask = (np.abs(sizes - usual) > OTHER_SIZE * usual + OTHER_SIZE_M).any(axis=1)
-    return off
 
 
 def lit_stretches(middles: Sightings, level_m: float, line_z: float, facts: RowFacts) -> Floats:
@@ -259,8 +245,9 @@ def _tracks(
             _at_middle(marks.seen.features[index[k]], fitted, rays, int(k), line_z, poses, facts) for k in own.tolist()
         ]
         track = track_of(lamp + 1, part, features)
-        known = place.seen_to is None
-        tracks.append(track if known else replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)}))
+        if place.seen_to is not None:
+            track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
+        tracks.append(track)
     return _whole(tracks, lamps)
 
 
