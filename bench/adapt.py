@@ -4,7 +4,7 @@
 
 Drives past such rows are simulated (`bench/fine_tuning.py` makes the style), one row of a site each; the site teaches the network of
 `shelves`. Printed: intersection over union on pictures of other such places (`dark-test`, exact masks), with the network that ships and
-with the one that was taught, and missing and spurious elements of the first and the last map. What is in DIR is used again.
+with each that was taught, kept or not, and missing and spurious elements of the first and the last map. What is in DIR is used again.
 """
 
 import argparse
@@ -96,8 +96,10 @@ def main() -> None:
         networks = {"shipped": float_model(load_class(PLUGIN).model)}
         folder = base / "out" / "adapted"
         maps = {"first map": folder / "first" / "map.json"}
+        for one in adapted.rounds:
+            networks[f"round {one.number}"] = folder / f"round-{one.number}" / f"{PLUGIN}.onnx"
         if adapted.kept is not None:
-            networks["adapted"], maps["last map"] = folder / f"{PLUGIN}.onnx", folder / "map.json"
+            maps["last map"] = folder / "map.json"
         iou = {name: scored(network, pictures) for name, network in networks.items()}
         maps_figures = {name: map_figures(path, base / "survey.json") for name, path in maps.items()}
     for name, figures in iou.items():

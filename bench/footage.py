@@ -35,8 +35,8 @@ from savmap.site.job import job_for
 from savmap.types import Score, Track
 from savmap_shelves.constraints import GridSettings, constrain, published
 from savmap_shelves.constraints.bias import NO_BIAS
-from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
+from savmap_shelves.report.evaluation import evaluate
 
 ROOT = Path(__file__).parent.parent
 SCENE = ROOT / "examples" / "scenes" / "precise-row.yaml"

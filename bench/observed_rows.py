@@ -33,8 +33,8 @@ from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, 
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.bias import BiasSettings
-from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
+from savmap_shelves.report.evaluation import evaluate
 from savmap_shelves.simulation.observed import observe, observed_features
 from savmap_shelves.tracking import track_structures
 

@@ -19,8 +19,8 @@ from footage import TrackedShelves, ours, problem_of, track_shelves
 from savmap.cli.console import Console
 from savmap.graph import solve
 from savmap.types import Floats
-from savmap_shelves.evaluation import evaluate
 from savmap_shelves.mapping import describe
+from savmap_shelves.report.evaluation import evaluate
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -128,6 +128,7 @@ def map_here(site: Path, target: Path) -> None:
     from savmap.plugin.segmenters import CachedSegmenter
     from savmap.vision.views import Renderer
 
+    timed(measure, "with_best_networks", "aim", time.process_time)
     timed(measure, "plan_pass", "aim", time.process_time)
     timed(measure.RowWalk, "over", "walk", time.process_time)
     timed(Renderer, "render", "render", time.thread_time)

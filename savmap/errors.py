@@ -1,8 +1,18 @@
 """Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program with."""
 
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+"""Characters that show nothing but do something to what shows them: control characters, line ends, changes of direction, and halves
+of surrogate pairs, which cannot be written."""
+
+
+def visible(text: str) -> str:
+    """A text on one line, in which characters that would do something to a terminal, page or table stand as escapes."""
+    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def format_error(error: BaseException) -> str:
@@ -98,5 +108,5 @@ def ending_in_one_line() -> Iterator[None]:
     try:
         yield
     except SavmapError as error:
-        print(error, file=sys.stderr)
+        print(visible(str(error)), file=sys.stderr)
         raise SystemExit(error.exit_code) from error

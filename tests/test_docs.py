@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -14,7 +15,7 @@ from savmap.site.schema import schema_text
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOURCES = ("savmap", "plugins", "tests", "bench", "docs", "examples")
 GENERATED = {ROOT / "docs/reference/settings.md", ROOT / "docs/reference/command-line.md"}
 
@@ -80,3 +81,39 @@ def test_pictures_are_small() -> None:
     pictures = list((ROOT / "docs" / "pictures").iterdir())
     assert pictures
     assert [picture.name for picture in pictures if picture.stat().st_size > 300_000] == []
+
+
+@pytest.fixture(scope="module")
+def licences() -> ModuleType:
+    """docs/licences.py, which makes the page of dependencies."""
+    spec = importlib.util.spec_from_file_location("licences", ROOT / "docs" / "licences.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["licences"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def listed_licences() -> dict[str, str]:
+    """Packages of the page, with their licences."""
+    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    return {
+        name.strip("*"): licence
+        for name, licence in re.findall(r"^\| (?!package|---)(\S+) \| ([^|]+) \|", text, re.MULTILINE)
+    }
+
+
+def test_every_dependency_has_its_licence_listed(licences: ModuleType) -> None:
+    listed = listed_licences()
+    named = {name for names in licences.declared().values() for name in names}
+    assert named - set(listed) == set(), "python docs/licences.py --write"
+    found = {one.name: one.licence for one in licences.dependencies() if one.licence}
+    assert {name: listed.get(name) for name in found} == found, "python docs/licences.py --write"
+
+
+def test_no_licence_forbids_to_use_savmap_as_it_is(licences: ModuleType) -> None:
+    listed = listed_licences()
+    assert set(listed.values()) <= {short for _, short in licences.SHORT}
+    strict = {name for name, licence in listed.items() if "GPL" in licence or "own" in licence}
+    assert strict == {"bpy"}

@@ -15,6 +15,8 @@ CELLS_ACROSS = 5.0
 LEAST_CELL_M = 0.002
 MOST_CELLS = 4_000_000
 LEVEL = 0.7
+ODD, FEWEST_ALIKE = 0.1, 0.5
+LONG = 1.5
 AROUND, NEAREST, ALIKE = 64, 8, 0.9
 
 
@@ -61,7 +63,10 @@ def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list
     """The outlines of the structures of a network's classes; those whose edges are no single ring have none.
 
     What all sides around are not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
-    unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it.
+    unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it. An outline
+    that is much thicker or thinner than those of its class usually are has a wrong side, and nobody knows which: both are unsure by
+    half of the outline or of what is usual. Where fewer than half of a class agree, all are unsure by a third of their thickness: a row
+    without one sure member of a class would teach that there is none.
     """
     found: list[tuple[str, Floats, _Sides]] = []
     for structure in structures:
@@ -69,10 +74,11 @@ def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list
         if order is not None:
             corners, covariances = structure.vertices[order], structure.covariances[order]
             found.append((structure.label, corners, _Sides.of(corners, covariances)))
-    usual = iter(_usual_around([sides for _, _, sides in found]))
+    usual = _usual_around([sides for _, _, sides in found])
+    doubts = _doubts([label for label, _, _ in found], [sides for _, _, sides in found])
     return [
-        Outline(label, corners, np.minimum(2 * np.maximum(sides.sigmas - next(usual), 0.0), sides.sizes / 4))
-        for label, corners, sides in found
+        Outline(label, corners, np.maximum(doubt, np.minimum(2 * np.maximum(sides.sigmas - least, 0), sides.sizes / 4)))
+        for (label, corners, sides), least, doubt in zip(found, usual, doubts, strict=True)
     ]
 
 
@@ -85,6 +91,11 @@ class _Sides:
     across: Floats
     sigmas: Floats
     sizes: Floats
+
+    @property
+    def thickness(self) -> float:
+        """The outline's lesser size, m."""
+        return float(self.sizes.min())
 
     @classmethod
     def of(cls, corners: Floats, covariances: Floats) -> "_Sides":
@@ -108,6 +119,21 @@ def _usual_around(outlines: Sequence[_Sides]) -> list[Floats]:
     nearest = alike & (np.cumsum(alike, axis=1) <= NEAREST)
     least = np.where(nearest, sigmas[near], np.inf).min(axis=1)
     return np.split(least, np.cumsum([len(sides.sigmas) for sides in outlines])[:-1])
+
+
+def _doubts(labels: Sequence[str], outlines: Sequence[_Sides]) -> list[Floats]:
+    """For the sides (n,) of each outline, how far around them, m, it is wrong of itself: its thickness is not its class's."""
+    thickness, names = np.array([sides.thickness for sides in outlines]), np.array(labels)
+    doubts: list[Floats] = []
+    for label, sides in zip(labels, outlines, strict=True):
+        own = thickness[names == label]
+        usual = float(np.median(own))
+        alike = np.abs(own - usual) <= ODD * usual
+        doubt = max(sides.thickness, usual) / 2 if abs(sides.thickness - usual) > ODD * usual else 0.0
+        if alike.mean() < FEWEST_ALIKE:
+            doubt = sides.thickness / 3
+        doubts.append(np.where(sides.sizes < LONG * sides.thickness, doubt, 0.0))
+    return doubts
 
 
 def ring(edges: Ints, count: int) -> list[int] | None:

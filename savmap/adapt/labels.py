@@ -1,7 +1,10 @@
-"""From a map to labelled views: data sets to learn from, to choose the best network by, and to measure on."""
+"""From a map to labelled views: data sets to learn from, to choose the best network by, and to measure on.
+
+Beside each view that is learned from stands a turned one; those to choose and to measure by are such as mapping looks at.
+"""
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -9,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from savmap.adapt.faces import Face, faces_of, outlines_of
-from savmap.adapt.looks import LookedAt, evenly, looks_at, poses_of, views_of
+from savmap.adapt.looks import LookedAt, evenly, looks_at, poses_of, turned, views_of
 from savmap.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
 from savmap.errors import StructureError
 from savmap.label.run import picture_name
 from savmap.plugin.manager import LoadedPlugin
 from savmap.sim.dataset import write_samples
 from savmap.site.job import Job
-from savmap.types import RowMap, SiteMap
+from savmap.types import RowMap, SiteMap, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import gather
 
@@ -30,6 +33,8 @@ RENDERER = "the site's own views"
 
 Labelled = tuple[str, Bytes, Bytes]
 """A view's name, its picture (h, w, 3) RGB and its labels (h, w)."""
+Shares = Mapping[tuple[int, ViewSpec], str]
+"""Which set a view of a frame goes to."""
 
 
 @dataclass(frozen=True)
@@ -49,42 +54,56 @@ def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: P
     if all((folder / name).is_dir() for name in SETS):
         return sets
     classes = job.opened(next(iter(job.site.rows)), plugin).classes
-    labelled = list(labelled_views(job, plugin, site_map, count, monitor))
+    shared = list(labelled_views(job, plugin, site_map, count, monitor))
+    labelled = [one for _, one in shared]
     if len(labelled) < LEAST_VIEWS:
         raise StructureError(
             f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
             "site, or label some by hand (`savmap label`)"
         )
     for name in SETS:
-        _write(folder / name, classes, [one for one, own in zip(labelled, cycle(PATTERN), strict=False) if own == name])
+        _write(folder / name, classes, [one for own, one in shared if own == name])
     return sets
 
 
-def labelled_views(job: Job, plugin: str, site_map: SiteMap, count: int, monitor: Monitor) -> Iterator[Labelled]:
-    """Views of all rows of a map with what it labels in them; those in which that is next to nothing are left out."""
+def labelled_views(
+    job: Job, plugin: str, site_map: SiteMap, count: int, monitor: Monitor
+) -> Iterator[tuple[str, Labelled]]:
+    """Views of all rows of a map with what it labels in them, and the set that each goes to; those in which that is next to nothing
+    are left out. `count` is without the turned ones."""
     rows = {name: row for name, row in site_map.rows.items() if name in job.site.rows and row.structures.get(plugin)}
     loaded = {name: job.opened(name, plugin) for name in rows}
     outlines = {name: outlines_of(row.structures[plugin], loaded[name].classes) for name, row in rows.items()}
     found = {name: views_of(row, outlines[name]) for name, row in rows.items()}
-    total = sum(map(len, found.values()))
+    total, pattern = sum(map(len, found.values())), cycle(PATTERN)
     for name, row in rows.items():
         chosen = evenly(found[name], round(count * len(found[name]) / total) if total else 0)
-        looked = list(looks_at(row, job.site.rows[name].passes, loaded[name], chosen, monitor))
-        yield from _labelled(row, faces_of(outlines[name]), looked, loaded[name])
+        shares = _shares(chosen, pattern)
+        by_frame = {frame: [spec for of, spec in shares if of == frame] for frame in chosen}
+        looked = list(looks_at(row, job.site.rows[name].passes, loaded[name], by_frame, monitor))
+        yield from _labelled(row, faces_of(outlines[name]), looked, loaded[name], shares)
+
+
+def _shares(chosen: Mapping[int, Sequence[ViewSpec]], pattern: Iterator[str]) -> Shares:
+    """The sets of the chosen views, and of a turned one beside each that is learned from."""
+    own = {(frame, spec): next(pattern) for frame, specs in chosen.items() for spec in specs}
+    beside = {(frame, turned(spec, frame)): VIEWS for (frame, spec), name in own.items() if name == VIEWS}
+    return own | beside
 
 
 def _labelled(
-    row: RowMap, faces: Sequence[Face], looked: Sequence[LookedAt], plugin: LoadedPlugin
-) -> Iterator[Labelled]:
+    row: RowMap, faces: Sequence[Face], looked: Sequence[LookedAt], plugin: LoadedPlugin, shares: Shares
+) -> Iterator[tuple[str, Labelled]]:
     if not looked:
         return
-    looks, classes = [one.look for one in looked], looked[0].classes
+    mapped = {*row.views.values()}
+    looks, classes = [one.look for one in looked if one.spec in mapped], looked[0].classes
     known = [KnownFace.of(face, gather(face.patch, classes, looks, row.views, row.trajectory)) for face in faces]
     poses, settings = poses_of(row), MaskSettings()
     for one in looked:
         mask = mask_of(one.look, one.spec, poses[one.frame], known, plugin.classes, settings)
         if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
-            yield picture_name(row.name, one.spec.name, one.frame), one.picture, mask
+            yield shares[one.frame, one.spec], (picture_name(row.name, one.spec.name, one.frame), one.picture, mask)
 
 
 def _write(folder: Path, classes: Sequence[str], labelled: Sequence[Labelled]) -> None:

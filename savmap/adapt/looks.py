@@ -1,7 +1,8 @@
-"""The views of a map that show its outlines, evenly chosen, rendered from the video once more."""
+"""The views of a map that show its outlines, evenly chosen, rendered from the video once more, and turned ones beside them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,11 @@ from savmap.vision.views import Renderer
 
 TRIED = 12
 """How many of a view's frames tell whether it shows outlines."""
+WIDEST_DEG = 130.0
 WORTH = 0.25
 """A view is looked at that shows so much of the outlines as a share of what the best one shows."""
+YAW_DEG, PITCH_DEG, ZOOMS = 40.0, 15.0, (0.6, 1.1)
+"""How far a turned view looks to the side and up or down, and how wide it is, as a share of the one beside it."""
 
 Chosen = Mapping[int, Sequence[ViewSpec]]
 """The views to look at, by frame."""
@@ -59,6 +63,23 @@ def evenly(found: Sequence[tuple[int, ViewSpec]], count: int) -> dict[int, list[
         frame, spec = found[index]
         chosen.setdefault(frame, []).append(spec)
     return chosen
+
+
+def turned(spec: ViewSpec, frame: int) -> ViewSpec:
+    """A view of the same frame in another direction and of another width; always the same one.
+
+    The views that map a row all look straight at it from one distance: a network that learns from these alone forgets all others.
+    """
+    rng = np.random.default_rng([frame, crc32(spec.name.encode())])
+    yaw, pitch = rng.uniform(-1, 1, 2) * (YAW_DEG, PITCH_DEG)
+    hfov = spec.hfov_deg * rng.uniform(*ZOOMS)
+    return replace(
+        spec,
+        name=f"{spec.name} turned",
+        yaw_deg=spec.yaw_deg + float(yaw),
+        pitch_deg=spec.pitch_deg + float(pitch),
+        hfov_deg=min(float(hfov), WIDEST_DEG),
+    )
 
 
 def looks_at(

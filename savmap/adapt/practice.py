@@ -17,33 +17,37 @@ from savmap.sim.random_scene import random_scene
 from savmap.types.progress import Monitor
 
 HOOK = "practice_pictures"
-SEED = 4200
+SEED, OTHER_SEED = 4200, 4300
+OTHERS = 40
+"""How many pictures of other places tell whether a network forgets."""
 
 
-def practice_set(plugin: str, classes: Sequence[str], count: int, folder: Path, monitor: Monitor) -> Path | None:
+def practice_set(
+    plugin: str, classes: Sequence[str], count: int, folder: Path, monitor: Monitor, seed: int = SEED
+) -> Path | None:
     """A data set of `count` pictures of other places for a plugin's network, made unless it is there; None where the plugin cannot
-    make any. Raises PluginFailedError, SceneError, OutputError."""
+    make any. Another seed makes others. Raises PluginFailedError, SceneError, OutputError."""
     plugin_class = load_class(plugin)
     paint = getattr(plugin_class, HOOK, None)
     if count == 0 or not (callable(paint) or implements(plugin_class, "random_section")):
         return None
     if folder.is_dir():
         return folder
-    monitor.note(f"making {count} pictures of other places, against forgetting")
+    monitor.note(f"making {count} pictures of other places, against forgetting ({folder.name})")
     partial_folder = folder.with_name(f"{folder.name}.part")
     shutil.rmtree(partial_folder, ignore_errors=True)
     if callable(paint):
-        _painted(plugin, paint, count, partial_folder)
+        _painted(plugin, paint, count, partial_folder, seed)
     else:
-        write(partial_folder, SEED, count, "mixed", classes, partial(random_scene, plugins=[plugin]))
+        write(partial_folder, seed, count, "mixed", classes, partial(random_scene, plugins=[plugin]))
     partial_folder.rename(folder)
     return folder
 
 
-def _painted(plugin: str, paint: object, count: int, folder: Path) -> None:
+def _painted(plugin: str, paint: object, count: int, folder: Path, seed: int) -> None:
     assert callable(paint)
     try:
-        paint(folder=folder, count=count, seed=SEED)
+        paint(folder=folder, count=count, seed=seed)
     except SavmapError:
         raise
     except (Exception, SystemExit) as error:

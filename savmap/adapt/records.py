@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -66,8 +66,8 @@ class State:
 @dataclass(frozen=True)
 class RoundResult:
     """What came of a round: how many views were learned from and held out, the network's intersection over union with the map on the
-    latter by class, before and after, the map's structures before and after (None: it was not mapped again), and why it was kept or
-    not."""
+    latter by class, before and after, the map's structures before and after (None: it was not mapped again), why it was kept or
+    not, and intersection over union on pictures of other places, before and after (none where there are no such pictures)."""
 
     number: int
     views: int
@@ -78,6 +78,8 @@ class RoundResult:
     structures_after: int | None
     kept: bool
     why: str
+    others_before: Mapping[str, float] = field(default_factory=dict)
+    others_after: Mapping[str, float] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """For the report."""
@@ -104,6 +106,12 @@ class Adapted:
     report: Path
 
     @property
+    def others(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Intersection over union by class on pictures of other places, of the first network and of the last that is kept."""
+        before = self.rounds[0].others_before
+        return before, self.kept.others_after if self.kept else before
+
+    @property
     def kept(self) -> RoundResult | None:
         """The last round that was kept."""
         return next((one for one in reversed(self.rounds) if one.kept), None)
@@ -117,6 +125,7 @@ class Adapted:
             "kept round": self.kept.number if self.kept else None,
             "files": [file.name for file in self.files],
             "iou": {"before": dict(self.iou_before), "after": dict(self.iou_after)},
+            "other places": dict(zip(("before", "after"), map(dict, self.others), strict=True)),
             "structures": {"before": self.structures_before, "after": self.structures_after},
             "rounds": [one.as_json() for one in self.rounds],
         }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from savmap.adapt.labels import LabelSets, write_labels
+from savmap.adapt.labels import HELD_OUT, LabelSets, write_labels
 from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.atomic import read_json, write_text
@@ -21,13 +21,15 @@ from savmap.train.plan import minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
+FORGOTTEN = 0.005
+"""A network that loses more than this in intersection over union on pictures of other places is not kept."""
 INTEGERS = ".int8.onnx"
 
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
     """A site that teaches a plugin's network: the job, the plugin's name and its network's classes, the options, data sets against
-    forgetting, where all is written, and who is told."""
+    forgetting, where all is written, who is told, and a data set of other places that nothing learns from."""
 
     job: Job
     plugin: str
@@ -37,11 +39,13 @@ class Adaptation:
     folder: Path
     monitor: Monitor
     meter: Meter
+    others: Path | None = None
 
-    def mapped(self, model: Path, trainable: Path, folder: Path) -> State:
-        """The site's map with a network, made in a folder unless it is there. Rows in which a structure that a distance is given to is
-        not found are mapped without distances. Raises SavmapError's kinds."""
-        job = replace(job_with_network(self.job, self.plugin, model), output=folder)
+    def mapped(self, model: Path, trainable: Path, folder: Path, named: bool = True) -> State:
+        """The site's map with a network, made in a folder unless it is there; one that is not `named` is chosen row by row, as `savmap
+        map` does. Rows in which a structure that a distance is given to is not found are mapped without distances. Raises
+        SavmapError's kinds."""
+        job = replace(job_with_network(self.job, self.plugin, model) if named else self.job, output=folder)
         prepare(folder)
         run, failed = self._run(job)
         partial = {name: error for name, error in failed.items() if isinstance(error, SiteError)}
@@ -89,6 +93,7 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
         options.views,
         options.practice,
         replay,
+        str(work.others),
         list(work.job.site.rows),
     ]
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
@@ -101,7 +106,9 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
 
 
 def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
-    """How well the network does on the views that are held out, before and after; it is trained unless it is there."""
+    """How well the network does on the views that are held out and on other places, before and after, by class; it is trained unless
+    it is there."""
+    measured = [sets.held_out, *([work.others] if work.others else [])]
     if not (folder / SCORES).is_file():
         plan = TrainingPlan(
             trained_classes(work.classes, work.classes, start.trainable),
@@ -109,27 +116,36 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
             folder / f"{work.plugin}.onnx",
             minutes_of(work.options.minutes, fine_tunes=True),
             init=start.trainable,
-            held_out=[sets.held_out],
+            held_out=measured,
             int8=True,
             steps=work.options.steps,
             choose_by=[sets.choice],
         )
         with work.meter(f"training {work.plugin}") as progress:
             network = train(plan, progress)
-        write_text(folder / SCORES, json.dumps(network.recipe["scores"][sets.held_out.name], indent=1) + "\n")
+        write_text(folder / SCORES, json.dumps(network.recipe["scores"], indent=1) + "\n")
     scores: Any = read_json(folder / SCORES)
-    return {when: {name: score["iou"][name] for name in work.classes} for when, score in scores.items()}
+    return {
+        one.name: {
+            when: {name: score["iou"][name] for name in work.classes} for when, score in scores[one.name].items()
+        }
+        for one in measured
+    }
 
 
 def _judged(
     work: Adaptation, number: int, folder: Path, start: State, scores: Mapping[str, Any]
 ) -> tuple[RoundResult, State]:
-    """Whether a round is kept, by the views that are held out and by what the new map has."""
-    before, after = scores["before"], scores["int8" if _in_integers(start.model) else "after"]
+    """Whether a round is kept, by the views that are held out, by pictures of other places and by what the new map has."""
+    trained = "int8" if _in_integers(start.model) else "after"
+    before, after = scores[HELD_OUT]["before"], scores[HELD_OUT][trained]
+    others = scores[work.others.name] if work.others else {"before": {}, trained: {}}
     there = start.structures(work.plugin, work.classes)
-    result = RoundResult(number, 0, 0, before, after, there, None, kept=False, why="")
+    result = RoundResult(number, 0, 0, before, after, there, None, False, "", others["before"], others[trained])
     if mean(after) <= mean(before):
         return replace(result, why="the network agrees no better with the map on views held out"), start
+    if mean(result.others_after) < mean(result.others_before) - FORGOTTEN:
+        return replace(result, why="the network does worse on pictures of other places"), start
     try:
         state = _state_of(work, folder, start, anew=True)
     except (StructureError, SolveError) as error:

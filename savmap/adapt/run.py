@@ -1,22 +1,23 @@
 """`savmap adapt`: the site teaches its own network, without a label."""
 
 import json
-import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 from savmap.adapt.faces import outlines_of
 from savmap.adapt.labels import HELD_OUT
-from savmap.adapt.practice import practice_set
+from savmap.adapt.practice import OTHER_SEED, OTHERS, practice_set
 from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows
 from savmap.adapt.rounds import INTEGERS, Adaptation, played
-from savmap.errors import SiteError, StructureError
-from savmap.files.atomic import sha256, write_text
+from savmap.errors import SiteError, StructureError, VideoError
+from savmap.files.atomic import sha256, write_bytes, write_text
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
 from savmap.maps.map_file import read_map
+from savmap.pipeline.networks import best_for_pass
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.overrides import Override
 from savmap.site.preflight import require_ready
@@ -24,8 +25,9 @@ from savmap.train import check_extra
 from savmap.train.data.sets import read_set, read_sets
 from savmap.train.plan import Progress, float_model, minutes_of
 from savmap.types.progress import Monitor, SilentMonitor
+from savmap.vision.views import Renderer
 
-FOLDER, FIRST, PRACTICE, REPORT = "adapted", "first", "practice", "report.json"
+FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
 SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png")
 """What of the new map is copied beside the network."""
 
@@ -58,11 +60,12 @@ def adapt(
     require_ready(job)
     opened = job.opened(next(iter(job.site.rows)), name)
     require_one_network(job, name)
-    trainable = float_model(opened.model)
+    shown = monitor or SilentMonitor()
     read_sets(options.replay, opened.classes)
+    model = used_network(job, name, shown)
+    trainable = float_model(model)
     folder = output / FOLDER
     prepare(folder)
-    shown = monitor or SilentMonitor()
     with locked(folder):
         own = (
             practice_set(name, opened.classes, options.practice, folder / PRACTICE, shown)
@@ -70,8 +73,9 @@ def adapt(
             else None
         )
         replay = [*options.replay, *([own] if own else [])]
-        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter)
-        first = first_state(work, opened.model, opened.model_file, trainable, output / "map.json")
+        others = practice_set(name, opened.classes, OTHERS, folder / OTHER_PLACES, shown, OTHER_SEED)
+        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter, others)
+        first = first_state(work, model, opened.model_file, trainable, output / "map.json")
         results, state = _rounds(work, first)
         return _finished(work, first, state, results)
 
@@ -104,8 +108,23 @@ def require_one_network(job: Job, plugin: str) -> None:
         raise SiteError(f"{job.source}: rows use different networks of `{plugin}`; teach those of one with --row")
 
 
+def used_network(job: Job, name: str, monitor: Monitor) -> Path:
+    """The network that looks at most rows: the one that is configured, or, of those that a plugin comes with, the one that sees more.
+    A row whose footage cannot be looked at counts for none. Raises ModelError, PluginError."""
+    chosen: Counter[Path] = Counter()
+    for row, loaded in ((row, job.opened(row, name)) for row in job.site.rows):
+        with suppress(VideoError, StructureError):
+            chosen[best_for_pass(job.site.rows[row].passes[0], loaded, Renderer()).model] += 1
+    own = job.opened(next(iter(job.site.rows)), name).model
+    most = max(chosen, key=lambda model: (chosen[model], model == own), default=own)
+    if most != own:
+        monitor.note(f"`{name}` is taught beginning with {most.name}, which sees more here")
+    return most
+
+
 def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, there: Path) -> State:
-    """The network as it is, and the map that it made: the one in the output folder, or a new one. Raises StructureError where that
+    """The network to begin with, and the map to learn from: the one in the output folder that the same networks made (`model_file`, the
+    plugin's own), or a new one, in which each row is looked at by the network that sees more. Raises StructureError where that
     has no structures to learn from, and SavmapError's kinds where there is none."""
     rows = work.job.site.rows
     known = read_map(there) if there.is_file() else None
@@ -118,7 +137,7 @@ def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path
         mine = {name: row for name, row in known.rows.items() if name in rows}
         state = State(model, trainable, there, replace(known, rows=mine))
     else:
-        state = work.mapped(model, trainable, work.folder / FIRST)
+        state = work.mapped(model, trainable, work.folder / FIRST, named=False)
     structures = [one for row in state.site_map.rows.values() for one in row.structures.get(work.plugin, ())]
     if not outlines_of(structures, work.classes):
         raise StructureError(
@@ -169,7 +188,12 @@ def _agreement(work: Adaptation, model: Path, number: int) -> dict[str, float]:
 def _copied(work: Adaptation, state: State) -> Iterator[Path]:
     """The best network's files and its map's, copied to where they are looked for."""
     for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
-        yield Path(shutil.copyfile(source, work.folder / source.name))
+        yield _copy(source, work.folder)
     for pattern in SHOWN:
         for source in sorted(state.map_file.parent.glob(pattern)):
-            yield Path(shutil.copyfile(source, work.folder / source.name))
+            yield _copy(source, work.folder)
+
+
+def _copy(source: Path, folder: Path) -> Path:
+    write_bytes(folder / source.name, source.read_bytes())
+    return folder / source.name

@@ -4,16 +4,17 @@ import io
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
-import typer
 from rich.console import Console as Terminal
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from savmap.errors import OutputError, SavmapError
-from savmap.files.atomic import reason, write_text
+from savmap.cli.speech import say
+from savmap.errors import OutputError, SavmapError, visible
+from savmap.files.atomic import opened_anew, reason, write_text
 from savmap.files.urls import is_url
 from savmap.types.progress import SilentMonitor
 
@@ -22,7 +23,8 @@ log = logging.getLogger("savmap")
 
 
 class LogFile(logging.FileHandler):
-    """A log file. One that cannot be written any more, because the disk is full, falls silent: results matter more.
+    """A new log file in place of an old one. One that cannot be written any more, because the disk is full, falls silent: results
+    matter more.
 
     Raises OutputError where it cannot be opened.
     """
@@ -33,15 +35,29 @@ class LogFile(logging.FileHandler):
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
 
+    def _open(self) -> TextIOWrapper:
+        return opened_anew(Path(self.baseFilename))
+
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
         """Nothing: what cannot be logged is lost."""
+
+
+class LogFormatter(logging.Formatter):
+    """A line for a record, whatever its text holds, and lines for a traceback."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 -- logging's own name
+        record.message = visible(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 -- logging's own name
+        return "\n".join(map(visible, super().formatException(ei).split("\n")))
 
 
 class EchoMonitor(SilentMonitor):
     """A Monitor whose notes go to standard output."""
 
     def note(self, line: str) -> None:
-        typer.echo(line)
+        say(line)
 
 
 class Console:
@@ -52,7 +68,7 @@ class Console:
         self.there = log_file if is_url(log_file) else None
         self.kept = io.StringIO()
         self.handler = logging.StreamHandler(self.kept) if self.there else LogFile(log_file)
-        self.handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        self.handler.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(message)s"))
 
     def __enter__(self) -> "Console":
         log.setLevel(logging.INFO)
@@ -63,7 +79,7 @@ class Console:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
-            log.error(str(error), exc_info=None if isinstance(error, SavmapError) else error)
+            log.error("%s", error, exc_info=None if isinstance(error, SavmapError) else error)
         log.removeHandler(self.handler)
         with suppress(OSError):
             self.handler.close()
@@ -72,26 +88,31 @@ class Console:
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         """The items with a progress bar."""
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        log.info(doing)
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        log.info("%s", doing)
         with Progress(*columns, console=self.terminal, transient=True) as progress:
-            yield from progress.track(items, total=total, description=doing)
+            yield from progress.track(items, total=total, description=visible(doing))
 
     @contextmanager
     def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
         """A bar that is set by calls with the share done (0..1) and a message."""
         with Progress(
-            TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=self.terminal
+            TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(), console=self.terminal
         ) as bar:
-            task = bar.add_task(doing, total=1.0)
+            task = bar.add_task(visible(doing), total=1.0)
 
             def show(share: float, message: str) -> None:
-                bar.update(task, completed=share, description=f"{doing}: {message}")
+                bar.update(task, completed=share, description=visible(f"{doing}: {message}"))
                 log.info("%s", message)
 
             yield show
 
     def note(self, line: str) -> None:
         """A line on the terminal and in the log."""
-        self.terminal.print(line, markup=False, soft_wrap=True)
-        log.info(line)
+        self.terminal.print(visible(line), markup=False, soft_wrap=True)
+        log.info("%s", line)

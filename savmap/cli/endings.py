@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
-import typer
-
-from savmap.errors import OutputError, SavmapError
+from savmap.cli.speech import say
+from savmap.errors import OutputError, SavmapError, SiteError
 
 INTERRUPTED = 130
+NO_NAMES = {errno.ENAMETOOLONG, errno.ELOOP}
+"""What only the name of a file can have done that somebody gave."""
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 
 
@@ -21,11 +22,14 @@ def plain_endings() -> Iterator[None]:
     try:
         yield
     except SavmapError as error:
-        typer.echo(f"savmap: {error}", err=True)
+        say(f"savmap: {error}", err=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
     except OSError as error:
+        if error.errno in NO_NAMES:
+            say(f"savmap: {str(error.filename)[:200]}: {(error.strerror or str(error)).lower()}", err=True)
+            sys.exit(SiteError.exit_code)
         if error.errno not in NO_ROOM:
             raise
         _no_room(error)
@@ -40,11 +44,11 @@ def _no_room(error: OSError) -> NoReturn:
     where = error.filename or "standard output"
     reason = (error.strerror or str(error)).lower()
     with suppress(OSError):
-        typer.echo(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
+        say(f"savmap: {where}: cannot be written ({reason}); choose another folder or free its space", err=True)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.exit(OutputError.exit_code)
 
 
 def _interrupted() -> NoReturn:
-    typer.echo("savmap: interrupted", err=True)
+    say("savmap: interrupted", err=True)
     sys.exit(INTERRUPTED)

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 
-import typer
-
 from savmap.assembly import site_lines
 from savmap.cli.console import Console
+from savmap.cli.speech import say, say_all
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import map_job_into
 from savmap.jobs.scheduler import RunOptions
@@ -26,11 +25,11 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
     with locked(job.output), Console(job.output / "savmap.log") as console:
         run = map_job_into(job, RunOptions(jobs, fresh, cluster), console)
         for file in run.files:
-            typer.echo(f"wrote {file}")
+            say(f"wrote {file}")
         if run.evaluation is not None:
-            typer.echo(as_table(run.evaluation))
+            say_all(as_table(run.evaluation))
         for line in (*site_lines(run.site_map), *verdict_lines(run.site_map)):
-            typer.echo(line)
+            say(line)
         run.raise_if_incomplete(job)
 
 
@@ -46,8 +45,8 @@ def preview_and_print(job: Job) -> None:
     """Write pictures of the views that plugins choose, one a pass. Raises SavmapError."""
     prepare(job.output)
     if job.note:
-        typer.echo(job.note)
+        say(job.note)
     for name in job.site.rows:
         request = request_for(job, name)
         for path in previews(name, request.passes, request.plugins, job.output, initial_attitudes(request.path)):
-            typer.echo(f"row {name}: wrote {path}")
+            say(f"row {name}: wrote {path}")

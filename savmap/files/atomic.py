@@ -5,10 +5,13 @@ import json
 import os
 import tempfile
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
 from urllib.parse import quote
 
 from savmap.errors import OutputError
+from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
+from savmap.files.texts import MOST_MB, bounded_text, json_of
 from savmap.files.urls import is_url
 
 
@@ -18,23 +21,36 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to a temporary file of the same folder (made where missing), then put it in place of `path`.
+    """Write `content` to a new file of the same folder (made where missing), then put it in place of `path`; a link there is replaced.
 
     A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path` is then
     unchanged.
     """
     if is_url(path):
         return _put(path, content)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    require_plain(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _write_through(part, content)
-        os.replace(part, path)
+        with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
+            _write_through(descriptor, content)
+            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
     except OSError as error:
         advice = "choose another folder or free its space"
         raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
-    finally:
-        _remove(part)
+
+
+def opened_anew(path: Path) -> TextIOWrapper:
+    """A new, empty text file in place of `path`, open for writing: a link is replaced, a device is written to. Raises OSError, and
+    OutputError as `opened_folder` does."""
+    if path.is_char_device() and not path.is_symlink():
+        return path.open("w", encoding="utf-8")
+    with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
+        stream = open(descriptor, "w", encoding="utf-8")  # noqa: SIM115 -- the caller closes it
+        try:
+            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
+        except OSError:
+            stream.close()
+            raise
+    return stream
 
 
 def write_with(write: Callable[[Path], None], path: Path) -> None:
@@ -46,9 +62,10 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder) / path.name)
             return _put(path, (Path(folder) / path.name).read_bytes())
+    require_plain(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".savmap-") as folder:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=PREFIX) as folder:
             part = Path(folder) / path.name
             write(part)
             with part.open("rb") as stream:
@@ -60,25 +77,25 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         raise OutputError(str(error).replace(str(part), str(path))) from error
 
 
-def read_text(path: Path) -> str:
-    """The text of a UTF-8 file. Raises OutputError."""
+def read_text(path: Path, most_mb: float = MOST_MB) -> str:
+    """The text of a UTF-8 file of at most so many MB. Raises OutputError."""
     try:
-        return path.read_text(encoding="utf-8")
+        return bounded_text(path, most_mb)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
-    except UnicodeDecodeError as error:
-        raise OutputError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
+    except ValueError as error:
+        raise OutputError(f"{path}: {error}") from error
 
 
-def read_json(path: Path) -> object:
-    """What a JSON file holds; NaN and infinities are refused. Raises OutputError."""
+def read_json(path: Path, most_mb: float = MOST_MB) -> object:
+    """What a JSON file of at most so many MB holds; NaN and infinities are refused. Raises OutputError."""
+    text = read_text(path, most_mb)
     try:
-        content: object = json.loads(read_text(path), parse_constant=_refuse_constant)
+        return json_of(text)
     except json.JSONDecodeError as error:
         raise OutputError(f"{path}: is not JSON (line {error.lineno}, column {error.colno}: {error.msg})") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise OutputError(f"{path}: is not JSON ({error})") from error
-    return content
 
 
 def sha256(path: Path) -> str:
@@ -103,24 +120,14 @@ def _put(path: Path, content: bytes) -> None:
         raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
-def _write_through(path: Path, content: bytes) -> None:
-    with path.open("wb") as stream:
+def _write_through(descriptor: int, content: bytes) -> None:
+    with open(descriptor, "wb") as stream:
         stream.write(content)
         stream.flush()
         os.fsync(stream.fileno())
 
 
-def _remove(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        return
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number")
-
-
 def file_name(row: str) -> str:
     """A row's name as (part of) the name of a file."""
-    return quote(row, safe=" ()+,=@") or "_"
+    name = quote(row, safe=" ()+,=@", errors="replace") or "_"
+    return name.replace(".", "%2E") if not name.strip(".") else name

@@ -29,6 +29,7 @@ from savmap.graph.references import (
     SurveyedPoint,
     camera_priors,
 )
+from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
 from savmap.graph.solver.solution import Landmark, RejectedMeasurement, Solution
 
@@ -40,6 +41,7 @@ __all__ = [
     "CameraHeight",
     "CameraPriors",
     "Constraints",
+    "HalfDifference",
     "ImageMeasurements",
     "KeySpace",
     "KnownLength",

@@ -11,19 +11,22 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.atomic import file_name, reason, write_bytes
 from savmap.files.serialization import packed, unpacked
+from savmap.files.texts import bounded_bytes
 from savmap.files.urls import is_url
 
 log = logging.getLogger("savmap")
 FOLDER = "stages"
-LEFT_BEHIND = re.compile(r"\..+\.\d+\.part|\.savmap-\w{8}")
+MOST_MB = 2048
+LEFT_BEHIND = re.compile(r"\.savmap-\w{8}|\..+\.\d+\.part")
 
 
 Record = TypeVar("Record")
@@ -85,8 +88,8 @@ class FolderCache:
 
     def load(self, row: str, stage: str, key: str) -> bytes | None:
         try:
-            content = b"" if self.fresh else self._path(row, stage).read_bytes()
-        except OSError:
+            content = b"" if self.fresh else bounded_bytes(self._path(row, stage), MOST_MB)
+        except (OSError, ValueError):
             return None
         head, _, body = content.partition(b"\n")
         return body if head == _head(key, body) else None
@@ -131,9 +134,21 @@ def _lock(place: int, folder: Path) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    for place in (folder, *(folder / FOLDER).glob("*")):
-        for left in (path for path in place.iterdir() if LEFT_BEHIND.fullmatch(path.name)):
-            if left.is_dir():
-                shutil.rmtree(left, ignore_errors=True)
-            else:
-                left.unlink(missing_ok=True)
+    """Remove what a killed run was writing. Links are not followed, and what is unknown is left alone."""
+    rows = [Path(entry) for entry in _entries(folder / FOLDER) if entry.is_dir(follow_symlinks=False)]
+    for left in chain.from_iterable(map(_entries, (folder, folder / FOLDER, *rows))):
+        if not LEFT_BEHIND.fullmatch(left.name):
+            continue
+        if left.is_dir(follow_symlinks=False):
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                os.unlink(left)
+
+
+def _entries(folder: Path) -> list[os.DirEntry[str]]:
+    """What is in a folder; nothing where it is a link, no folder, or cannot be read."""
+    try:
+        return [] if folder.name == FOLDER and folder.is_symlink() else list(os.scandir(folder))
+    except OSError:
+        return []

@@ -55,6 +55,11 @@ def solution_key(job: Job, measurement_keys: Mapping[str, str]) -> str:
     )
 
 
+def picture_key(measured: str, solved: bytes) -> str:
+    """Of a row's orthophoto, from the key of its measurement and its solved map."""
+    return digest(measured=measured, solved=hashlib.sha256(solved).hexdigest())
+
+
 def drawing_key(row: RowMap, survey: Mapping[str, Any] | None) -> str:
     """Of a row's pictures."""
     return digest(

@@ -8,15 +8,18 @@ from pathlib import Path
 from savmap.assembly import assembled
 from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
+from savmap.files.texts import json_visible
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.cache_keys import drawing_key
-from savmap.jobs.scheduler import RunOptions, map_rows_of
+from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
 from savmap.maps.map_file import write_map
+from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
 from savmap.maps.run_record import RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.pipeline.measure import recordings
 from savmap.plugin.isolation import failures_gathered
+from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
 from savmap.report.site_report import PluginsByRow, evaluation_of, report_for
@@ -75,7 +78,7 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     """Map a job that is known to be ready, and write all its results into its output folder, which is there.
 
     What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
-    solved: map.json, run.json, report.html, site.resolved.json, pictures of each row. Raises as `map_job` does, and OutputError.
+    solved: map.json, run.json, report.html, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
     return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
 
@@ -110,11 +113,26 @@ def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
     return paths
 
 
+def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
+    """Write a row's orthophoto, what is said of it, and the wireframe over it; the picture, if there is one. Without one, that of an
+    earlier map is taken away: it would not fit this one. Raises OutputError."""
+    picture, said = orthophoto_files(row, folder)
+    overlay = picture.with_suffix(".svg")
+    photo = report.photos.get(row)
+    if photo is None:
+        for path in (picture, said, overlay):
+            path.unlink(missing_ok=True)
+        return []
+    write_orthophoto(row, photo, folder)
+    write_overlay(row, photo, report.drawings[row], picture, overlay)
+    return [picture]
+
+
 def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
     if job.note:
         monitor.note(job.note)
-    mapped = map_rows_of(job, options, monitor, cache)
+    mapped = map_rows_of(job, options, monitor, cache, orthophotos=write and job.site.orthophotos)
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
@@ -123,7 +141,7 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
         for note in notes:
             monitor.note(note)
         if write:
-            evaluation, files = _write_results(job, site_map, mapped.log, plugins, survey, cache)
+            evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache)
         else:
             evaluation, files = evaluation_of(site_map, survey, plugins) if survey else None, ()
     failed_plugins = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
@@ -132,14 +150,16 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
 
 
 def _write_results(
-    job: Job, site_map: SiteMap, log: RunLog, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
+    job: Job, site_map: SiteMap, mapped: MappedRows, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
-    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, and the box plot where there is a
-    survey; the scores, and the files worth a look."""
+    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, its orthophoto if there is one, and
+    the box plot where there is a survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
-    write_log(log, job.output / "run.json")
-    write_text(job.output / "site.resolved.json", job.site.model_dump_json(indent=2, exclude_none=True) + "\n")
-    report = report_for(site_map, plugins, survey, log, _title(job.source))
+    write_log(mapped.log, job.output / "run.json")
+    write_text(
+        job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
+    )
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
@@ -148,7 +168,7 @@ def _write_results(
             write_row_views(row, report, job.output)
             if not any(plugin.failure for plugin in plugins[name].values()):
                 cache.save(name, DRAWN, key, b"")
-        files += views
+        files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
     files.append(job.output / "report.html")
     if survey is None:

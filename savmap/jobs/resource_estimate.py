@@ -105,8 +105,9 @@ def _rate(job: Job, part: Footage) -> Rate:
     """Measure the first frames of a pass as a run does."""
     probe = ProbeMonitor()
     begin = time.perf_counter()
-    request = replace(request_for(job, part.row), passes=(part.row_pass,))
-    stored = packed(measure(request, probe).measurements)
+    request = replace(request_for(job, part.row), passes=(part.row_pass,), strips=job.site.orthophotos)
+    measured = measure(request, probe)
+    stored = packed(measured.measurements) + packed(measured.strips)
     warm = min(WARM, len(probe.clock) - 2)
     timed = probe.clock[warm:]
     frame_s = (timed[-1] - timed[0]) / (len(timed) - 1)

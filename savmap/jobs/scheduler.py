@@ -6,22 +6,26 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 from savmap.errors import PluginFailedError, SavmapError
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
-from savmap.jobs.cache_keys import measurement_key, solution_key
+from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key
 from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
+from savmap.jobs.kept import kept_map, kept_measurements
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin import trace
 from savmap.plugin.isolation import left_out
 from savmap.site.job import Job
-from savmap.types import RowMap
+from savmap.types import Orthophoto, RowMap, RowStrips
 from savmap.types.progress import Monitor
 
 log = logging.getLogger("savmap")
-MEASURED, SOLVED = "measured", "solved"
+MEASURED, SOLVED, PICTURED = "measured", "solved", "pictured"
+STRIPS = "strips"
 Group = tuple[str, ...]
 Key = tuple[str, Group]
 
@@ -50,35 +54,41 @@ class RunOptions:
 
 @dataclass(frozen=True, eq=False)
 class MappedRows:
-    """Rows' maps by name, in the site's order; the errors of the others; what was done."""
+    """Rows' maps by name, in the site's order; the errors of the others; what was done; and, if they were asked for, orthophotos of
+    the faces that are known."""
 
     rows: Mapping[str, RowMap]
     failed: Mapping[str, SavmapError]
     log: RunLog
+    orthophotos: Mapping[str, Orthophoto] = field(default_factory=dict)
 
 
-def map_rows_of(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache) -> MappedRows:
-    """Map all rows of a job. Raises the first row's error where none could be mapped."""
+def map_rows_of(
+    job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, orthophotos: bool = False
+) -> MappedRows:
+    """Map all rows of a job, with orthophotos of them if these are wanted. Raises the first row's error where none could be mapped."""
     begin = time.monotonic()
     groups = groups_of(job)
     executor, workers = options.executor(job, len(groups), monitor)
-    progress = _Progress(job, cache, executor, monitor, groups)
+    progress = _Progress(job, cache, executor, monitor, groups, orthophotos)
     for group in groups:
         progress.begin(group)
     results = executor.results()
     if executor.monitor is None:
-        results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups))
+        pictures = len(job.site.rows) if orthophotos else 0
+        results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups) + pictures)
     for key, result in results:
         progress.take(key, result)
     if not progress.solved:
         raise next(iter(progress.failed.values()))
     maps = {name: progress.solved[name].record for name in job.site.rows if name in progress.solved}
     for name, row in maps.items():
-        if name not in progress.seconds:
+        if SOLVED not in progress.seconds.get(name, {}):
             _show_notes(row, monitor)
     runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
     failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
-    return MappedRows(maps, failed, RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers))
+    log = RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers)
+    return MappedRows(maps, failed, log, {name: progress.pictures[name] for name in maps if name in progress.pictures})
 
 
 def groups_of(job: Job) -> Sequence[Group]:
@@ -97,17 +107,20 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 @dataclass(eq=False)
 class _Progress:
     """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the plugins that failed
-    in it."""
+    in it. `wants_pictures`: whether orthophotos are made; of strips only those are held that the cache does not keep."""
 
     job: Job
     cache: RowCache
     executor: TaskExecutor
     monitor: Monitor
     groups: Sequence[Group]
+    wants_pictures: bool = False
     keys: dict[str, str] = field(default_factory=dict)
     solution_keys: dict[Group, str] = field(default_factory=dict)
     measured: dict[str, StoredRecord[RowMeasurements]] = field(default_factory=dict)
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
+    strips: dict[str, StoredRecord[RowStrips]] = field(default_factory=dict)
+    pictures: dict[str, Orthophoto] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
@@ -120,9 +133,10 @@ class _Progress:
         if self._use_kept(group):
             return
         for name in group:
-            kept = self.cache.load(name, MEASURED, self.keys[name])
-            if kept is not None:
-                self.measured[name] = StoredRecord(RowMeasurements, content=kept)
+            content = self.cache.load(name, MEASURED, self.keys[name])
+            kept = None if content is None else kept_measurements(name, content, self.job.plugins)
+            if kept is not None and (not self.wants_pictures or self._strips_of(name) is not None):
+                self.measured[name] = kept
             else:
                 self._measure(name)
         self._solve_if_measured(group)
@@ -141,18 +155,23 @@ class _Progress:
             self.plugins_failed.setdefault(name, {}).update(done.plugins_failed.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
             self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
-            if isinstance(record, tasks.Failure):
+            if stage == PICTURED:
+                self._take_picture(name, record)
+            elif isinstance(record, tasks.Failure):
                 self._fail(name, record)
             elif stage == MEASURED:
                 self._save(name, MEASURED, self.keys[name], record)
                 self.measured[name] = record
+                if name in done.strips:
+                    self._keep_strips(name, done.strips[name])
             else:
                 self._save(name, SOLVED, self._solution_key(names), record)
                 self.solved[name] = record
+                self._picture(name)
         group = next(group for group in self.groups if names[0] in group)
         if stage == MEASURED:
             self._solve_if_measured(group)
-        else:
+        elif stage == SOLVED:
             for name in names:
                 self.measured.pop(name, None)
 
@@ -162,14 +181,18 @@ class _Progress:
         if row is None:
             return RowRun(status="failed", error=str(self.failed[name]), seconds=seconds)
         return RowRun(
-            status="mapped" if seconds else "kept",
+            status="kept" if self.is_kept(name) else "mapped",
             seconds=seconds,
             used=len(row.frames),
             peak_mb=self.peak_mb.get(name, 0.0),
             plugins_failed=self.plugins_failed.get(name, {}),
         )
 
-    def _save(self, name: str, stage: str, key: str, record: StoredRecord[object]) -> None:
+    def is_kept(self, name: str) -> bool:
+        """Whether an earlier run mapped a row."""
+        return not {MEASURED, SOLVED}.intersection(self.seconds.get(name, {}))
+
+    def _save(self, name: str, stage: str, key: str, record: StoredRecord[Any]) -> None:
         """Keep what is whole: where a plugin failed, it is tried again next time."""
         if not self.plugins_failed[name]:
             self.cache.save(name, stage, key, record.content)
@@ -184,7 +207,7 @@ class _Progress:
         self._measure(names[0]) if stage == MEASURED else self._solve(names)
 
     def _measure(self, name: str) -> None:
-        self._submit((MEASURED, (name,)), tasks.measure_task, name)
+        self._submit((MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures), name)
 
     def _solve(self, names: Group) -> None:
         self._submit((SOLVED, names), tasks.solve_task, {name: self.measured[name] for name in names})
@@ -198,13 +221,58 @@ class _Progress:
             self._solve(names)
 
     def _use_kept(self, names: Group) -> bool:
-        kept = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
-        maps = {name: StoredRecord(RowMap, content=content) for name, content in kept.items() if content is not None}
-        if len(maps) < len(names):
+        contents = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
+        kept = {name: kept_map(name, content) for name, content in contents.items() if content is not None}
+        maps = {name: record for name, record in kept.items() if record is not None}
+        shown = not self.wants_pictures or all(self._can_be_shown(name, row) for name, row in maps.items())
+        if len(maps) < len(names) or not shown:
             return False
         self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
         self.solved |= maps
+        for name in names:
+            self._picture(name)
         return True
+
+    def _can_be_shown(self, name: str, row: StoredRecord[RowMap]) -> bool:
+        """Whether there is a row's orthophoto, or what it is made of."""
+        kept = self.cache.load(name, PICTURED, picture_key(self.keys[name], row.content))
+        return kept is not None or self._strips_of(name) is not None
+
+    def _picture(self, name: str) -> None:
+        """Use a row's orthophoto from an earlier run, or have it made."""
+        if not self.wants_pictures:
+            return
+        kept = self.cache.load(name, PICTURED, picture_key(self.keys[name], self.solved[name].content))
+        strips = self._strips_of(name) if kept is None else None
+        if kept is not None:
+            self._show(name, StoredRecord(tasks.RowPicture, content=kept))
+        elif strips is not None:
+            self._submit((PICTURED, (name,)), tasks.picture_task, {name: (self.solved[name], strips)})
+            self.strips.pop(name, None)
+
+    def _take_picture(self, name: str, record: StoredRecord[tasks.RowPicture] | tasks.Failure) -> None:
+        """Keep an orthophoto; a row without one is mapped all the same."""
+        if isinstance(record, tasks.Failure):
+            self.monitor.note(f"row {name}: no orthophoto: {record.error}")
+            if record.trace:
+                log.error("row %s: %s", name, record.trace)
+            return
+        self._save(name, PICTURED, picture_key(self.keys[name], self.solved[name].content), record)
+        self._show(name, record)
+
+    def _show(self, name: str, record: StoredRecord[tasks.RowPicture]) -> None:
+        if record.record.orthophoto is not None:
+            self.pictures[name] = record.record.orthophoto
+
+    def _keep_strips(self, name: str, strips: StoredRecord[RowStrips]) -> None:
+        """Into the cache; held until they are used where a plugin failed, or where nothing is kept."""
+        self._save(name, STRIPS, self.keys[name], strips)
+        if self.cache.load(name, STRIPS, self.keys[name]) is None:
+            self.strips[name] = strips
+
+    def _strips_of(self, name: str) -> StoredRecord[RowStrips] | None:
+        kept = self.cache.load(name, STRIPS, self.keys[name]) if name not in self.strips else None
+        return self.strips.get(name) or (StoredRecord(RowStrips, content=kept) if kept is not None else None)
 
     def _solution_key(self, names: Group) -> str:
         if names not in self.solution_keys:

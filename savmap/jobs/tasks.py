@@ -16,13 +16,14 @@ from savmap.errors import PluginFailedError, SavmapError, SiteError, format_erro
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
 from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for
 from savmap.site.references import calibration_of, references_of
-from savmap.types import RowMap, Trajectory
+from savmap.types import Orthophoto, RowMap, RowStrips, Trajectory
 from savmap.types.progress import Monitor, NoteCollector
 
 NOTE = "note "
@@ -39,9 +40,17 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
+class RowPicture:
+    """The orthophoto of a row, if its face is known and was seen."""
+
+    orthophoto: Orthophoto | None
+
+
+@dataclass(frozen=True, eq=False)
 class TaskResult:
     """What a task gave: by row, a record, or why there is none; notes for the user that nobody was told yet, seconds on the clock, the
-    largest memory of the worker so far, MB, what another process had no log for, and, by row, the plugins that failed and how."""
+    largest memory of the worker so far, MB, what another process had no log for, by row, the plugins that failed and how, and strips of what was measured, if they were asked
+    for."""
 
     records: Mapping[str, StoredRecord[Any] | Failure]
     notes: Sequence[str] = ()
@@ -49,22 +58,29 @@ class TaskResult:
     peak_mb: float = 0.0
     logged: Sequence[str] = ()
     plugins_failed: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    strips: Mapping[str, StoredRecord[RowStrips]] = field(default_factory=dict)
 
 
-def measure_task(job: Job, row: str, failures: Mapping[str, Failures], monitor: Monitor | None = None) -> TaskResult:
-    """What is measured in one row's pictures. `failures`: by row, the plugins that failed in it already."""
+def measure_task(
+    job: Job, row: str, failures: Mapping[str, Failures], monitor: Monitor | None = None, *, with_strips: bool = False
+) -> TaskResult:
+    """What is measured in one row's pictures, with strips of them if they are wanted. `failures`: by row, the plugins that failed in it
+    already."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
+    strips: dict[str, StoredRecord[RowStrips]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        request = request_for(job, row, failures.get(row))
+        request = replace(request_for(job, row, failures.get(row)), strips=with_strips)
         try:
-            measurements = measure(request, shown).measurements
+            measured = measure(request, shown)
         except SavmapError as error:
             raise because(error, failed(request.plugins)) from error
-        plugins_failed[row] = measurements.failed
-        return {row: StoredRecord(RowMeasurements, measurements)}
+        plugins_failed[row] = measured.measurements.failed
+        if with_strips:
+            strips[row] = StoredRecord(RowStrips, measured.strips)
+        return {row: StoredRecord(RowMeasurements, measured.measurements)}
 
-    return replace(_result([row], work, monitor), plugins_failed=plugins_failed)
+    return replace(_result([row], work, monitor), plugins_failed=plugins_failed, strips=strips)
 
 
 def solve_task(
@@ -95,6 +111,25 @@ def solve_task(
         }
 
     return replace(_result(list(measurements), work, monitor), plugins_failed=plugins_failed)
+
+
+def picture_task(
+    job: Job,
+    rows: Mapping[str, tuple[StoredRecord[RowMap], StoredRecord[RowStrips]]],
+    failures: Mapping[str, Failures],
+    monitor: Monitor | None = None,
+) -> TaskResult:
+    """Orthophotos of rows' faces, from their maps and the strips of what was measured; none of a row in which no face is known."""
+
+    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
+        pictures: dict[str, StoredRecord[Any] | Failure] = {}
+        for row, (mapped, strips) in rows.items():
+            face = mapped.record.face
+            picture = orthophoto(face, strips.record, mapped.record.trajectory) if face is not None else None
+            pictures[row] = StoredRecord(RowPicture, RowPicture(picture))
+        return pictures
+
+    return _result(list(rows), work, monitor)
 
 
 def request_for(job: Job, row: str, failures: Failures | None = None) -> RowRequest:

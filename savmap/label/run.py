@@ -13,7 +13,7 @@ from savmap.errors import SiteError, StructureError
 from savmap.label.formats import LabelledPicture, LabelledSet, require_unused, write_set
 from savmap.label.polygons import outlines
 from savmap.label.worth import SeenView, chosen, descriptor, disagreement, ranks, seen_view, uncertainty
-from savmap.pipeline.measure import PassPlan, plan_pass
+from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, job_for, plugins_for, prepare

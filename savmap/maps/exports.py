@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap.errors import OutputError, PluginError, SavmapError, SiteError, format_error
-from savmap.files.atomic import write_text, write_with
+from savmap.errors import OutputError, PluginError, SavmapError, SiteError, format_error, visible
+from savmap.files.atomic import write_bytes, write_text, write_with
 from savmap.types import Placement, SiteMap, Structure
 
 Exporter = Callable[[SiteMap, Path], None]
+FORMULAS = tuple("=+-@")
 COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
 COLUMNS = [
     "row",
@@ -44,7 +45,7 @@ def write_csv(site: SiteMap, path: Path) -> None:
             frame = "site" if row.name in site.placements else "row"
             for structure in structures:
                 vertices = _vertices(in_site(structure, site.placements.get(row.name)))
-                start = row.name, frame, plugin, structure.id, structure.label
+                start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
                 table.writerows((*start, *vertex) for vertex in vertices)
     write_text(path, text.getvalue())
 
@@ -64,7 +65,14 @@ def write_ply(site: SiteMap, path: Path) -> None:
         for group in row.structures.values()
         for structure in group
     ]
-    write_text(path, "\n".join(_ply(what, structures)) + "\n")
+    text = "\n".join(map(visible, _ply(what, structures))) + "\n"
+    write_bytes(path, text.encode("ascii", "backslashreplace"))
+
+
+def cell(text: str) -> str:
+    """A text as a cell of CSV: on one line, and with an apostrophe before what a spreadsheet would take for a formula."""
+    shown = visible(text)
+    return f"'{shown}" if shown.lstrip()[:1] in FORMULAS else shown
 
 
 def in_site(structure: Structure, placement: Placement | None) -> Structure:
@@ -78,7 +86,7 @@ def in_site(structure: Structure, placement: Placement | None) -> Structure:
 def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
     sigmas = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
     for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas, strict=True):
-        yield (label, *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
+        yield (cell(label), *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
 
 
 def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
 from savmap.maps.schema import MeasuredEntry
@@ -36,6 +37,8 @@ from savmap.types import (
 
 COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
 """Decimals."""
+LEAST_SIGMA = 10.0**-FIGURE
+"""Of a reference: readers divide by it."""
 UPPER = np.triu_indices(3)
 NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
@@ -54,7 +57,10 @@ def read_map(path: Path) -> SiteMap:
 
 def map_of(text: str, where: str) -> SiteMap:
     """The map in a text that was read at `where`. Raises OutputError as `read_map` does."""
-    return _site_map(json.loads(text), where)
+    try:
+        return _site_map(json_of(text), where)
+    except ValueError as error:
+        raise OutputError(f"{where}: is not JSON ({error})") from error
 
 
 def map_text(site: SiteMap) -> str:
@@ -77,7 +83,7 @@ def map_text(site: SiteMap) -> str:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:
         raise OutputError(f"the map holds a number that is not finite ({error}); it was not written") from error
-    return NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
+    return json_visible(NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text)) + "\n"
 
 
 def _row_entry(row: RowMap) -> Entry:
@@ -160,9 +166,11 @@ def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
 
 
 def _reference_entry(use: ReferenceUse) -> Entry:
-    names = ("value", "sigma", "solved", "residual")
-    numbers = _rounded((use.value, use.sigma, use.solved, use.solved - use.value), FIGURE)
-    return {"name": use.name, "unit": use.unit, **dict(zip(names, numbers, strict=True))}
+    """The residual is that of the rounded numbers, which a reader has."""
+    value, sigma, solved = _rounded((use.value, use.sigma, use.solved), FIGURE)
+    (residual,) = _rounded((solved - value,), FIGURE)
+    numbers = {"value": value, "sigma": max(sigma, LEAST_SIGMA), "solved": solved, "residual": residual}
+    return {"name": use.name, "unit": use.unit, **numbers}
 
 
 def _placement_entry(placement: Placement) -> Entry:
@@ -216,10 +224,11 @@ def _site_map(content: object, path: str) -> SiteMap:
     entry = checked(schema.MapFile, content, path)
     try:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
+        placements = {name: _placement(placement) for name, placement in entry.placed.items()}
+        matches = tuple(_match(match) for match in entry.ties)
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
-    placements = {name: _placement(placement) for name, placement in entry.placed.items()}
-    return SiteMap(rows, entry.made_by, entry.failed, placements, tuple(_match(match) for match in entry.ties))
+    return SiteMap(rows, entry.made_by, entry.failed, placements, matches)
 
 
 def _row_map(name: str, row: schema.RowEntry) -> RowMap:

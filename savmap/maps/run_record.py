@@ -1,12 +1,16 @@
 """What a run did with each row: run.json, apart from the map, which does not depend on how long the run took."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.files.atomic import read_json, write_text
+from savmap.files.texts import json_visible
 from savmap.files.validation import checked
+
+Seconds = Annotated[float, Field(ge=0, le=1e9)]
+Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
 class RowRun(BaseModel):
@@ -14,32 +18,32 @@ class RowRun(BaseModel):
     segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory
     in MB, and the plugins that failed in it, without which it was mapped."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     status: Literal["mapped", "kept", "failed"]
     error: str = ""
-    seconds: dict[str, float] = {}
-    used: int = 0
-    skipped: int = 0
-    peak_mb: float = 0.0
+    seconds: dict[str, Seconds] = {}
+    used: Count = 0
+    skipped: Count = 0
+    peak_mb: Seconds = 0.0
     plugins_failed: dict[str, str] = {}
 
 
 class RunLog(BaseModel):
     """All rows of a run by name, its whole time on the clock, and how many workers there were."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     format: Literal["savmap-run"] = "savmap-run"
     version: Literal[1] = 1
     rows: dict[str, RowRun]
-    wall_s: float = 0.0
+    wall_s: Seconds = 0.0
     jobs: int = 1
 
 
 def write_log(log: RunLog, path: Path) -> None:
     """Write run.json, whole or not at all. Raises OutputError."""
-    write_text(path, log.model_dump_json(indent=1) + "\n")
+    write_text(path, json_visible(log.model_dump_json(indent=1)) + "\n")
 
 
 def read_log(path: Path) -> RunLog:

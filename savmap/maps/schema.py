@@ -1,24 +1,53 @@
 """The shape of map.json, from which its JSON Schema is made: `savmap schema map > docs/map.schema.json`."""
 
 import json
+import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 FORMAT = "savmap-map"
 VERSION = 1
 
-Vector = Annotated[tuple[float, float, float], Field(description="x, y, z in the row's frame, m")]
-Sigma = Annotated[tuple[float, float, float], Field(description="standard deviation of x, y, z, m")]
-Quaternion = Annotated[tuple[float, float, float, float], Field(description="x, y, z, w of world_from_rig, w >= 0")]
-UpperTriangle = Annotated[
-    tuple[float, float, float, float, float, float], Field(description="covariance xx, xy, xz, yy, yz, zz, m^2")
+FARTHEST_M = 1e6
+"""No number of metres is larger: what is drawn, squared and summed stays within a float's bounds."""
+LARGEST = 1e12
+
+
+def _unit(turn: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    if abs(math.hypot(*turn) - 1) > 1e-3:
+        raise ValueError("it is no unit quaternion")
+    return turn
+
+
+def _variances(upper: tuple[float, ...]) -> tuple[float, ...]:
+    if min(upper[0], upper[3], upper[5]) < 0:
+        raise ValueError("a variance is negative")
+    return upper
+
+
+Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+Deviation = Annotated[float, Field(ge=0, le=FARTHEST_M)]
+Degrees = Annotated[float, Field(ge=-3600, le=3600)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Pixels = Annotated[int, Field(ge=1, le=1 << 16)]
+Vector = Annotated[tuple[Metres, Metres, Metres], Field(description="x, y, z in the row's frame, m")]
+Sigma = Annotated[tuple[Deviation, Deviation, Deviation], Field(description="standard deviation of x, y, z, m")]
+Quaternion = Annotated[
+    tuple[float, float, float, float],
+    Field(description="x, y, z, w of world_from_rig, w >= 0"),
+    AfterValidator(_unit),
 ]
-Value = float | int | str
+UpperTriangle = Annotated[
+    tuple[Number, Number, Number, Number, Number, Number],
+    Field(description="covariance xx, xy, xz, yy, yz, zz, m^2"),
+    AfterValidator(_variances),
+]
+Value = Number | Annotated[int, Field(ge=-LARGEST, le=LARGEST)] | str
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class VertexEntry(_Part):
@@ -33,8 +62,8 @@ class VertexEntry(_Part):
 class MeasuredEntry(_Part):
     """A number with its standard deviation, in the unit that its name ends with."""
 
-    value: float
-    sigma: float = Field(ge=0)
+    value: Number
+    sigma: float = Field(ge=0, le=LARGEST)
 
 
 class StructureEntry(_Part):
@@ -51,7 +80,7 @@ class FrameEntry(_Part):
     """A frame of the row in order of its number; pose null where it is not known."""
 
     frame: int = Field(ge=0)
-    stamp_s: float = Field(description="time in its own video")
+    stamp_s: Number = Field(description="time in its own video")
     pass_name: str = Field(alias="pass")
     position_m: Vector | None
     orientation_xyzw: Quaternion | None
@@ -61,12 +90,12 @@ class FrameEntry(_Part):
 class ViewEntry(_Part):
     """A rectilinear view: its direction in the panorama, and its size."""
 
-    yaw_deg: float
-    pitch_deg: float
-    roll_deg: float
-    hfov_deg: float
-    width: int
-    height: int
+    yaw_deg: Degrees
+    pitch_deg: Degrees
+    roll_deg: Degrees
+    hfov_deg: float = Field(gt=0, lt=180)
+    width: Pixels
+    height: Pixels
 
 
 class ReferenceEntry(_Part):
@@ -74,10 +103,10 @@ class ReferenceEntry(_Part):
 
     name: str
     unit: str
-    value: float
-    sigma: float
-    solved: float
-    residual: float
+    value: Number
+    sigma: float = Field(gt=0, le=LARGEST)
+    solved: Number
+    residual: Number
 
 
 class DoubtEntry(_Part):
@@ -113,9 +142,9 @@ class PlacementEntry(_Part):
     """Where a row's frame stands in the site's: origin at (x, 0, z), x axis turned by the heading about y, counter-clockwise as
     seen from above."""
 
-    x_m: float
-    z_m: float
-    heading_deg: float
+    x_m: Metres
+    z_m: Metres
+    heading_deg: Degrees
     covariance: UpperTriangle = Field(description="xx, xz, xh, zz, zh, hh of x m, z m, heading degrees")
 
 
@@ -126,8 +155,8 @@ class MatchEntry(_Part):
     row_b: str
     id_a: str
     id_b: str
-    residual_m: tuple[float | None, float | None, float | None]
-    sigma_m: tuple[float | None, float | None, float | None]
+    residual_m: tuple[Metres | None, Metres | None, Metres | None]
+    sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
 
 
 class MapFile(_Part):

@@ -4,14 +4,16 @@ A row's entry belongs to the plugins: each reads its own keys in its hooks.
 """
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.files.validation import checked
+from savmap.maps.schema import FARTHEST_M
 from savmap.types import Survey
 
 FORMAT = "savmap-survey"
@@ -27,6 +29,27 @@ class SurveyFile(BaseModel):
     version: Literal[1]
     units: Literal["m"]
     rows: dict[str, dict[str, Any]] = Field(min_length=1)
+
+    @field_validator("rows")
+    @classmethod
+    def _bounded(cls, rows: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        for number in _numbers(rows):
+            if abs(number) > FARTHEST_M:
+                raise ValueError(f"{number:g} is too large: lengths are metres, and below {FARTHEST_M:g}")
+        return rows
+
+
+def _numbers(rows: dict[str, dict[str, Any]]) -> Iterator[float]:
+    """All numbers of the rows' entries, however deep."""
+    left: list[object] = [rows]
+    while left:
+        value = left.pop()
+        if isinstance(value, dict):
+            left += value.values()
+        elif isinstance(value, list):
+            left += value
+        elif isinstance(value, int | float):
+            yield value
 
 
 def read_survey(path: Path) -> Survey:

@@ -5,19 +5,28 @@ A network that was trained on one kind of pictures may hardly see the structure 
 it sees clearly more, or where the plugin's own does not find the structure at all. A network that the user names is left alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from savmap.errors import StructureError
+from savmap.pipeline.trust.footage import require_panoramas
+from savmap.pipeline.view_plans import PassPlan, plan_views, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Floats, View, ViewSpec
+from savmap.site.model import Pass
+from savmap.types import Floats, View, ViewPlan, ViewSpec
 from savmap.vision.view_planning import PassPreview
+from savmap.vision.views import Renderer
 
 FRAMES = 6
 CLEARLY, MOST_LOST, LEAST_SHARE = 1.08, 0.8, 1e-3
+
+Candidate = tuple[LoadedPlugin, SegmenterPool]
+"""A plugin with one of its networks, opened."""
 
 
 def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
@@ -27,14 +36,69 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
     return tuple(getattr(plugin.instance, "further_models", ()))
 
 
-def with_best_network(plugin: LoadedPlugin, specs: Sequence[ViewSpec], preview: PassPreview) -> LoadedPlugin:
-    """The plugin with the network that sees most in some views of a pass: its own, unless another sees clearly more."""
-    views = few_views(specs, preview)
-    if not views:
+def with_best_networks(
+    name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], renderer: Renderer, attitude: Floats | None
+) -> tuple[Sequence[LoadedPlugin], PassPlan]:
+    """The plugins with the networks that see most in a pass, the first, and the views that they want of it. The attitude that one
+    finds is given to those after it (`attitude`: world_from_rig (3, 3) of the first frame, where it is known).
+
+    Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are no panoramas.
+    """
+    preview = preview_of(row_pass.clip, renderer)
+    doubts = require_panoramas(row_pass.clip.path, preview.keys)
+    chosen: list[LoadedPlugin] = []
+    plans: dict[str, ViewPlan] = {}
+    for plugin in plugins:
+        best, plans[plugin.name] = with_best_network(
+            plugin, preview, partial(_views_of, row_pass=row_pass, preview=preview, attitude=attitude)
+        )
+        chosen.append(best)
+        attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
+    return chosen, PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
+
+
+def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:
+    """The plugin with the network that sees most in a pass. Raises StructureError where it finds no structure with any of its networks."""
+    if not further_models(plugin):
         return plugin
-    best, most = plugin, seen(plugin, views)
-    for model in further_models(plugin):
-        other = replace(plugin, network=model)
+    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], renderer, None)
+    return chosen
+
+
+def choices_told(plugins: Sequence[LoadedPlugin]) -> list[str]:
+    """A line for each plugin that looks with another network than its own."""
+    changed = [plugin for plugin in plugins if plugin.network is not None]
+    return [f"`{plugin.name}` looks with {plugin.model.name}, which sees more here" for plugin in changed]
+
+
+def with_best_network(
+    plugin: LoadedPlugin, preview: PassPreview, plan: Callable[[Candidate], ViewPlan]
+) -> tuple[LoadedPlugin, ViewPlan]:
+    """The plugin with one of its networks, and what it plans with that: its own, or the first with which it finds the structure,
+    unless another sees clearly more in the same views. Raises StructureError where none finds it."""
+    missed: StructureError | None = None
+    others = further_models(plugin)
+    for loaded in (plugin, *(replace(plugin, network=model) for model in others)):
+        candidate = _opened(loaded)
+        try:
+            planned = plan(candidate)
+        except StructureError as error:
+            missed = missed or error
+            continue
+        if plugin.failure is not None or loaded is not plugin or not others:
+            return plugin if plugin.failure is not None else loaded, planned
+        best = with_most_seen(candidate, others, few_views(planned.views, preview))
+        return best[0], planned if best is candidate else plan(best)
+    raise missed or StructureError(f"`{plugin.name}` finds no structure")
+
+
+def with_most_seen(own: Candidate, others: Sequence[Path], views: Sequence[View]) -> Candidate:
+    """The network that sees most in some views: the plugin's own, unless another sees clearly more."""
+    if not views:
+        return own
+    best, most = own, seen(own, views)
+    for model in others:
+        other = _opened(replace(own[0], network=model))
         shares = seen(other, views)
         if sees_more(shares, most):
             best, most = other, shares
@@ -47,9 +111,9 @@ def few_views(specs: Sequence[ViewSpec], preview: PassPreview) -> list[View]:
     return [preview.renderer.render(preview.keys[number], spec) for number in chosen for spec in specs]
 
 
-def seen(plugin: LoadedPlugin, views: Sequence[View]) -> Floats:
+def seen(candidate: Candidate, views: Sequence[View]) -> Floats:
     """The share of the views' pixels (classes,) that the plugin's network takes for each of its classes."""
-    segmenters = SegmenterPool([plugin])
+    plugin, segmenters = candidate
     maps = [segmenters.predict(plugin, view).maps[1:] > plugin.threshold for view in views]
     return np.asarray(np.mean(maps, axis=(0, 2, 3)), np.float64)
 
@@ -58,3 +122,12 @@ def sees_more(shares: Floats, others: Floats) -> bool:
     """Whether shares (classes,) are clearly more than others on the whole, and not much less of any class."""
     ratio = (shares + LEAST_SHARE) / (others + LEAST_SHARE)
     return bool(ratio.min() > MOST_LOST and np.exp(np.log(ratio).mean()) > CLEARLY)
+
+
+def _opened(plugin: LoadedPlugin) -> Candidate:
+    return plugin, SegmenterPool([plugin])
+
+
+def _views_of(candidate: Candidate, row_pass: Pass, preview: PassPreview, attitude: Floats | None) -> ViewPlan:
+    plugin, segmenters = candidate
+    return plan_views(plugin, row_pass, segmenters, preview, attitude)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.files.atomic import file_name, write_bytes
-from savmap.pipeline.measure import plan_pass
+from savmap.pipeline.view_plans import plan_pass
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass, pass_names

@@ -1,13 +1,13 @@
 """What is asked of a row, and what is known of it after each step of the pipeline."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
 from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
-from savmap.types import Structure, Track, Trajectory
+from savmap.types import PlanePatch, RowStrips, Structure, Track, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,7 +15,8 @@ class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
     `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated. `appearance`: whether
-    points of any kind help with the camera's motion. `measurements`: what an earlier run measured, if it is still valid.
+    points of any kind help with the camera's motion. `measurements`: what an earlier run measured, if it is still valid. `strips`: whether
+    strips of the frames are kept for an orthophoto.
     """
 
     name: str
@@ -27,6 +28,7 @@ class RowRequest:
     calibration: Calibration | None = None
     appearance: bool = False
     measurements: RowMeasurements | None = None
+    strips: bool = False
 
     @property
     def gauge_references(self) -> References:
@@ -36,10 +38,11 @@ class RowRequest:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRow:
-    """A row and what was measured in its pictures."""
+    """A row and what was measured in its pictures, and strips of these if they were asked for."""
 
     request: RowRequest
     measurements: RowMeasurements
+    strips: RowStrips = field(default_factory=RowStrips, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +88,7 @@ class SolvedRow(PosedRow):
 
 @dataclass(frozen=True, eq=False)
 class DescribedRow(SolvedRow):
-    """A solved row with its structures by plugin."""
+    """A solved row with its structures by plugin, and its face if a plugin knows it."""
 
     structures: Mapping[str, tuple[Structure, ...]]
+    face: PlanePatch | None

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
+import numpy as np
+
 from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
@@ -18,13 +20,16 @@ from savmap.pipeline.records import (
     TrackedRow,
 )
 from savmap.pipeline.second_look import look_again
-from savmap.pipeline.verdict import judge
+from savmap.pipeline.trust.footage import with_doubts
+from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import RowMap, Structure, Track, Trajectory
+from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.progress import Monitor
 
 Before = TypeVar("Before")
 After = TypeVar("After")
+ROOM_M = 0.3
+"""Shown of a face around its structures."""
 
 
 def map_rows(requests: Sequence[RowRequest], monitor: Monitor) -> list[RowMap | SavmapError]:
@@ -46,7 +51,7 @@ def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After])
         try:
             results.append(item if isinstance(item, SavmapError) else step(item))
         except SavmapError as error:
-            results.append(error)
+            results.append(with_doubts(error, item.measurements.doubts) if isinstance(item, MeasuredRow) else error)
     return results
 
 
@@ -59,9 +64,9 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
     walked = measure_row(
-        row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance
+        row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance, row.strips
     )
-    return MeasuredRow(row, look_again(row, walked, monitor))
+    return MeasuredRow(row, look_again(row, walked, monitor), strips=walked.strips)
 
 
 def locate(row: MeasuredRow) -> LocatedRow:
@@ -140,7 +145,19 @@ def describe(row: SolvedRow) -> DescribedRow:
         )
         for plugin in row.request.plugins
     }
-    return DescribedRow(**vars(row), structures=related)
+    return DescribedRow(**vars(row), structures=related, face=face_of(row, related))
+
+
+def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> PlanePatch | None:
+    """The first plane that a plugin's structures lie in, with some room around them; None where no plugin knows one."""
+    for plugin in row.request.plugins:
+        if not plugin.has("planes") or not structures[plugin.name]:
+            continue
+        landmarks = row.solution.landmarks_of(plugin.name)
+        patches = plugin.planes({name: landmark.position for name, landmark in landmarks.items()})
+        if patches:
+            return patches[0].around(np.concatenate([one.vertices for one in structures[plugin.name]]), ROOM_M)
+    return None
 
 
 def collect(row: DescribedRow) -> RowMap:
@@ -160,6 +177,7 @@ def collect(row: DescribedRow) -> RowMap:
             **row.figures,
             **{f"note {number}": note for number, note in enumerate(notes, 1)},
         },
+        face=row.face,
         verdict=verdict,
     )
 

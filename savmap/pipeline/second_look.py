@@ -5,7 +5,10 @@ Once the camera's path is roughly known, the network's probabilities of all fram
 mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over.
 """
 
-from collections.abc import Sequence
+import logging
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -62,8 +65,9 @@ def expect(
     try:
         start, frames = first_poses(bare, measurements)
         features, facts = measurements.features[plugin.name], measurements.facts
-        tracks = alone.track(features, facts, start.world_from_rig[:, :3, :3], row.path)
-        constraints = alone.constrain(tracks, facts, row.path or start)
+        with warnings_untold():
+            tracks = alone.track(features, facts, start.world_from_rig[:, :3, :3], row.path)
+            constraints = alone.constrain(tracks, facts, row.path or start)
         located = graph.locate_camera(graph.merge(frames, constraints, partial=True))
     except (StructureError, SolveError, SiteError, PluginFailedError):
         return None
@@ -71,6 +75,25 @@ def expect(
     evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]
     objects = plugin.expect(points, evidence) if evidence else []
     return Expectation(objects, located.path) if objects else None
+
+
+@contextmanager
+def warnings_untold() -> Iterator[None]:
+    """While this lasts, what plugins and libraries warn of in this thread is not told: what is used in the end is tracked once more,
+    and that is told."""
+    here = threading.get_ident()
+
+    def told(record: logging.LogRecord) -> bool:
+        return record.thread != here or record.levelno > logging.WARNING
+
+    handlers = tuple(logging.getLogger().handlers)
+    for handler in handlers:
+        handler.addFilter(told)
+    try:
+        yield
+    finally:
+        for handler in handlers:
+            handler.removeFilter(told)
 
 
 def measure_again(

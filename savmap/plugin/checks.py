@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 
 MOST_CELLS = 20_000_000
+FARTHEST_M = 1e5
+"""No vertex is further from its row's origin: a site file's places are bounded alike."""
+ROUNDING = 1e-6
+"""Of a covariance's largest variance: what solving and rounding to six digits leave."""
 
 
 def require(condition: bool, fault: str) -> None:
@@ -127,10 +131,8 @@ def check_structures(structures: Sequence[Structure]) -> None:
         where = f"structure `{structure.id}`"
         texts = (structure.id, structure.label, *structure.vertex_labels)
         require(all(isinstance(text, str) for text in texts), f"{where}: its id and labels are not all texts")
-        require(_finite(structure.vertices), f"{where}: a vertex is not finite")
-        require(_finite(structure.covariances), f"{where}: a covariance is not finite")
-        variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
-        require(bool((variances >= 0).all()), f"{where}: a variance is negative")
+        require(all(_is_written(text) for text in texts), f"{where}: its id or a label holds half a character")
+        _require_positions(structure, where)
         _require_edges(structure, where)
         for name, value in structure.attributes.items():
             _require_attribute(name, value, where)
@@ -187,7 +189,13 @@ def check_exporters(answers: Sequence[object]) -> None:
 
 
 def _finite(numbers: object) -> bool:
-    return bool(np.isfinite(np.asarray(numbers, dtype=np.float64)).all())
+    given = np.asarray(numbers)
+    return given.dtype.kind != "c" and bool(np.isfinite(given.astype(np.float64)).all())
+
+
+def _is_written(text: str) -> bool:
+    """Whether a text can be written as UTF-8: one with half of a surrogate pair cannot."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def _require_distinct(names: Iterable[str], what: str) -> None:
@@ -202,8 +210,27 @@ def _require_covariances(covariances: Floats, where: str) -> None:
     require(bool(positive.all()), f"{where}: a covariance is not positive definite")
 
 
+def _require_positions(structure: Structure, where: str) -> None:
+    """Vertices within the map's bounds, and covariances that are ones, but for rounding."""
+    require(_finite(structure.vertices), f"{where}: a vertex is not finite")
+    require(
+        bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away"
+    )
+    covariances = structure.covariances
+    require(_finite(covariances), f"{where}: a covariance is not finite")
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    require(bool((variances >= 0).all()), f"{where}: a variance is negative")
+    require(bool((variances <= FARTHEST_M**2).all()), f"{where}: a standard deviation is more than {FARTHEST_M:g} m")
+    allowed = ROUNDING * variances.max(axis=1, initial=0.0)
+    skew = np.abs(covariances - covariances.transpose(0, 2, 1)).max(axis=(1, 2), initial=0.0)
+    require(bool((skew <= allowed).all()), f"{where}: a covariance is not symmetric")
+    least = np.linalg.eigvalsh(covariances).min(axis=1, initial=0.0)
+    require(bool((least >= -allowed).all()), f"{where}: a covariance has a negative eigenvalue")
+
+
 def _require_edges(structure: Structure, where: str) -> None:
     edges = np.asarray(structure.edges)
+    require(edges.dtype.kind in "iu" or not edges.size, f"{where}: edges are not whole numbers (m, 2)")
     require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
     inside = (edges >= 0) & (edges < len(structure.vertices))
     require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
@@ -217,3 +244,5 @@ def _require_attribute(name: object, value: object, where: str) -> None:
         f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
     )
     require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")
+    texts = [text for text in (name, value) if isinstance(text, str)]
+    require(all(map(_is_written, texts)), f"{where}: attribute {name!a} holds half a character")

@@ -86,7 +86,8 @@ def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start
 @hookspec(firstresult=True)
 def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
     """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the plugin's landmarks,
-    by name. Asked of plugins that find the face. Default: none, and nothing is looked at again."""
+    by name, and asked once more with the solved ones: then the first plane is the face of the orthophoto. Asked of plugins that find
+    the face. Default: none, nothing is looked at again, and there is no orthophoto."""
 
 
 @hookspec(firstresult=True)

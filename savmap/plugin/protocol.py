@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class PluginSettings(BaseModel):
     """Settings that every plugin's `Config` should have; inherit it and add your own, each with a default and a docstring."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     model: Path | None = None
     """Another network's ONNX file."""
     class_names: ClassNames = {}
@@ -30,7 +30,7 @@ class PluginSettings(BaseModel):
 class KnownSize(BaseModel):
     """A size that was measured, with its standard deviation, both in metres."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     value: Annotated[float, Field(gt=0, lt=100)]
     """Metres."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.005

@@ -78,7 +78,10 @@ def _key(plugin: LoadedPlugin) -> NetworkKey:
 def _network(key: NetworkKey, plugins: Sequence[LoadedPlugin]) -> CachedSegmenter:
     path, class_names, providers = key
     wanted = {name for plugin in plugins for name in plugin.classes}
-    network = CachedSegmenter(path, 1, dict(class_names), wanted, providers)
+    try:
+        network = CachedSegmenter(path, 1, dict(class_names), wanted, providers)
+    except ModelError as error:
+        raise ModelError(f"plugin `{'` and `'.join(plugin.name for plugin in plugins)}`: {error}") from error
     log.info("network of %s: %s", " and ".join(plugin.name for plugin in plugins), network)
     return network
 

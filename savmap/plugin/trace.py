@@ -12,7 +12,7 @@ from typing import Any
 
 import pluggy
 
-from savmap.errors import format_error
+from savmap.errors import format_error, visible
 from savmap.types import View
 
 VARIABLE = "SAVMAP_TRACE"
@@ -47,7 +47,7 @@ def watch(manager: pluggy.PluginManager, plugin: str) -> None:
 def write_line(line: str) -> None:
     """Write a line of the trace; one that cannot be printed goes into the log alone."""
     with suppress(OSError, ValueError):
-        print(f"trace: {line}", file=sys.stderr, flush=True)
+        print(f"trace: {visible(line)}", file=sys.stderr, flush=True)
     log.info("trace: %s", line)
 
 

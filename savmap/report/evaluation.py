@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, visible
 from savmap.types import Distances, Evaluation, Floats, RowMap, Score, SiteMap, Structure, Survey, pool
 
 Fragment = dict[str, Any]
@@ -91,14 +91,14 @@ def score_json(score: Score) -> Fragment:
 
 def as_table(evaluation: Evaluation) -> str:
     """A plain-text table, lengths in cm: a block for each row, one over all rows where there are several, and the rows left out."""
-    blocks = [_block(f"Row {name}", score) for name, score in evaluation.rows.items()]
+    blocks = [_block(f"Row {visible(name)}", score) for name, score in evaluation.rows.items()]
     if len(blocks) > 1:
         blocks.append(_block("All rows", pool(evaluation.rows.values())))
     left_out = (
         ("In the survey, but not mapped", evaluation.not_mapped),
         ("Mapped, but not in the survey", evaluation.not_surveyed),
     )
-    blocks += [f"{what}: {', '.join(names)}\n" for what, names in left_out if names]
+    blocks += [f"{what}: {', '.join(map(visible, names))}\n" for what, names in left_out if names]
     return "\n".join(blocks)
 
 

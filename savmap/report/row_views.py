@@ -1,7 +1,7 @@
 """A row's face view and plan as figures in the row's frame, in millimetres (the paper's figures of the baseline aisle)."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -79,7 +79,7 @@ def row_view(
         title=f"Row {row.name}: {projection.title}",
         description=f"The row {projection.description}: {counts}. {size}",
         frame=frame,
-        layers=(grid, floor, *_layers(shown, hints or {}, projection), *chain.from_iterable(paths)),
+        layers=(grid, floor, *layers(shown, hints or {}, projection), *chain.from_iterable(paths)),
         labels=(*labels, *_captions(shown, projection)),
         legend=_legend(shown, cameras),
         axes=projection.axes,
@@ -127,7 +127,9 @@ def _bounding(drawings: Sequence[Drawing]) -> list[Floats]:
     return [*structure, *(points for points in fixtures if x.min() <= points[:, 0].mean() <= x.max())]
 
 
-def _layers(drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Projection) -> tuple[Layer, ...]:
+def layers(
+    drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Callable[[Floats], Floats]
+) -> tuple[Layer, ...]:
     """Drawings by style, the survey underneath and what is off on top."""
     order = {"survey": 0, "mapped": 1, "off": 2}
     styles: dict[tuple[str, str, str], list[Drawing]] = {}
@@ -136,7 +138,9 @@ def _layers(drawings: Sequence[Drawing], hints: Mapping[str, str], projection: P
     return tuple(Layer(" ".join(style), _shapes(group, hints, projection)) for style, group in styles.items())
 
 
-def _shapes(drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Projection) -> tuple[Shape, ...]:
+def _shapes(
+    drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Callable[[Floats], Floats]
+) -> tuple[Shape, ...]:
     """A shape for each structure, so that it can have its hint; the others are one."""
     named = [drawing for drawing in drawings if drawing.name and drawing.role != "survey"]
     others = [drawing for drawing in drawings if not drawing.name or drawing.role == "survey"]

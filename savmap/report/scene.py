@@ -46,11 +46,20 @@ class Label:
 
 
 @dataclass(frozen=True)
+class Backdrop:
+    """A picture under a figure: its address, and the frame (left, top, width, height) that it fills."""
+
+    href: str
+    frame: Frame
+
+
+@dataclass(frozen=True)
 class Figure:
     """A figure of this frame (left, top, width, height), painted in the order of its layers; `legend`: styles and their names.
 
     `axes`: the names of the two axes and whether the second one points down the page (1) or up (-1), for figures that can be
     zoomed; they are drawn in millimetres. Others are in pixels. `note`: a line beside the title.
+    `backdrop`: a picture beneath all layers.
     """
 
     id: str
@@ -62,6 +71,7 @@ class Figure:
     legend: tuple[tuple[str, str], ...] = ()
     axes: tuple[str, str, int] | None = None
     note: str = ""
+    backdrop: Backdrop | None = None
 
 
 def path(points: Floats, closed: bool = False) -> str:

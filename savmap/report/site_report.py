@@ -6,12 +6,13 @@ from typing import Any
 
 from savmap.errors import OutputError
 from savmap.maps.map_file import read_map
+from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
-from savmap.types import Drawing, Evaluation, RowMap, SiteMap, Survey
+from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
@@ -24,8 +25,10 @@ def report_for(
     survey: Survey | None = None,
     log: RunLog | None = None,
     title: str = "Site map",
+    photos: Mapping[str, Orthophoto] | None = None,
 ) -> Report:
-    """The report of a map, with the run that made it and against a survey where they are given. `plugins`: the opened plugins of each row.
+    """The report of a map, with the run that made it, against a survey, and with orthophotos by row where they are given. `plugins`: the opened
+    plugins of each row.
 
     Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where a
     plugin fails.
@@ -39,17 +42,18 @@ def report_for(
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
-    return Report(site_map, drawings, log, evaluation, remarks, title)
+    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {})
 
 
 def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
-    """Write the report of a map.json as an HTML page. Raises SavmapError."""
+    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map. Raises SavmapError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     log = read_log(run_file) if run_file else None
     site_map = read_map(map_file)
     survey = read_survey(survey_file) if survey_file else None
-    write_page(report_for(site_map, plugins_of_map(site_map), survey, log), path)
+    photos = read_orthophotos(site_map.rows, map_file.parent)
+    write_page(report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos), path)
 
 
 def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:

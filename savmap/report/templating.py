@@ -6,16 +6,14 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from savmap.errors import visible
 from savmap.report.scene import swatch
-
-# Neither HTML nor XML can hold control characters.
-_CONTROLS = dict.fromkeys(code for code in (*range(32), *range(127, 160)) if code not in (9, 10))
 
 
 def rendered(template: str, **values: Any) -> str:
     """A template filled, as text that can be encoded."""
     text = _environment().get_template(template).render(values)
-    return text.translate(_CONTROLS).encode("utf-8", "replace").decode()
+    return "\n".join(visible(line.replace("\t", " ")) for line in text.split("\n"))
 
 
 def resource(name: str) -> str:

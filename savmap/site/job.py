@@ -9,6 +9,8 @@ from typing import Any
 
 from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
 from savmap.files.atomic import reason
+from savmap.files.places import PREFIX, guard, new_file, opened_folder
+from savmap.files.urls import is_url
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
 from savmap.site.load import draft_of, read_draft, site_of
@@ -137,15 +139,27 @@ def _in_metres(height: float) -> str:
 
 
 def prepare(folder: Path) -> None:
-    """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing."""
-    probe = folder / ".savmap-probe"
+    """Make the output folder, which nothing leaves by a link from now on. Raises OutputError when nothing can be written there, or next
+    to nothing."""
     if folder.is_file():
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
+    if is_url(folder):
+        _probe_url(folder / f"{PREFIX}{uuid.uuid4().hex[:8]}")
+        return
+    guard(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(bytes(LEAST_ROOM))
+        with opened_folder(folder) as place, new_file(place) as (_, descriptor), open(descriptor, "wb") as probe:
+            probe.write(bytes(LEAST_ROOM))
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
+
+
+def _probe_url(probe: Path) -> None:
+    try:
+        probe.parent.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(bytes(LEAST_ROOM))
+    except OSError as error:
+        raise OutputError(f"{probe.parent}: nothing can be written there: {reason(error)}") from None
     finally:
         with suppress(OSError):
             probe.unlink(missing_ok=True)

@@ -9,6 +9,9 @@ import yaml
 from pydantic import ValidationError
 
 from savmap.errors import SiteError
+from savmap.files import yaml_text
+from savmap.files.atomic import reason
+from savmap.files.texts import bounded_text
 from savmap.files.urls import beside
 from savmap.files.validation import Location
 from savmap.site.layout import misplaced, with_places
@@ -42,12 +45,12 @@ def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
     """The content of a site file. Raises SiteError where it is no YAML, or where an override does not fit it."""
     text = _read(path)
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        content = yaml.safe_load(text)
+        node = yaml_text.compose(text)
+        content = yaml_text.load(text)
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{path}:{mark.line + 1}" if mark else str(path)
-        raise SiteError(f"{where}: not valid YAML: {getattr(error, 'problem', error)}") from None
+        problem, line = yaml_text.problem_of(error)
+        where = f"{path}:{line}" if line else str(path)
+        raise SiteError(f"{where}: not valid YAML: {problem}") from None
     if not isinstance(content, dict):
         raise SiteError(f"{path}: a site file is a mapping with at least `rows:` (see docs/site-file.md)")
     doubles = tuple(
@@ -115,11 +118,13 @@ def sound_part(draft: Draft) -> Site | None:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return bounded_text(path, yaml_text.MOST_MB)
     except FileNotFoundError:
         raise SiteError(f"{path}: no such site file (give one, or run in a folder that has a site.yaml)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SiteError(f"{path}: cannot be read as a site file: {error}") from None
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be read as a site file: {reason(error)}") from None
+    except ValueError as error:
+        raise SiteError(f"{path}: cannot be read as a site file: it {error}") from None
 
 
 def _resolve(site: Site, folder: Path) -> Site:

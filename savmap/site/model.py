@@ -6,6 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from savmap.files.atomic import file_name
+from savmap.files.texts import fault_of_path
+from savmap.files.validation import SHORT
 from savmap.site.inheritance import completed, side_from_direction, without_video
 from savmap.site.sections import (
     CalibrationSection,
@@ -24,6 +27,8 @@ Side = Literal["left", "right"]
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
 USUAL_FPS = 15.0
+MOST_NAME = 100
+"""Letters of a row's name, which becomes part of files' names."""
 MIN_FRAMES = 3
 """Fewer frames of a pass cannot be mapped from."""
 
@@ -124,6 +129,8 @@ class Site(Strict):
     """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
     plugin_timeout_s: Annotated[float, Field(gt=0)] = 600.0
     """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
+    orthophotos: bool = True
+    """Whether a picture of each row's face, without perspective, is made of all frames."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None
@@ -140,6 +147,14 @@ class Site(Strict):
     @classmethod
     def _empty_sections(cls, value: object) -> object:
         return _emptied(value)
+
+    @field_validator("rows")
+    @classmethod
+    def _names(cls, value: Mapping[str, Row]) -> Mapping[str, Row]:
+        for name in value:
+            if fault := _fault_of_name(name):
+                raise ValueError(f"{fault} (it is {SHORT.repr(name)})")
+        return value
 
     def joint_groups(self) -> list[list[str]]:
         """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
@@ -174,6 +189,15 @@ class Site(Strict):
 def pass_names(passes: Sequence[Pass]) -> list[str]:
     """Names of a row's passes, in order."""
     return [f"pass {number}" for number in range(1, len(passes) + 1)]
+
+
+def _fault_of_name(name: str) -> str:
+    """What is wrong with a row's name: files and folders are called by it."""
+    if not name.strip(". "):
+        return "a row's name is more than dots and blanks"
+    if fault_of_path(name.replace("/", "-")) or len(file_name(name)) > MOST_NAME:
+        return f"a row's name holds no control characters and at most {MOST_NAME} letters, as a file's name counts them"
+    return ""
 
 
 def _emptied(value: object) -> object:

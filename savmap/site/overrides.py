@@ -1,6 +1,6 @@
 """Single keys of a site file set from outside: by `--set rows.A.fps=5`, and by variables such as SAVMAP__ROWS__A__FPS=5.
 
-The command line counts more than the environment, and both more than the file. Values are YAML; null takes a key away.
+The command line counts more than the environment, and both more than the file. Values are YAML, or else text; null takes a key away.
 """
 
 import copy
@@ -12,8 +12,11 @@ from typing import Any
 import yaml
 
 from savmap.errors import SiteError
+from savmap.files import yaml_text
 from savmap.files.validation import Location
 
+MOST_LETTERS = 500
+"""Of the keys of an override."""
 PREFIX = "SAVMAP__"
 KEYS = re.compile(r'(?:^|\.)(?:"(?P<quoted>[^"]+)"|(?P<plain>[^."\[\]=]+))|\[(?P<number>\d+)\]')
 
@@ -52,6 +55,7 @@ def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[
 
 
 def _from_variable(name: str, text: str) -> Override:
+    _require_short(name)
     keys = tuple(name.removeprefix(PREFIX).split("__"))
     if not all(keys):
         raise SiteError(f"{name}: put two underscores between keys, such as {PREFIX}ROWS__A__FPS")
@@ -61,6 +65,7 @@ def _from_variable(name: str, text: str) -> Override:
 def _from_option(option: str) -> Override:
     path, equals, text = option.partition("=")
     path = path.strip()
+    _require_short(f"--set {path}")
     found = list(KEYS.finditer(path))
     if not equals or not found or "".join(one.group() for one in found) != path:
         raise SiteError(f"--set {option}: give a key and its value, such as rows.A.fps=5")
@@ -68,11 +73,19 @@ def _from_option(option: str) -> Override:
     return Override(place, tuple(next(filter(None, one.groups())) for one in found), _value(place, text))
 
 
+def _require_short(place: str) -> None:
+    if len(place) > MOST_LETTERS:
+        raise SiteError(f"{place[:60]}...: the key has more than {MOST_LETTERS} letters")
+
+
 def _value(place: str, text: str) -> Any:
+    """What a text means as YAML; the text itself where it is none, such as `[A-Z]+`: its key then tells what is wrong with it."""
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SiteError(f"{place}: the value is not valid YAML: {getattr(error, 'problem', error)}") from None
+        return yaml_text.load(text)
+    except yaml_text.BoundError as error:
+        raise SiteError(f"{place}: {yaml_text.problem_of(error)[0]}") from None
+    except yaml.YAMLError:
+        return text
 
 
 def _set(content: dict[str, Any], one: Override) -> Location:

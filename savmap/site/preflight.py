@@ -94,7 +94,7 @@ def require_ready(job: Job) -> None:
     frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that cannot be read.
     """
     settings = settings_problems(job.site, job.plugins, job.places)
-    for problem in chain(settings, footage(job), references(job), survey(job)):
+    for problem in chain(settings, footage(job), networks(job, named=True), references(job), survey(job)):
         if isinstance(problem, SavmapError):
             raise problem
 
@@ -105,14 +105,14 @@ def with_location(error: SavmapError, places: SourceMap, location: Location) -> 
     return error if str(error).startswith(places.where) else type(error)(f"{place}: {error}")
 
 
-def networks(job: Job) -> Iterator[SavmapError | str]:
+def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
     """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what kind it is and
-    on what it runs."""
+    on what it runs. `named`: only those that the site file names."""
     tried = set[tuple[str, Path, str]]()
     for row in job.site.rows:
         for plugin in plugins_for(job, row):
             key = (plugin.name, plugin.model, str(plugin.class_names))
-            if key in tried:
+            if key in tried or (named and not getattr(plugin.config, "model", None)):
                 continue
             tried.add(key)
             try:

@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from savmap.errors import SiteError
+from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
@@ -27,6 +28,8 @@ Angle = Annotated[float, Field(ge=-360, le=360)]
 def _where(value: Any) -> Path:
     if not isinstance(value, str) and not hasattr(value, "read_bytes"):
         raise ValueError("a path or a URL is expected")
+    if fault := fault_of_path(str(value)):
+        raise ValueError(f"a path {fault}")
     try:
         return where(value)
     except SiteError as error:
@@ -56,7 +59,7 @@ Providers = Annotated[
 class Strict(BaseModel):
     """A section of a site file: unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
 
 
 class Known(Strict):

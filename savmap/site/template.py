@@ -11,6 +11,7 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
+from savmap.files.texts import bounded_text
 from savmap.plugin.manager import lacking, load_installed
 from savmap.site.schema import TITLE, schema_text
 
@@ -135,6 +136,6 @@ def _keys(annotation: Any) -> list[str]:
 
 def _is_ours(schema: Path) -> bool:
     try:
-        return bool(json.loads(schema.read_text(encoding="utf-8")).get("title") == TITLE)
+        return bool(json.loads(bounded_text(schema)).get("title") == TITLE)
     except (OSError, ValueError, AttributeError):
         return False

@@ -7,12 +7,12 @@ from pathlib import Path
 from savmap.errors import StructureError, VideoError
 from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps, write_picture
 from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
-from savmap.split.motion import Motion, motion_of
 from savmap.split.passes import find_passes
 from savmap.split.records import DetectedPass, SplitResult, SplitSettings
 from savmap.split.site_rows import add_to_site, check_new, new_site
 from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.clip import DecodeReport, VideoInfo
+from savmap.video.footage.corridor import Motion, motion_of
 from savmap.video.reader import probe
 
 DEFAULTS = SplitSettings()

@@ -5,7 +5,6 @@ further apart than samples, the frames between are decoded.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,21 +12,10 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 
 from savmap.split.records import SplitSettings
-from savmap.types import array_record
 from savmap.video.clip import DecodeReport, Image, VideoInfo
 from savmap.video.container import key_times, open_video
 from savmap.video.decode import INSTANT_S, TimedFrames, frames_from
-
-
-@dataclass(frozen=True, eq=False)
-@array_record
-class FramePair:
-    """Two grey panoramas `first`, `second` (H, 2H) uint8, the first at `stamp_s` in the recording, `gap_s` apart."""
-
-    stamp_s: float
-    gap_s: float
-    first: Image
-    second: Image
+from savmap.video.footage.corridor import FramePair
 
 
 def frame_pairs(

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.split.motion import Motion, wrapped
 from savmap.split.records import SIDES, DetectedPass, SplitResult, SplitSettings
 from savmap.split.straights import Nearness, Straight, headings, nearness, straights
 from savmap.types import Bools, Floats, array_record
+from savmap.video.footage.corridor import Motion, wrapped
 
 _SQUARE_DEG = 30.0
 _LONG = 2.0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from savmap.errors import OutputError, SiteError
+from savmap.errors import OutputError, SiteError, visible
 from savmap.files.atomic import read_text, write_text
 from savmap.site.load import load_site
 from savmap.split.contact_sheet import clock
@@ -35,7 +35,9 @@ def check_new(path: Path) -> None:
 def new_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None:
     """Write a site file with a row for each side of each pass. Raises OutputError where the file exists already."""
     check_new(path)
-    write_text(path, _HEAD.format(video=video.name) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  "))
+    write_text(
+        path, _HEAD.format(video=visible(video.name)) + "rows:\n" + _rows(passes, _relative(video, path), 1, "  ")
+    )
 
 
 def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None:
@@ -58,7 +60,9 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
     at = _past_comments(text, _after(text, rows.value[-1][1]), indent)
     before = text[:at] if text[:at].endswith("\n") else text[:at] + "\n"
     added = _rows(passes, _relative(video, path), max(taken, default=0) + 1, indent)
-    write_text(path, f"{before}{indent}# found by `savmap split` in {video.name}: to be confirmed\n{added}{text[at:]}")
+    write_text(
+        path, f"{before}{indent}# found by `savmap split` in {visible(video.name)}: to be confirmed\n{added}{text[at:]}"
+    )
 
 
 def _after(text: str, node: yaml.Node) -> int:

@@ -102,17 +102,19 @@ def random_paint(rng: Generator, region: Image) -> Image:
 
 
 OVEREXPOSED = 0.85
+MOST_UNKNOWN = 0.1
 
 
 def recolour(rng: Generator, image: Image, mask: Bytes, classes: int) -> Image:
     """Repaint every class, and the background, each on its own; borders blend over a pixel as they do in a camera.
 
-    A class that shines here (overexposed on average) is left alone: paint does not change what a lamp looks like.
+    A class that shines here (overexposed on average) is left alone: paint does not change what a lamp looks like. So is one that ends
+    where labels end for more than a tenth of its border: the paint would show the network where that is.
     """
     result = image
     for value in range(classes + 1):
         share = (mask == value).astype(np.float32)
-        if rng.random() < 0.6 and share.any():
+        if rng.random() < 0.6 and share.any() and not _ends_with_labels(mask, value):
             soft = cv2.GaussianBlur(share, (3, 3), 0.6)[:, :, None]
             flat = image[mask == value].mean(axis=0)
             if value > 0 and flat.mean() > OVEREXPOSED:
@@ -120,6 +122,13 @@ def recolour(rng: Generator, image: Image, mask: Bytes, classes: int) -> Image:
             region = image if value == 0 else image * soft + flat * (1 - soft)
             result = result * (1 - soft) + random_paint(rng, region.astype(np.float32)) * soft
     return result.astype(np.float32)
+
+
+def _ends_with_labels(mask: Bytes, value: int) -> bool:
+    """Whether much of what borders on a class is not judged."""
+    own = (mask == value).astype(np.uint8)
+    around = mask[cv2.dilate(own, np.ones((3, 3), np.uint8)) > own]
+    return bool(np.mean(around == IGNORE) > MOST_UNKNOWN) if len(around) else False
 
 
 def smooth_field(rng: Generator, height: int, width: int, cells: int) -> Image:

@@ -64,13 +64,14 @@ DICE_SHARE = 0.4
 def edge_weights(labels: Tensor, reach: int = 2) -> Tensor:
     """(N, H, W) float: `1 + EDGE_WEIGHT` within `reach` px of an edge between classes, on both sides alike, else 1.
 
-    Alike on both sides, because a heavier class or side would push the edge away from its true place.
+    Alike on both sides, because a heavier class or side would push the edge away from its true place. Where labels end is no edge:
+    only one of its sides would be heavier.
     """
-    values = labels.float()[:, None]
+    judged, values = (labels != IGNORE)[:, None], labels.float()[:, None]
     size = 2 * reach + 1
-    highest = functional.max_pool2d(values, size, 1, reach)
-    lowest = -functional.max_pool2d(-values, size, 1, reach)
-    return 1 + EDGE_WEIGHT * (highest != lowest).float()[:, 0]
+    highest = functional.max_pool2d(torch.where(judged, values, -1.0), size, 1, reach)
+    lowest = -functional.max_pool2d(torch.where(judged, -values, -float(IGNORE)), size, 1, reach)
+    return 1 + EDGE_WEIGHT * (highest > lowest).float()[:, 0]
 
 
 def dice(probabilities: Tensor, labels: Tensor, judged: Tensor) -> Tensor:

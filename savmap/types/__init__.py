@@ -9,6 +9,7 @@ from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, 
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
 from savmap.types.maps import CrossRowLandmark, CrossRowMatch, Placement, ReferenceUse, RowMap, SiteMap, Structure
+from savmap.types.orthophotos import Orthophoto, RowStrips, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
@@ -35,6 +36,7 @@ __all__ = [
     "Ints",
     "Kind",
     "Measured",
+    "Orthophoto",
     "Panorama",
     "Picture",
     "Place",
@@ -46,8 +48,10 @@ __all__ = [
     "Role",
     "RowFacts",
     "RowMap",
+    "RowStrips",
     "Score",
     "SiteMap",
+    "Strip",
     "Structure",
     "Survey",
     "Tone",

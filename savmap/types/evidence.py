@@ -1,6 +1,6 @@
 """Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, and what is expected there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,13 @@ class PlanePatch:
     def heights(self) -> Floats:
         """Distance of each row's middle from the lower side (rows,)."""
         return np.asarray((np.arange(self.shape[0])[::-1] + 0.5) * self.cell)
+
+    def around(self, points: Floats, room: float) -> "PlanePatch":
+        """The part of it around points (n, 3), with some room on all sides as far as it reaches."""
+        along = (points - self.origin) @ np.stack([self.right, self.up], axis=1)
+        low = np.clip(along.min(axis=0) - room, 0.0, self.size - self.cell)
+        high = np.clip(along.max(axis=0) + room, low + self.cell, self.size)
+        return replace(self, origin=self.origin + low[0] * self.right + low[1] * self.up, size=high - low)
 
     def points(self) -> Floats:
         """The cells' middles (rows, columns, 3) in the row's frame."""

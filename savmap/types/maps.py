@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from savmap.types.common import Attribute, Axis, Floats, Ints, array_record, require
+from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
 from savmap.types.verdicts import Verdict
@@ -75,8 +76,8 @@ class ReferenceUse:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMap:
-    """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, and the verdict
-    (None: nobody judged)."""
+    """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
+    metres, that is the row's face where a plugin says so (which map files do not hold), and the verdict (None: nobody judged)."""
 
     name: str
     frames: FrameTable
@@ -85,6 +86,7 @@ class RowMap:
     structures: Mapping[str, tuple[Structure, ...]]
     references: tuple[ReferenceUse, ...]
     report: Mapping[str, float | int | str] = field(default_factory=dict)
+    face: PlanePatch | None = None
     verdict: Verdict | None = None
 
 

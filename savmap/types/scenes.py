@@ -74,7 +74,7 @@ def span(x: Range, y: Range, z: Range, material: Material) -> Box:
 class Strict(BaseModel):
     """A part of a scene file: unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def validated(model: type[Model], content: Mapping[str, Any], source: str) -> Model:

@@ -11,6 +11,7 @@ import av.error
 import numpy as np
 from av.codec.hwaccel import HWAccel, hwdevices_available
 from av.container import InputContainer
+from av.stream import Disposition
 from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
@@ -41,10 +42,26 @@ def open_video(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[In
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(_why_unreadable(path)) from error
     with container:
-        streams = [stream for stream in container.streams.video if stream.codec_context is not None]
-        if not streams:
-            raise VideoError(f"{path}: has no video stream that can be decoded")
-        yield container, streams[0]
+        yield container, _main_stream(path, container)
+
+
+def _main_stream(path: Path, container: InputContainer) -> VideoStream:
+    """The video stream that holds the panoramas: cover pictures and smaller copies of it are left aside.
+
+    Raises VideoError where there is none, and where two of one size may both be meant.
+    """
+    known = [stream for stream in container.streams.video if stream.codec_context is not None]
+    streams = [stream for stream in known if not stream.disposition & Disposition.attached_pic] or known
+    if not streams:
+        raise VideoError(f"{path}: has no video stream that can be decoded")
+    best = max(streams, key=lambda stream: (stream.width == 2 * stream.height, stream.width * stream.height))
+    others = [stream for stream in streams if (stream.width, stream.height) == (best.width, best.height)]
+    if len(others) > 1:
+        raise VideoError(
+            f"{path}: has {len(others)} video streams of {best.width}x{best.height} (two lenses?): stitch them in the camera maker's "
+            f"program, or write the one that is a panorama by itself (ffmpeg -i OLD -map 0:{best.index} -c copy NEW)"
+        )
+    return best
 
 
 def _why_unreadable(path: Path) -> str:

@@ -13,6 +13,7 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from savmap.types import Floats, Planes
+from savmap.video.camera_metadata import check_frame
 from savmap.video.clip import DecodeReport, Picture, Source, VideoInfo
 from savmap.video.container import accelerator, configure, is_large, key_times, open_video, seconds, seek
 
@@ -69,7 +70,7 @@ def frames_from(
     Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. Where frames are shown in
     another order than they are decoded in (B frames), the first frames after a key frame may be missed unless the search begins
     `margin_s` earlier. Times at key frames need no margin otherwise, and cost one frame each. All decoded frames are counted in
-    `report`.
+    `report`. Raises VideoError where the file says of itself that it holds no upright panoramas.
     """
     report = DecodeReport() if report is None else report
     with open_video(info.path) as (container, stream):
@@ -97,7 +98,10 @@ def _within(keys: Floats, key: int) -> float:
 
 
 def _from(frames: TimedFrames, start_s: float, info: VideoInfo) -> TimedFrames:
-    return ((stamp, frame) for stamp, frame in frames if stamp >= start_s - INSTANT_S and _fits(frame, info))
+    for stamp, frame in frames:
+        if stamp >= start_s - INSTANT_S and _fits(frame, info):
+            check_frame(info.path, frame)
+            yield stamp, frame
 
 
 def _counted(frames: TimedFrames, report: DecodeReport) -> TimedFrames:

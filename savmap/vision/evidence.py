@@ -160,7 +160,7 @@ class LookSettings:
 
     margin: float = 0.35
     margin_px: float = 2.0
-    faintest: float = 0.12
+    faintest: float = 0.06
     least_px: int = 12
 
 

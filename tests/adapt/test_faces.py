@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.adapt.faces import faces_of, outlines_of, ring
+from savmap.adapt.faces import Outline, faces_of, outlines_of, ring
+from savmap.types import Structure
 
 from .filmed_wall import BOXES, CLASSES, RING, quad
 
@@ -56,3 +57,27 @@ def test_only_the_less_sure_sides_are_unsure() -> None:
 def test_unsure_is_at_most_a_quarter() -> None:
     unsure = [one.unsure_m for one in outlines_of([quad("post 1", 1.0), quad("post 2"), quad("plank 1")], CLASSES)]
     assert np.allclose(sorted(unsure[0]), [0.025, 0.025, 0.375, 0.375])
+
+
+def posts(*widths_m: float) -> list[Outline]:
+    """The outlines of posts of some widths, side by side."""
+    return outlines_of([post(number, width) for number, width in enumerate(widths_m)], CLASSES)
+
+
+def post(number: int, width_m: float) -> Structure:
+    one = quad("post 1")
+    corners = one.vertices.copy()
+    corners[[1, 3], 0] = corners[[0, 2], 0] + width_m
+    return replace(one, id=f"post {number}", vertices=corners + np.array([number, 0.0, 0.0]))
+
+
+def test_sides_of_an_odd_thickness_are_unsure() -> None:
+    *alike, odd = posts(0.100, 0.101, 0.099, 0.100, 0.150)
+    assert all(np.allclose(one.unsure_m, 0.0) for one in alike)
+    assert np.allclose(sorted(odd.unsure_m), [0.0, 0.0, 0.075, 0.075])
+
+
+def test_thicknesses_that_all_differ_teach_their_middles() -> None:
+    widths = (0.046, 0.062, 0.069, 0.038, 0.044)
+    unsure = [one.unsure_m.max() for one in posts(*widths)]
+    assert np.allclose(unsure, [width / 3 for width in widths])

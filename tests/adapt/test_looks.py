@@ -74,9 +74,10 @@ def test_views_that_show_nothing_are_left_out(row: RowMap) -> None:
 def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
     sets = labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, tmp_path, SilentMonitor())
     names = [{sample.image.name for sample in read_set(one, CLASSES).samples} for one in vars(sets).values()]
-    assert [len(own) for own in names] == [18, 2, 5]
-    assert len(set().union(*names)) == 25
-    mask = cv2.imread(str(next((tmp_path / "views" / "masks").iterdir())), cv2.IMREAD_UNCHANGED)
+    assert [len(own) for own in names] == [35, 2, 5]
+    assert len(set().union(*names)) == 42
+    assert sum("turned" in name for name in names[0]) == 17
+    mask = cv2.imread(str(next((tmp_path / "choice" / "masks").iterdir())), cv2.IMREAD_UNCHANGED)
     assert mask is not None
     assert mask[pixel(0.95, 0.7)] == 1
     assert mask[pixel(0.2, 0.7)] == 0
@@ -84,6 +85,26 @@ def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
 
 
 def test_too_few_views_are_refused(job: Any, row: RowMap, tmp_path: Path) -> None:
-    with pytest.raises(StructureError, match=r"site\.yaml: the map labels 8 views, fewer than 20"):
+    with pytest.raises(StructureError, match=r"site\.yaml: the map labels 13 views, fewer than 20"):
         labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 8, tmp_path, SilentMonitor())
     assert not (tmp_path / "views").exists()
+
+
+def test_turned_views_look_elsewhere_and_stay() -> None:
+    views = [looks.turned(SPEC, frame) for frame in range(9)]
+    assert views == [looks.turned(SPEC, frame) for frame in range(9)]
+    assert len({(view.yaw_deg, view.pitch_deg, view.hfov_deg) for view in views}) == 9
+    assert all(abs(view.yaw_deg) <= looks.YAW_DEG and abs(view.pitch_deg) <= looks.PITCH_DEG for view in views)
+
+
+def test_turned_views_are_labelled_where_they_look(job: Any, row: RowMap, tmp_path: Path) -> None:
+    sets = labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, tmp_path, SilentMonitor())
+    wrong = judged = 0
+    for sample in read_set(sets.views, CLASSES).samples:
+        if "turned" in sample.image.name:
+            picture, mask = sample.load()
+            known = mask != 255
+            wrong += int(np.sum(((picture[..., 0] < 100) != (mask == 1)) & known))
+            judged += int(known.sum())
+    assert judged > 10000
+    assert wrong < 0.03 * judged

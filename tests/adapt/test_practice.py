@@ -39,3 +39,12 @@ def test_painter_that_fails_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(PluginFailedError, match="plugin `posts` failed in `practice_pictures`: KeyError"):
         practice.practice_set("posts", ("post",), 7, tmp_path / "practice", SilentMonitor())
     assert not (tmp_path / "practice").exists()
+
+
+def test_another_seed_paints_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds: list[int] = []
+    painter = SimpleNamespace(practice_pictures=lambda folder, count, seed: (seeds.append(seed), folder.mkdir()))
+    monkeypatch.setattr(practice, "load_class", lambda name: painter)
+    for folder, seed in (("practice", practice.SEED), ("other-places", practice.OTHER_SEED)):
+        practice.practice_set("posts", ("post",), 7, tmp_path / folder, SilentMonitor(), seed)
+    assert seeds == [practice.SEED, practice.OTHER_SEED]

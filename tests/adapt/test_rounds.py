@@ -41,6 +41,7 @@ class Works:
     iou: list[float]
     maps: list[int | SavmapError]
     before: float = 0.5
+    elsewhere: float = 0.8
     jobs: list[Job] = field(default_factory=list)
     trained: list[TrainingPlan] = field(default_factory=list)
 
@@ -51,7 +52,9 @@ class Works:
             file.write_text(f"network {len(self.trained)}")
         scores = {"before": self.before, "after": after, "int8": after}
         iou = {when: {"iou": dict.fromkeys(CLASSES, value)} for when, value in scores.items()}
-        return TrainedNetwork(plan, (plan.output, plan.integers), {"scores": {"held-out": iou}})
+        others = {when: {"iou": dict.fromkeys(CLASSES, 0.8 if when == "before" else self.elsewhere)} for when in iou}
+        sets = {path.name: iou if path.name == "held-out" else others for path in plan.held_out}
+        return TrainedNetwork(plan, (plan.output, plan.integers), {"scores": sets})
 
     def map(self, job: Job, options: object, monitor: object) -> Any:
         self.jobs.append(job)
@@ -73,7 +76,9 @@ def meter(doing: str) -> Iterator[Any]:
     yield lambda done, line: None
 
 
-def adapted(works: Works, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Adapted:
+def adapted(
+    works: Works, folder: Path, monkeypatch: pytest.MonkeyPatch, others: Path | None = None, **options: Any
+) -> Adapted:
     monkeypatch.setattr(rounds, "train", works.train)
     monkeypatch.setattr(rounds, "map_job_into", works.map)
     monkeypatch.setattr(rounds, "write_labels", works.label)
@@ -82,7 +87,9 @@ def adapted(works: Works, folder: Path, monkeypatch: pytest.MonkeyPatch, **optio
     lengths = [{"between": ["post 1 / left", "post 9 / right"], "value": 2.0, "sigma": 0.01}]
     site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
     job = Job(site, folder / "site.yaml", ["posts"], folder)
-    work = Adaptation(job, "posts", CLASSES, AdaptOptions(**options), (), folder / "adapted", NoteCollector(), meter)
+    work = Adaptation(
+        job, "posts", CLASSES, AdaptOptions(**options), (), folder / "adapted", NoteCollector(), meter, others
+    )
     for name in ("first.onnx", "first.int8.onnx"):
         (folder / name).write_text(name)
     write_map(map_of(2), folder / "map.json")
@@ -111,6 +118,25 @@ def test_no_better_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.Monke
     assert "agrees no better" in done.rounds[0].why
     assert "the network stays as it is" in list(adapted_lines(done))
     assert not (tmp_path / "adapted" / "posts.onnx").exists()
+
+
+@pytest.mark.parametrize(("elsewhere", "kept"), [(0.85, True), (0.797, True), (0.7, False)])
+def test_network_that_forgets_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, elsewhere: float, kept: bool
+) -> None:
+    works = Works([0.6], [2], elsewhere=elsewhere)
+    done = adapted(works, tmp_path, monkeypatch, others=tmp_path / "other-places", rounds=1)
+    assert done.rounds[0].kept is kept
+    assert kept or done.rounds[0].why == "the network does worse on pictures of other places"
+    assert any(f"on other places 0.800 before, {elsewhere:.3f} after" in line for line in adapted_lines(done))
+    report = json.loads((tmp_path / "adapted" / "report.json").read_text())
+    assert report["other places"]["before"] == dict.fromkeys(CLASSES, 0.8)
+    assert report["rounds"][0]["others_after"] == dict.fromkeys(CLASSES, elsewhere)
+
+
+def test_forgetting_that_is_not_measured_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = adapted_lines(adapted(Works([0.6], [2]), tmp_path, monkeypatch, rounds=1))
+    assert any("other places: not measured" in line for line in lines)
 
 
 def test_poorer_map_ends_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

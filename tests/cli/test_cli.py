@@ -1,5 +1,6 @@
 """The command line: one clear line and the documented exit code for what a user gets wrong."""
 
+import os
 import subprocess
 import sys
 from importlib import metadata
@@ -43,7 +44,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
         (["report", "none.json"], 9, "none.json: cannot be read"),
         (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
-        (["simulate", "broken.yaml"], 3, "broken.yaml: cannot be read as a scene file"),
+        (["simulate", "broken.yaml"], 3, "broken.yaml:2: cannot be read as a scene file"),
         (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),
         (["train", "shelves", "--data", "none", "--class", "pole"], 3, "--class pole: give THEIRS=OURS"),
         (["label", "none.mp4", "--plugin", "shelves"], 4, "none.mp4: no such file"),
@@ -116,3 +117,38 @@ def test_help_and_plugins_answer(tmp_path: Path) -> None:
     listed = savmap("plugins", folder=tmp_path).stdout
     assert "upright, beam" in listed
     assert "lights.int8.onnx" in listed
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["map", "a" * 5000],
+        ["map", "loop.yaml"],
+        ["evaluate", "a" * 5000, "b"],
+        ["simulate", "a" * 5000],
+        ["check", "a" * 5000],
+    ],
+)
+def test_names_that_no_file_can_have_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop.yaml").symlink_to("loop.yaml")
+    monkeypatch.setattr(sys, "argv", ["savmap", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (3, 9)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("savmap: ")
+
+
+@pytest.mark.parametrize("arguments", [["map", "pipe.yaml"], ["evaluate", "pipe.yaml", "x"], ["report", "pipe.yaml"]])
+def test_pipes_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.yaml")
+    monkeypatch.setattr(sys, "argv", ["savmap", *arguments])
+    with pytest.raises(SystemExit):
+        main()
+    assert "is a device or a pipe, not a file" in capsys.readouterr().err

@@ -27,13 +27,14 @@ from savmap.types import Feature, Floats, FrameTable, RowFacts, Structure, Track
 
 FRAMES = 12
 LEVEL = np.diag([1.0, -1.0, -1.0])
+VIEW = "one / face"
 SPEC = ViewSpec("face", 0.0, hfov_deg=110.0, width=320, height=240)
 WALL = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0) for y in (0.5, 1.3, 2.2)])
 CORNERS = np.array([[x, 0.0, z] for x in (0.5, 1.5, 2.5, 3.5) for z in (0.3, 0.6)])
 NAMES = [f"stripe corner {number}" for number in range(1, len(CORNERS) + 1)]
 CAMERA_HEIGHT = CameraHeight(1.5, 0.01)
 LENGTH = KnownLength(NAMES[0], NAMES[-2], 3.0, 0.002, axis="x")
-FACTS = RowFacts("A", FrameTable(np.arange(FRAMES) / 7.0, ("one",) * FRAMES), {"face": SPEC}, {"one": 1})
+FACTS = RowFacts("A", FrameTable(np.arange(FRAMES) / 7.0, ("one",) * FRAMES), {VIEW: SPEC}, {"one": 1})
 
 
 def path(scale: float = 1.0) -> Trajectory:
@@ -53,7 +54,7 @@ def track(name: str, point: Floats, label: str) -> Track:
     )
     seen = np.flatnonzero(((pixels > 0) & (pixels < [319, 239])).all(axis=1))
     noisy = pixels[seen] + rng.normal(0, 0.1, (len(seen), 2))
-    return Track(name, label, {}, seen, ("face",) * len(seen), noisy, np.tile(0.01 * np.eye(2), (len(seen), 1, 1)))
+    return Track(name, label, {}, seen, (VIEW,) * len(seen), noisy, np.tile(0.01 * np.eye(2), (len(seen), 1, 1)))
 
 
 def triangulated(track: Track, start: Trajectory) -> Floats:

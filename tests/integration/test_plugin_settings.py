@@ -46,6 +46,13 @@ def test_an_option_is_named_in_place_of_the_line(tmp_path: Path) -> None:
     assert found[0].startswith("--set rows.A.plugins.shelves.beam_setback_m: `rows.A.plugins.shelves.beam_setback_m`")
 
 
+def test_a_value_that_is_no_yaml_is_text_for_its_key(tmp_path: Path) -> None:
+    text = SITE.replace("threshhold: 0.4", "threshold: 0.4").replace("  lights: {line: maybe}\n", "  signs: {}\n")
+    assert problems(tmp_path, text, ["signs"], "plugins.signs.pattern=[A-Z]+") == []
+    (found,) = problems(tmp_path, text, ["signs"], "plugins.signs.pattern=[A-Z")
+    assert found.startswith("--set plugins.signs.pattern: `plugins.signs.pattern`: is not a regular expression: unterm")
+
+
 HEIGHT = {"values": 0.3}
 
 

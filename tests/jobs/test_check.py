@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap.errors import SavmapError
+from savmap.errors import ModelError, SavmapError
 from savmap.jobs import check as checking
 from savmap.jobs import resource_estimate
 from savmap.jobs.check import CheckError, check
 from savmap.jobs.resource_estimate import FRAMES, ResourceEstimate, duration
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.pipeline.measure import PassPlan, RowMeasurements
+from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.preview import picture_name
 from savmap.pipeline.records import MeasuredRow, RowRequest
+from savmap.pipeline.view_plans import PassPlan
+from savmap.site.job import job_for
+from savmap.site.preflight import require_ready
 from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor, NoteCollector
 from savmap.video.clip import Clip
@@ -96,8 +99,18 @@ def test_nothing_wrong(folder: Path) -> None:
             "site.yaml:8: a.mp4: 1 s to 9 s is outside the video, 3.93 s long",
         ),
         ("a.mp4}", "a.mp4, end_s: 0.2}", 7, "site.yaml:8: a.mp4: 2 frames in the range of pass 1 are too few"),
-        ("shelves: {}", "shelves: {model: none.onnx}", 6, "site.yaml:2: none.onnx: no such model file"),
-        ("shelves: {}", "shelves: {model: text.mp4}", 6, "site.yaml:2: text.mp4: not a usable ONNX model"),
+        (
+            "shelves: {}",
+            "shelves: {model: none.onnx}",
+            6,
+            "site.yaml:2: plugin `shelves`: none.onnx: no such model file",
+        ),
+        (
+            "shelves: {}",
+            "shelves: {model: text.mp4}",
+            6,
+            "site.yaml:2: plugin `shelves`: text.mp4: not a usable ONNX model (",
+        ),
         ("shelves: {}", "shelfs: {}", 5, "site.yaml:2: unknown plugin `shelfs`: did you mean `shelves`?"),
         ("shelves: {}", "shelves: {treshold: 1}", 3, "site.yaml:2: unknown key `plugins.shelves.treshold`: did you"),
         ("  camera_height_m: {value: 3.0}", "  travel_m: 3", 8, "site.yaml:6: row A: the map's scale is not known"),
@@ -241,3 +254,11 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
 @pytest.mark.parametrize(("seconds", "words"), [(3.2, "3 s"), (99, "99 s"), (240, "4 min"), (7000, "1 h 57 min")])
 def test_times_are_told_in_words(seconds: float, words: str) -> None:
     assert duration(seconds) == words
+
+
+@pytest.mark.parametrize("model", ["none.onnx", "text.mp4"])
+def test_a_run_refuses_a_broken_network_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch, model: str) -> None:
+    monkeypatch.chdir(folder)
+    Path("site.yaml").write_text(GOOD.replace("shelves: {}", f"shelves: {{model: {model}}}"), encoding="utf-8")
+    with pytest.raises(ModelError, match=rf"^site.yaml:2: plugin `shelves`: {model}: (no such|not a usable ONNX)"):
+        require_ready(job_for(Path("site.yaml"), None, Path("out")))

@@ -27,7 +27,7 @@ def test_plugin_failing_in_assembly_costs_only_the_places(monkeypatch: pytest.Mo
 
 
 def test_warning_of_mapping_is_left_to_its_task(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def warns(*_: object) -> None:
+    def warns(*_: object, **__: object) -> None:
         logging.getLogger("savmap_things").warning("row A: one too many")
         raise PluginError("enough")
 

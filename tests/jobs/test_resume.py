@@ -100,7 +100,7 @@ def test_a_second_run_does_only_what_changed(undisturbed: Path) -> None:
     setback = {"plugins": {"shelves": {"lowest_beam_bottom_height_m": {"values": 0.30256}}}}
     _, _, rows = finish(site(undisturbed.parent, **setback))
     assert rows["A"]["status"] == "kept"
-    assert set(rows["C"]["seconds"]) == {"solved"}
+    assert set(rows["C"]["seconds"]) == {"solved", "pictured"}
 
 
 def test_one_bad_row_stops_no_other(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from savmap.label.run import (
     worth_and_features,
 )
 from savmap.label.worth import chosen
-from savmap.pipeline.measure import PassPlan
+from savmap.pipeline.view_plans import PassPlan
 from savmap.site.job import Job
 from savmap.site.model import Pass, Row, Site
 from savmap.types import ViewPlan, ViewSpec

@@ -1,6 +1,7 @@
 """map.json: the same bytes each time, everything in it, and clear errors for what is no map."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -177,6 +178,36 @@ def _zero_quaternion(content: dict[str, Any]) -> None:
     content["rows"]["A"]["trajectory"][1]["orientation_xyzw"] = [0, 0, 0, 0]
 
 
+def _sigma_of_nothing(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["references"][0]["sigma"] = 0
+
+
+def _negative_variance(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["structures"]["things"][0]["vertices"][0]["covariance_m2"][3] = -1e-6
+
+
+def _far_away(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["structures"]["things"][0]["vertices"][0]["position_m"][1] = 1e300
+
+
+def _no_picture(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["views"]["face"]["width"] = 0
+
+
+def test_infinite_numbers_of_a_map_are_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "map.json"
+    path.write_text(re.sub(r'"rms_px": [0-9.]+', '"rms_px": 1e999', map_text(site())))
+    with pytest.raises(OutputError, match="is not JSON \\(1e999 is too large\\)"):
+        read_map(path)
+
+
+def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> None:
+    made = site()
+    sure = replace(made.rows["A"], references=(ReferenceUse("length", 1.0, 1e-9, 1.0),))
+    write_map(replace(made, rows={"A": sure}), tmp_path / "map.json")
+    assert read_map(tmp_path / "map.json").rows["A"].references[0].sigma == 1e-6
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -186,7 +217,11 @@ def _zero_quaternion(content: dict[str, Any]) -> None:
         (_short_vertex, r"rows\.A\.structures\.things\[0\]\.vertices\[2\]\.position_m\[2\]: Field required"),
         (_loose_edge, "thing 1: an edge joins a vertex that is not there"),
         (_frame_out_of_order, "frames should be numbered"),
-        (_zero_quaternion, "zero norm"),
+        (_zero_quaternion, r"trajectory\[1\]\.orientation_xyzw: it is no unit quaternion"),
+        (_sigma_of_nothing, r"references\[0\]\.sigma: Input should be greater than 0"),
+        (_negative_variance, r"vertices\[0\]\.covariance_m2: a variance is negative"),
+        (_far_away, r"vertices\[0\]\.position_m\[1\]: Input should be less than or equal to 1000000"),
+        (_no_picture, r"views\.face\.width: Input should be greater than or equal to 1"),
     ],
 )
 def test_wrong_maps_are_one_line(tmp_path: Path, spoil: Callable[[dict[str, Any]], None], message: str) -> None:

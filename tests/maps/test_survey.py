@@ -33,6 +33,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ({"units": None}, "units: Field required"),
         ({"rows": {}}, "rows: Dictionary should have at least 1 item"),
         ({"rows": {"A": [1]}}, r"rows\.A: Input should be a valid dictionary"),
+        ({"rows": {"A": {"things": [1, {"far": [-1e7]}]}}}, r"rows: -1e\+07 is too large"),
         ({"colour": "red"}, "colour: Extra inputs"),
     ],
 )

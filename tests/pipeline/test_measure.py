@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError
 from savmap.pipeline import measure
+from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
@@ -44,9 +45,9 @@ def room(name: str, extract: Extract) -> LoadedPlugin:
 
 
 @pytest.fixture
-def aimed(tmp_path: Path) -> measure.PassPlan:
+def aimed(tmp_path: Path) -> PassPlan:
     video = write_video(tmp_path / "a.mp4", evenly(24, 30))
-    return measure.PassPlan("pass 1", Clip(video), {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,))})
+    return PassPlan("pass 1", Clip(video), {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,))})
 
 
 def threads() -> set[threading.Thread]:
@@ -57,7 +58,7 @@ def walk_of(rooms: list[LoadedPlugin]) -> measure.RowWalk:
     return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), MarkerTracker(()), NullFlowTracker())
 
 
-def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: measure.PassPlan) -> None:
+def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: PassPlan) -> None:
     before = threads()
     asked: list[tuple[str, int, str, int]] = []
     seen: list[tuple[np.ndarray, np.ndarray]] = []
@@ -86,7 +87,7 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
     assert threads() == before
 
 
-def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassPlan) -> None:
+def test_a_view_is_cut_from_each_so_many_frames(aimed: PassPlan) -> None:
     seen: list[tuple[str, int]] = []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -101,7 +102,7 @@ def test_a_view_is_cut_from_each_so_many_frames(aimed: measure.PassPlan) -> None
     assert len(walk.stamps) == 12
 
 
-def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassPlan) -> None:
+def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: PassPlan) -> None:
     before, frames = threads(), []
 
     def extract(view: View, detections: list[Detection]) -> list[Feature]:
@@ -117,7 +118,7 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: measure.PassPlan)
     assert threads() == before
 
 
-def test_pictures_are_forgotten_when_they_are_done_with(aimed: measure.PassPlan) -> None:
+def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None:
     walk = walk_of([room("one", lambda view, detections: [])])
     walk.over("A", aimed, SilentMonitor())
     assert not walk.segmenters.networks["one"]._segmentations

@@ -1,16 +1,28 @@
 """Which network looks: one that sees clearly more takes the place of the plugin's own, and one that the user names stays."""
 
+from collections.abc import Container
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
+from savmap.errors import StructureError
 from savmap.pipeline import networks
-from savmap.pipeline.networks import further_models, sees_more, with_best_network
+from savmap.pipeline.networks import (
+    Candidate,
+    choices_told,
+    further_models,
+    sees_more,
+    with_best_network,
+    with_best_networks,
+)
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.types import Floats
+from savmap.site.model import Pass
+from savmap.types import ViewPlan, ViewSpec
+from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
 
@@ -42,21 +54,79 @@ def test_more_is_clearly_more_and_not_less_of_a_class(shares: Any, others: Any, 
     assert sees_more(np.array(shares), np.array(others)) is more
 
 
-@pytest.mark.parametrize(("seen_by_other", "chosen"), [(0.04, OTHER), (0.02, OWN)])
-def test_network_that_sees_more_is_taken(seen_by_other: float, chosen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def seen(plugin: LoadedPlugin, views: object) -> Floats:
-        return np.array([seen_by_other if plugin.model == OTHER else 0.02])
+class Planner:
+    """Plans one view with any network but those that miss the structure, and remembers which were asked."""
 
-    monkeypatch.setattr(networks, "seen", seen)
-    monkeypatch.setattr(networks, "few_views", lambda specs, preview: ["a view"])
-    preview: Any = None
-    assert with_best_network(plugin_with(), [], preview).model == chosen
+    def __init__(self, missing: Container[Path] = ()) -> None:
+        self.missing, self.asked = missing, list[Path]()
+
+    def __call__(self, candidate: Candidate) -> ViewPlan:
+        model = candidate[0].model
+        self.asked.append(model)
+        if model in self.missing:
+            raise StructureError(f"nothing is seen with {model}")
+        return ViewPlan((ViewSpec("face", 0.0),), notes=(model.name,))
 
 
-def test_plugin_that_wants_no_views_keeps_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(networks, "few_views", lambda specs, preview: [])
-    preview: Any = None
-    assert with_best_network(plugin_with(), [], preview).network is None
+@pytest.fixture
+def shares(monkeypatch: pytest.MonkeyPatch) -> dict[Path, float]:
+    """What each network sees of the structure."""
+    seen = {OWN: 0.02, OTHER: 0.02}
+    monkeypatch.setattr(networks, "SegmenterPool", lambda plugins: None)
+    monkeypatch.setattr(networks, "seen", lambda candidate, views: np.array([seen[candidate[0].model]]))
+    monkeypatch.setattr(networks, "few_views", lambda specs, preview: list(specs))
+    return seen
+
+
+NOTHING_SEEN: Any = None
+
+
+def test_own_network_is_planned_with_once(shares: dict[Path, float]) -> None:
+    plan = Planner()
+    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    assert (best.network, planned.notes, plan.asked) == (None, ("own.onnx",), [OWN])
+
+
+def test_network_that_sees_more_plans_its_own_views(shares: dict[Path, float]) -> None:
+    shares[OTHER] = 0.04
+    plan = Planner()
+    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    assert (best.network, planned.notes, plan.asked) == (OTHER, ("other.onnx",), [OWN, OTHER])
+    assert choices_told([best]) == ["`one` looks with other.onnx, which sees more here"]
+
+
+def test_network_that_finds_the_structure_is_taken(shares: dict[Path, float]) -> None:
+    plan = Planner(missing=[OWN])
+    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    assert (best.network, planned.notes, plan.asked) == (OTHER, ("other.onnx",), [OWN, OTHER])
+
+
+def test_where_none_finds_it_the_own_network_says_why(shares: dict[Path, float]) -> None:
+    with pytest.raises(StructureError, match=r"seen with own\.onnx"):
+        with_best_network(plugin_with(), NOTHING_SEEN, Planner(missing=[OWN, OTHER]))
+
+
+def test_plugin_that_wants_no_views_keeps_its_own(shares: dict[Path, float]) -> None:
+    shares[OTHER] = 0.04
+    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, lambda candidate: ViewPlan(()))
+    assert (best.network, planned.views) == (None, ())
+
+
+def test_first_attitude_is_told_to_later_plugins(monkeypatch: pytest.MonkeyPatch, shares: dict[Path, float]) -> None:
+    turned, told = np.diag([1.0, -1.0, -1.0]), list[Any]()
+
+    def plan_views(plugin: LoadedPlugin, row_pass: object, pool: object, preview: object, attitude: object) -> ViewPlan:
+        told.append(attitude)
+        return ViewPlan((), turned if plugin.name == "one" else None)
+
+    monkeypatch.setattr(networks, "preview_of", lambda clip, renderer: SimpleNamespace(keys=[]))
+    monkeypatch.setattr(networks, "plan_views", plan_views)
+    plugins = [plugin_with(), loaded_plugin("two", plugin_class(), Config())]
+    chosen, plan = with_best_networks("pass 1", Pass(video=Path("a.mp4")), plugins, Renderer(), None)
+    assert chosen == plugins
+    assert told[0] is None
+    assert np.array_equal(told[1], turned)
+    assert plan.locators() == {"one"}
 
 
 def test_network_that_the_user_names_stays() -> None:

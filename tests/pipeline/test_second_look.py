@@ -1,5 +1,6 @@
 """The second look: which plugins take it, what frames are measured again with, and when nothing changes."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ from pydantic import BaseModel, ConfigDict
 from savmap.errors import StructureError
 from savmap.graph import References
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import MeasuredPasses, PassPlan, RowMeasurements
+from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.second_look import Expectation, look_again
+from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Expected, Feature, FrameTable, RowFacts, Trajectory, View, ViewPlan, ViewSpec
@@ -132,3 +134,17 @@ def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: MeasuredPasses)
 
     row = RowRequest("A", (), [watcher(track=track)], References())
     assert look_again(row, walked, NoteCollector()) is walked.measurements
+
+
+def test_tracking_that_is_not_used_warns_nobody(walked: MeasuredPasses, caplog: pytest.LogCaptureFixture) -> None:
+    tracked = list[str]()
+
+    def track(self: object) -> list[Any]:
+        tracked.append("once")
+        logging.getLogger("savmap_one").warning("row A: seen only in part")
+        raise StructureError("nothing here")
+
+    look_again(RowRequest("A", (), [watcher(track=track)], References()), walked, NoteCollector())
+    logging.getLogger("savmap_one").warning("row A: seen only in part, and used")
+    assert tracked
+    assert [record.getMessage() for record in caplog.records] == ["row A: seen only in part, and used"]

@@ -35,6 +35,7 @@ TRACK = Track("thing 1", "thing", {}, np.zeros(1, np.int64), ("view",), np.ones(
 NO_EDGES = np.empty((0, 2), np.int64)
 THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), NO_EDGES)
 LANDMARK = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
+SKEW = np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 KEYS = KeySpace("made-up").keys(["thing 1"])
 
 
@@ -113,6 +114,14 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("describe", [replace(THING, covariances=np.full((1, 3, 3), NAN))], "a covariance is not finite"),
     ("describe", [replace(THING, covariances=-np.eye(3)[None])], "a variance is negative"),
     ("describe", [replace(THING, edges=np.array([[0, 1]]))], "an edge joins a vertex that is not there"),
+    ("describe", [replace(THING, vertices=np.full((1, 3), 1e200))], "a vertex is more than 100000 m away"),
+    ("describe", [replace(THING, vertices=np.full((1, 3), 1j))], "a vertex is not finite"),
+    ("describe", [replace(THING, covariances=np.full((1, 3, 3), 1e200))], "a standard deviation is more than 100000 m"),
+    ("describe", [replace(THING, covariances=SKEW[None])], "a covariance is not symmetric"),
+    ("describe", [replace(THING, covariances=(2 * np.ones((3, 3)) - np.eye(3))[None])], "a negative eigenvalue"),
+    ("describe", [replace(THING, edges=np.array([[0.0, 0.5]]))], "edges are not whole numbers"),
+    ("describe", [replace(THING, label="half \ud800")], "its id or a label holds half a character"),
+    ("describe", with_attribute("half \udfff"), "attribute 'size' holds half a character"),
     ("describe", [THING, THING], "2 structures with the id `thing 1`"),
     ("describe", with_attribute(NAN), "attribute `size` is not finite"),
     ("describe", with_attribute(np.inf), "attribute `size` is not finite"),

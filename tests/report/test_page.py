@@ -12,9 +12,9 @@ import pytest
 from made_up_page import EVIL, ODD, drawings, evaluation, report, row
 from parsed_page import Element, parsed
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, visible
 from savmap.report.page import Report, page_text, write_page
-from savmap.types import Placement, SiteMap
+from savmap.types import Doubt, Placement, SiteMap, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +55,13 @@ def test_names_and_errors_are_words_not_markup(text: str, page: Element) -> None
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", text)
     names = [line[0] for line in lines(page, "rows-table")]
     assert EVIL in names
-    assert ODD.replace("\x07", "").strip() in names
+    assert visible(ODD).strip() in names
     assert page.one(id="failed").one("span", "error").text == "B1: video.mp4 is <b>damaged</b> & short"
 
 
 def test_every_row_has_its_section_and_those_that_failed_come_first(page: Element) -> None:
     names = [own.one("span", "row-name").text.removeprefix("Row ") for own in page.all("article")]
-    assert names == ["B1", "B2", EVIL, "A2", "A10", ODD.replace("\x07", "").strip()]
+    assert names == ["B1", "B2", EVIL, "A2", "A10", visible(ODD).strip()]
     assert [line[0] for line in lines(page, "rows-table")] == names
     failed, mapped = page.all("article")[0], page.all("article")[3]
     assert (failed.one("span", "badge").text, mapped.one("span", "badge").text) == ("failed", "mapped")
@@ -71,6 +71,22 @@ def test_every_row_has_its_section_and_those_that_failed_come_first(page: Elemen
         "Row A2: face view",
         "Row A2: plan",
     ]
+
+
+def test_doubts_are_told_with_their_row() -> None:
+    trusted, doubtful = row("A1"), row("A2")
+    doubts = (Doubt("shape", "section 1 / bar 1 is <odd>", ("section 1 / bar 1",)), Doubt("motion", "the camera turns"))
+    rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(doubtful, verdict=Verdict(doubts))}
+    page = parsed(page_text(Report(SiteMap(rows, {}), {name: drawings(own) for name, own in rows.items()})))
+    first, second = page.all("article")
+    assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
+    assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
+    assert [own.text for own in second.one("ul", "doubts").all("li")] == [
+        "shape section 1 / bar 1 is <odd>",
+        "motion the camera turns",
+    ]
+    assert second.one("p", "remark").text == "to be checked: 2 doubts"
+    assert "1 / 1" in page.one("dl", "tiles").text
 
 
 def test_numbers_agree_with_the_map(page: Element) -> None:
@@ -217,4 +233,4 @@ def test_the_page_is_written_whole_and_the_same_each_time(tmp_path: Path) -> Non
 def test_half_a_character_does_not_spoil_the_page(tmp_path: Path) -> None:
     name = "A \ud800"
     write_page(Report(SiteMap({name: row(name)}, {}), {}), tmp_path / "page.html")
-    assert "Row A ?" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Row A \\ud800" in (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -75,7 +75,7 @@ def test_the_user_is_told(
 def test_a_run_tells_it_on_the_terminal_and_in_the_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def nothing(*_: object) -> None:
+    def nothing(*_: object, **__: object) -> None:
         raise StructureError("enough")
 
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", nothing)

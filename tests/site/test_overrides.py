@@ -86,7 +86,13 @@ def test_the_command_line_counts_more_than_the_environment(tmp_path: Path) -> No
         ),
         (["fps"], {}, "--set fps: give a key and its value"),
         (["a..b=3"], {}, "--set a..b=3: give a key and its value"),
-        (["fps=[1"], {}, "--set fps: the value is not valid YAML"),
+        (
+            ["fps=[1"],
+            {},
+            "--set fps: `fps`: input should be a valid number, unable to parse string as a number (it is '[1'",
+        ),
+        (["rows.1." * 2000 + "fps=5"], {}, "--set " + ("rows.1." * 9)[:54] + "...: the key has more than 500 letters"),
+        (["fps=" + 60 * "[" + 60 * "]"], {}, "--set fps: it is nested more than 50 deep"),
         ([], {"SAVMAP__": "4"}, "SAVMAP__: put two underscores"),
         (["fps=0"], {"SAVMAP__FPS": "400"}, "--set fps: `fps`: input should be greater than 0"),
         (

@@ -15,9 +15,9 @@ from savmap.sim.drive.cart import drive
 from savmap.sim.scene.files import Cart
 from savmap.site.load import load_site
 from savmap.split import DetectedPass, SplitResult, SplitSettings, find, split
-from savmap.split.frame_pairs import FramePair, sample_stamps
-from savmap.split.motion import motion_of
+from savmap.split.frame_pairs import sample_stamps
 from savmap.split.passes import find_passes
+from savmap.video.footage.corridor import FramePair, motion_of
 
 pytestmark = pytest.mark.slow
 

@@ -60,6 +60,14 @@ def test_recolour_changes_each_class_on_its_own() -> None:
     assert len({round(float(s), 4) for s in shifts}) > 1
 
 
+def test_paint_does_not_show_where_labels_end() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    start = image.astype(np.float32) / 255
+    mask[mask == 0] = IGNORE
+    for seed in range(4):
+        assert np.allclose(recolour(np.random.default_rng(seed), start, mask, 2), start)
+
+
 @pytest.mark.parametrize("change", [change for _, change in CHANCES], ids=lambda c: c.__name__)
 def test_every_change_keeps_shape_and_type(change) -> None:  # type: ignore[no-untyped-def]
     image = np.random.default_rng(0).random((64, 96, 3)).astype(np.float32)

@@ -183,7 +183,7 @@ def test_a_malformed_coco_file_gets_one_line(both: Path, edit: Callable[[Any], N
         ("data.yaml", "names: 3\ntrain: images\n", r"data\.yaml: `names"),
         ("data.yaml", "names: [column, crossbar]\n", r"data\.yaml: names no pictures"),
         ("data.yaml", "a: [\n", r"data\.yaml:2: is not YAML"),
-        ("data.yaml", "date: 2024-13-45\n", r"data\.yaml: is not YAML"),
+        ("data.yaml", "date: !!float x\n", r"data\.yaml:1: is not YAML"),
         ("data.yaml", "[]", r"data\.yaml: is not a data\.yaml"),
     ],
 )

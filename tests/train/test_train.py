@@ -85,6 +85,15 @@ class TestWithTorch:
         assert torch.equal(weights, weights.flip(2))
         assert weights.max() > weights.min()
 
+    def test_where_labels_end_is_no_edge(self) -> None:
+        import torch
+
+        from savmap.train.trainer import edge_weights
+
+        labels = torch.full((1, 20, 30), 255, dtype=torch.int64)
+        labels[:, :, :10] = 1
+        assert torch.all(edge_weights(labels) == 1)
+
     @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
     def test_the_mean_of_two_checkpoints(self, tmp_path: Path) -> None:
         import torch

@@ -7,6 +7,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
+from savmap.plugin.scaffold.stub import stub_network
 from savmap.vision.networks.segmenter import Segmentation, Segmenter, regions
 
 WIDTH, HEIGHT = 64, 48
@@ -126,3 +127,10 @@ def test_detections_are_labelled_by_class() -> None:
     blank = np.zeros((HEIGHT, WIDTH), np.float32)
     found = Segmentation(("post", "bar"), np.stack([1 - two_blobs(), blank, two_blobs()])).detections(0.5, 1)
     assert [d.label for d in found] == ["bar", "bar"]
+
+
+def test_a_network_with_broken_metadata_is_one_line(tmp_path: Path) -> None:
+    content = stub_network("post", "1").replace(b"semantic", b"sem\xb0ntic")
+    (tmp_path / "a.onnx").write_bytes(content)
+    with pytest.raises(ModelError, match="a text in it is not UTF-8"):
+        Segmenter(tmp_path / "a.onnx")

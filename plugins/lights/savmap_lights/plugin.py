@@ -34,7 +34,7 @@ class Settings(door.PluginSettings):
 class SurveyedLamp(BaseModel):
     """The two ends of a lamp's long axis; they coincide for a compact lamp."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     ends: tuple[Point, Point]
 
@@ -42,7 +42,7 @@ class SurveyedLamp(BaseModel):
 class SurveyedRow(BaseModel):
     """Lamps, and the uprights' x, of which the outermost are the row's ends. Other plugins' keys are left alone."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
     lights: list[SurveyedLamp]
     uprights: list[tuple[float, float]] = Field(default_factory=list)

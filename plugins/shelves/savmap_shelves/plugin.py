@@ -14,6 +14,7 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    Doubt,
     Expected,
     Feature,
     Floats,
@@ -115,6 +116,12 @@ class Shelves:
         return describe(tracks, solution, plugin=self.name)
 
     @hookimpl
+    def doubt(self, structures: Sequence[Structure]) -> list[Doubt]:
+        from savmap_shelves.doubts import doubts_of
+
+        return doubts_of(structures)
+
+    @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.mapping import cross_row_landmarks
 
@@ -122,7 +129,7 @@ class Shelves:
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
-        from savmap_shelves.evaluation import evaluate
+        from savmap_shelves.report.evaluation import evaluate
 
         return evaluate(structures, survey)
 
@@ -130,7 +137,7 @@ class Shelves:
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
     ) -> "tuple[Drawing, ...]":
-        from savmap_shelves.drawing import draw
+        from savmap_shelves.report.drawing import draw
 
         return draw(structures, survey, deviations)
 

@@ -17,7 +17,7 @@ class LowestBeam(BaseModel):
     The values may stand alone, without a sigma.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     values: Height | tuple[Height, ...]
     """One value, or one a section, left to right."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
@@ -32,7 +32,7 @@ class LowestBeam(BaseModel):
 class BayPitch(BaseModel):
     """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     value: Pitch | tuple[Pitch, ...]
     """One value, or one a section, left to right."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
@@ -42,7 +42,7 @@ class BayPitch(BaseModel):
 class ShelvesSettings(BaseModel):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     model: Path | None = None
     """Another network's ONNX file."""
     class_names: ClassNames = {}

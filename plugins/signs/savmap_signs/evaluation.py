@@ -18,7 +18,7 @@ Point = tuple[float, float, float]
 class SurveyedSign(BaseModel):
     """Corners (x, y, z) m in the row's frame, clockwise from the upper left as one reads it; text and code, "" if there is none."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     corners: tuple[Point, Point, Point, Point]
     text: str = ""
@@ -29,7 +29,7 @@ class SurveyedSign(BaseModel):
 class SurveyedRow(BaseModel):
     """The signs of a row's entry in a survey file. Other plugins' keys are left alone."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
     signs: list[SurveyedSign] = Field(default_factory=list)
 

@@ -14,7 +14,7 @@ Size = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 class Settings(BaseModel):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     model: Path | None = None
     """An ONNX file of another network."""
     class_names: ClassNames = {}

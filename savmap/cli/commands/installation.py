@@ -6,11 +6,13 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.speech import say
+
 
 def plugins() -> None:
     """List the installed plugins."""
     for line in plugin_lines():
-        typer.echo(line)
+        say(line)
 
 
 def schema(name: Annotated[str, typer.Argument(metavar="site|map", help="Which kind of file.")]) -> None:

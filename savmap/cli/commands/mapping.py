@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from savmap.cli.commands.options import Output, Plugins, Sets, names_of
+from savmap.cli.speech import say
 from savmap.files.urls import where
 
 
@@ -32,6 +33,9 @@ def map_(
     fresh: Annotated[
         bool, typer.Option(help="Do everything again, whatever an earlier run left in the folder.")
     ] = False,
+    no_orthophotos: Annotated[
+        bool, typer.Option("--no-orthophotos", help="Make no pictures of the rows' faces out of the frames.")
+    ] = False,
     sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
@@ -40,7 +44,7 @@ def map_(
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
-    overrides = overrides_of(sets or [], os.environ)
+    overrides = overrides_of([*(sets or []), *(["orthophotos=false"] if no_orthophotos else [])], os.environ)
     job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
     preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
@@ -54,8 +58,8 @@ def init(
     from savmap.site.template import start
 
     site, schema = start(videos or [], output, force)
-    typer.echo(f"wrote {site} and {schema}")
-    typer.echo(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
+    say(f"wrote {site} and {schema}")
+    say(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
 
 
 def check(
@@ -76,7 +80,7 @@ def check(
     problems = check_site(source, names_of(plugins), output, EchoMonitor(), overrides, pictures, trajectory)
     if problems:
         raise CheckError(source, problems)
-    typer.echo(f"{source}: no problem found")
+    say(f"{source}: no problem found")
 
 
 def demo(output: Output = Path("out/demo")) -> None:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.speech import say
+
 app = typer.Typer(help="For those who write plugins.", no_args_is_help=True, rich_markup_mode=None)
 
 
@@ -28,4 +30,4 @@ def new(
     from savmap.plugin.scaffold import new_plugin
 
     for line in new_plugin(name, output, locates_camera):
-        typer.echo(line)
+        say(line)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.speech import say, say_all
+
 
 def evaluate(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
@@ -22,7 +24,7 @@ def evaluate(
     scores = evaluate_files(map_file, survey)
     if box_plot is not None:
         write_box_plot(scores, box_plot)
-    typer.echo(json.dumps(evaluation.as_json(scores), indent=2) if as_json else evaluation.as_table(scores))
+    say_all(json.dumps(evaluation.as_json(scores), indent=2) if as_json else evaluation.as_table(scores))
 
 
 def report(
@@ -37,7 +39,7 @@ def report(
     from savmap.report.site_report import write_report
 
     write_report(map_file, output, run_file, survey)
-    typer.echo(f"wrote {output}")
+    say(f"wrote {output}")
 
 
 def export(
@@ -59,7 +61,7 @@ def export(
         site_map = replace(site_map, rows={row: site_map.rows[row]})
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
     export_map(site_map, name, output, exporters(), broken)
-    typer.echo(f"wrote {output}")
+    say(f"wrote {output}")
 
 
 def find(
@@ -71,4 +73,4 @@ def find(
     from savmap.maps.search import find_structures
 
     for hit in find_structures(read_map(map_file), name):
-        typer.echo(hit)
+        say(hit)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from savmap.cli.commands.options import Output, Sets
+from savmap.cli.speech import say
+from savmap.errors import visible
 from savmap.files.urls import where
 
 if TYPE_CHECKING:
@@ -27,11 +29,11 @@ def split(
     with Console(Path(os.devnull)) as console:
         result = find_and_write(recording, output, into, sheet, monitor=console)
     for line in _passes(result):
-        typer.echo(line)
-    typer.echo(f"wrote {into or output}: look through it before mapping")
+        say(line)
+    say(f"wrote {into or output}: look through it before mapping")
     if sheet is not None:
-        typer.echo(f"wrote {sheet}")
-    typer.echo(
+        say(f"wrote {sheet}")
+    say(
         f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
         f"{result.decoded_share:.0%} of the recording"
     )
@@ -66,7 +68,7 @@ def simulate(
     with Console(output / "savmap.log") as console:
         footage = render_footage(loaded, output, console, masks=views)
     for path in footage.files:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def train(
@@ -106,9 +108,9 @@ def train(
     with Console(output.with_suffix(".log")) as console, console.meter(f"training {plugin}") as progress:
         network = train_network(plan, progress)
     for line in network_lines(network):
-        typer.echo(line)
+        say(line)
     if network.warning is not None:
-        typer.secho(network.warning, fg=typer.colors.RED, bold=True, err=True)
+        typer.secho(visible(network.warning), fg=typer.colors.RED, bold=True, err=True)
 
 
 def label(
@@ -127,8 +129,8 @@ def label(
 
     with Console(Path(os.devnull)) as console:
         labelled = choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ), console)
-    typer.echo(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
-    typer.echo(
+    say(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
+    say(
         f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} (LabelMe): "
         "correct one of them, and train on that one"
     )
@@ -169,4 +171,4 @@ def adapt(
     with Console(output / "adapt.log") as console:
         adapted = teach(source, output, options, overrides, console, console.meter)
     for line in adapted_lines(adapted):
-        typer.echo(line)
+        say(line)

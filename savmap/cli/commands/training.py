@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any
 
-from savmap.adapt.records import Adapted, mean
+from savmap.adapt.records import Adapted, RoundResult, mean
 from savmap.train import LEAST_TO_CALIBRATE, VALIDATION, TrainedNetwork
 
 
@@ -56,12 +56,19 @@ def _lost(name: str, files: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         yield name, sum(after[label] - integers[label] for label in both) / max(len(both), 1)
 
 
+def _elsewhere(one: RoundResult) -> str:
+    """What a round made of other places: whether the network forgets."""
+    if not one.others_before:
+        return "other places: not measured; "
+    return f"on other places {mean(one.others_before):.3f} before, {mean(one.others_after):.3f} after; "
+
+
 def adapted_lines(adapted: Adapted) -> Iterator[str]:
     """What was learned from what, before and after, and how the network is used."""
     for one in adapted.rounds:
         yield (
             f"round {one.number}: learned from {one.views} views; on {one.held_out} held out IoU with the map "
-            f"{mean(one.iou_before):.3f} before, {mean(one.iou_after):.3f} after; "
+            f"{mean(one.iou_before):.3f} before, {mean(one.iou_after):.3f} after; {_elsewhere(one)}"
             f"{'kept' if one.kept else 'not kept'}: {one.why}"
         )
     before, after = adapted.iou_before, adapted.iou_after

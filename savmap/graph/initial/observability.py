@@ -50,8 +50,8 @@ def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float 
     matrix = np.array([row[:4] / sigma for row, sigma in zip(rows, sigmas, strict=True)]).reshape(-1, 4)
     values = np.array([row[4] / sigma for row, sigma in zip(rows, sigmas, strict=True)])
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
-    covariance = np.linalg.inv(information)
-    solved = covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0]))
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    solved = np.asarray(covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0])), np.float64)
     return Similarity(float(solved[0]), solved[1:], covariance)
 
 

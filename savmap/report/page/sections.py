@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import centimetres, duration, fixed
+from savmap.report.orthophotos import photo_view
 from savmap.report.page.summary import Report, Summary, total_counts
 from savmap.report.page.ties import is_tie_off
 from savmap.report.page.uncertainty import hints
@@ -31,11 +32,13 @@ class Section:
 def section(row: Summary) -> Section:
     """A row's section, with the pictures in which something of it is drawn."""
     words = hints(row)
-    figures = (
+    figures = [
         row_view(row.row, row.drawings, picture, words, row.anchor)
         for picture in _PICTURES
         if row.row and drawn_in(row.drawings, picture)
-    )
+    ]
+    if row.row and row.photo:
+        figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
     return Section(row, _facts(row), _solve(row), tuple(figures))
 
 
@@ -43,11 +46,13 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
     """What the reader wants to know first: of the rows, the structures, the errors (`score`: all rows'), the references, the run."""
     mapped = [row for row in rows if row.row]
     failed = len(rows) - len(mapped)
+    doubtful, judged = sum(1 for row in mapped if row.doubts), sum(1 for row in mapped if row.row and row.row.verdict)
     lengths = [row.length_m for row in mapped if row.length_m is not None]
     references, off = sum(len(row.references) for row in mapped), sum(row.references_off for row in mapped)
     ties, ties_off = report.site_map.matches, sum(1 for tie in report.site_map.matches if is_tie_off(tie))
     facts = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
     facts += [("failed", str(failed))] if failed else []
+    facts += [("trusted / to be checked", f"{judged - doubtful} / {doubtful}")] if judged else []
     facts += [(label, str(count)) for label, count in total_counts(rows).items()]
     facts += [("length of all rows", f"{sum(lengths):.1f} m")] if lengths else []
     if score:

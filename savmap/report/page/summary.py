@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
-from savmap.types import Drawing, Evaluation, Placement, ReferenceUse, RowMap, Score, SiteMap
+from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap
 
 OFF_SIGMAS = 3.0
 
@@ -18,7 +18,7 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, and remarks for the reader."""
+    survey, remarks for the reader, and orthophotos of rows by name."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -26,12 +26,13 @@ class Report:
     evaluation: Evaluation | None = None
     remarks: tuple[str, ...] = ()
     title: str = "Site map"
+    photos: Mapping[str, Orthophoto] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known."""
+    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one."""
 
     name: str
     anchor: str
@@ -42,6 +43,7 @@ class Summary:
     score: Score | None
     run: RowRun | None
     place: Placement | None = None
+    photo: Orthophoto | None = None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -70,12 +72,18 @@ class Summary:
         return mean_absolute_error(self.score) if self.score else None
 
     @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What speaks against the row's map."""
+        return self.row.verdict.doubts if self.row and self.row.verdict else ()
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What of a mapped row deserves attention."""
         off, skipped = self.references_off, self.run.skipped if self.run else 0
         counts = (self.score.missing, self.score.spurious) if self.score else ({}, {})
         missing, spurious = (named_counts(part) for part in counts)
         remarks = (
+            (self.doubts, f"to be checked: {len(self.doubts)} {'doubts' if len(self.doubts) > 1 else 'doubt'}"),
             (off, f"{off} {'references' if off > 1 else 'reference'} off by more than {OFF_SIGMAS:g} \u03c3"),
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
@@ -104,6 +112,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             score=scores.get(name),
             run=runs.get(name),
             place=site.placements.get(name),
+            photo=report.photos.get(name),
         )
         for name in names
     )

@@ -4,6 +4,7 @@ A scene is a YAML file, checked strictly: an unknown key is an error. Keys of a 
 `structures: {plugin: ...}` and are checked by that plugin's `scene` hook. Lengths in metres, angles in degrees.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,9 @@ import numpy as np
 import yaml
 from pydantic import Field, field_validator
 
+from savmap.files import yaml_text
 from savmap.files.atomic import reason
+from savmap.files.texts import bounded_text
 from savmap.types.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
 
 
@@ -90,11 +93,15 @@ def row_frame(place: RowPlace) -> RowFrame:
 def load_scene(path: Path) -> Scene:
     """A scene from a YAML file. Raises SceneError with the file, the key and what is wrong with it."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_text.load(bounded_text(path, yaml_text.MOST_MB))
     except OSError as error:
         raise SceneError(f"{path}: cannot be read as a scene file: {reason(error)}") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SceneError(f"{path}: cannot be read as a scene file: {' '.join(str(error).split())}") from error
+    except yaml.YAMLError as error:
+        problem, line = yaml_text.problem_of(error)
+        where = f"{path}:{line}" if line else str(path)
+        raise SceneError(f"{where}: cannot be read as a scene file: {problem}") from error
+    except ValueError as error:
+        raise SceneError(f"{path}: cannot be read as a scene file: it {error}") from error
     return parse_scene(content, str(path))
 
 
@@ -102,4 +109,15 @@ def parse_scene(content: object, source: str = "scene") -> Scene:
     """A scene from plain data. Raises SceneError naming `source`."""
     if not isinstance(content, dict):
         raise SceneError(f"{source}: a scene file holds keys such as `rows`, `structures` and `cart`")
+    if _is_site(content):
+        raise SceneError(
+            f"{source}: is a site file, which `savmap map` takes; `savmap simulate` takes a scene (docs/simulator.md)"
+        )
     return validated(Scene, content, source)
+
+
+def _is_site(content: Mapping[Any, Any]) -> bool:
+    rows = content.get("rows")
+    sections = rows.values() if isinstance(rows, Mapping) else ()
+    passes = any(isinstance(row, Mapping) and "passes" in row for row in sections)
+    return passes or content.get("format") == "savmap-site"

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 from pydantic import BaseModel, Field
 
 from savmap.errors import OutputError
@@ -68,5 +67,5 @@ def outline_of(shape: Shape, where: str) -> Polygon:
         raise OutputError(f"{where}: is a {shape.kind}; draw polygons or rectangles")
     if shape.kind == "rectangle" and len(shape.points) == 2:
         (left, top), (right, bottom) = shape.points
-        return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        return polygon_of([left, top, right, top, right, bottom, left, bottom], where)
     return polygon_of([number for point in shape.points for number in point], where)

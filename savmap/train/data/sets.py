@@ -8,12 +8,15 @@ from pathlib import Path
 import yaml
 
 from savmap.errors import OutputError
+from savmap.files import yaml_text
 from savmap.files.atomic import read_json, read_text
 from savmap.train.data.coco import read_coco
 from savmap.train.data.dataset import NO_MAPPING, Dataset, Sample, read_dataset
 from savmap.train.data.labelme import is_labelme, read_labelme
 from savmap.train.data.yolo import read_yolo
 
+MOST_MB = 256
+"""Of a file of labels, in which a picture may lie too."""
 HEADER = "dataset.json"
 KINDS = f"a savmap-dataset ({HEADER}), COCO instances (a JSON file), YOLO segments (data.yaml) or a folder of LabelMe's files"
 Reader = Callable[[Sequence[str], Mapping[str, str]], Dataset]
@@ -87,7 +90,7 @@ def reader_of(file: Path) -> Reader:
 
 def parsed(file: Path) -> object:
     """A JSON file's content, without the copy of the picture that LabelMe may put into it."""
-    content = read_json(file)
+    content = read_json(file, MOST_MB)
     if isinstance(content, dict):
         content.pop("imageData", None)
     return content
@@ -101,10 +104,10 @@ def is_coco(content: object) -> bool:
 def yaml_of(path: Path) -> Mapping[str, object]:
     """The mapping in a YAML file. Raises OutputError if there is none."""
     try:
-        content = yaml.safe_load(read_text(path))
-    except (yaml.YAMLError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        raise OutputError(f"{path}{f':{mark.line + 1}' if mark else ''}: is not YAML") from None
+        content = yaml_text.load(read_text(path, yaml_text.MOST_MB))
+    except yaml.YAMLError as error:
+        problem, line = yaml_text.problem_of(error)
+        raise OutputError(f"{path}{f':{line}' if line else ''}: is not YAML ({problem})") from None
     if not isinstance(content, dict):
         raise OutputError(f"{path}: is not a data.yaml (a mapping with names and train)")
     return content

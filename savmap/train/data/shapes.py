@@ -21,6 +21,8 @@ from savmap.video.image_folder import picture_size
 
 Bytes = NDArray[np.uint8]
 Model = TypeVar("Model", bound=BaseModel)
+FARTHEST_PX = 1e6
+"""No corner is further from its picture: no picture is as large."""
 _ORIENTATION, _LYING = 0x0112, {5, 6, 7, 8}
 Region = Sequence[Polygon] | Mask
 """One thing: polygons (each joined to the others), or its pixels (h, w)."""
@@ -62,6 +64,8 @@ def polygon_of(numbers: Sequence[float], where: str) -> Polygon:
     polygon = np.asarray(numbers, np.float64).reshape(-1, 2)
     if not np.isfinite(polygon).all():
         raise OutputError(f"{where}: a corner is not a finite number")
+    if np.abs(polygon).max() > FARTHEST_PX:
+        raise OutputError(f"{where}: a corner is more than {FARTHEST_PX:.0f} pixels away")
     return polygon
 
 

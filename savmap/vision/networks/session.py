@@ -56,7 +56,8 @@ def open_network(
             note = f"{path}: {'; '.join(notes)}; it runs on {provider}" if notes else ""
             return OpenNetwork(file, signature, _run(session, signature), provider, note)
         notes.append(f"{provider} does not start here")
-    raise ModelError(f"{path}: not a usable ONNX model; {ADVICE}") from failure
+    why = f" ({_line(failure)})" if failure else ""
+    raise ModelError(f"{path}: not a usable ONNX model{why}; {ADVICE}") from failure
 
 
 def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
@@ -83,5 +84,5 @@ def _run(session: Any, signature: OnnxSignature) -> Run:
 
 
 def _line(error: Exception) -> str:
-    text = str(error).strip().splitlines()
+    text = str(error).strip().removeprefix("[ONNXRuntimeError] : ").splitlines()
     return text[0][:160] if text else type(error).__name__

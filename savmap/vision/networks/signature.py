@@ -67,15 +67,18 @@ class OnnxSignature:
             if "names" in self.metadata:
                 named = ast.literal_eval(self.metadata["names"])
                 return _checked(_in_order(named) if isinstance(named, dict) else named)
-        except (ValueError, SyntaxError, TypeError) as error:
+        except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError) as error:
             raise ModelError(f"{self.path}: the classes in its metadata cannot be read: {error}") from error
         return None
 
 
 def read_signature(path: Path, session: Any) -> OnnxSignature:
-    """The signature of a file that onnxruntime has opened."""
-    metadata = dict(session.get_modelmeta().custom_metadata_map)
-    return OnnxSignature(path, _tensors(session.get_inputs()), _tensors(session.get_outputs()), metadata)
+    """The signature of a file that onnxruntime has opened. Raises ModelError where its texts cannot be read."""
+    try:
+        metadata = dict(session.get_modelmeta().custom_metadata_map)
+        return OnnxSignature(path, _tensors(session.get_inputs()), _tensors(session.get_outputs()), metadata)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path}: a text in it is not UTF-8; export it again") from error
 
 
 def _tensors(nodes: Sequence[Any]) -> tuple[Tensor, ...]:

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from savmap_shelves.evaluation import AlignmentCosts, Pair, align, gaps
+from savmap_shelves.report.evaluation import AlignmentCosts, Pair, align, gaps
 
 
 def cost(truth: np.ndarray, estimate: np.ndarray, pairs: list[Pair], costs: AlignmentCosts) -> float:

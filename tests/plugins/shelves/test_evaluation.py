@@ -11,7 +11,7 @@ from perfect_maps import Row, structures_of, surveyed_row
 from savmap.errors import OutputError
 from savmap.report.evaluation import mean_absolute_error, score_json
 from savmap.types import Score, Structure
-from savmap_shelves.evaluation import evaluate
+from savmap_shelves.report.evaluation import evaluate
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """Posts and levels in the evidence of a face: what is found beside what was tracked, what is dropped, and what is left alone."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from savmap.types import Floats, PlaneEvidence
 from savmap_shelves.evidence import Grid, expected_grid, face_patch, outlines, tracked_grid
+from savmap_shelves.evidence.paint import Paint
 
 POSTS = np.array([[0.0, 0.1], [2.7, 2.8], [5.4, 5.5], [8.1, 8.2]])
 LEVELS = np.array([[0.4, 0.52], [1.9, 2.02], [3.4, 3.52]])
@@ -130,3 +132,79 @@ def test_every_object_has_an_outline() -> None:
     objects = outlines(WHOLE)
     assert [thing.label for thing in objects] == ["upright"] * 4 + ["beam"] * 9
     assert np.ptp(objects[4].outline, axis=0) == pytest.approx([2.6, 0.12, 0.0])
+
+
+RED, GREY, WOOD = (200, 40, 30), (120, 125, 120), (190, 150, 100)
+
+
+def painted(evidence: PlaneEvidence, *stripes: tuple[tuple[float, float], tuple[int, int, int]]) -> PlaneEvidence:
+    """The same evidence with a picture: red beams before goods of many colours, and stripes (y, colour) along the whole face."""
+    patch, rng = evidence.patch, np.random.default_rng(0)
+    picture = rng.integers(60, 200, (*patch.shape, 3)).astype(np.uint8)
+    y = patch.origin[1] + patch.heights
+    for (low, high), colour in (*((tuple(level), RED) for level in LEVELS.tolist()), *stripes):
+        picture[(y > low) & (y < high)] = colour
+    return replace(evidence, picture=picture)
+
+
+def test_paint_tells_beams_from_what_is_painted_otherwise() -> None:
+    paint = Paint(painted(seen(), ((2.6, 2.72), GREY)), WHOLE)
+    assert paint.tells
+    assert paint.likeness(0.1, 2.7, 1.96) == pytest.approx(1.0, abs=0.1)
+    assert paint.likeness(0.1, 2.7, 2.66) < 0.2
+
+
+def test_paint_tells_nothing_where_goods_are_painted_like_beams() -> None:
+    assert not Paint(painted(seen(), ((-1.0, 5.0), RED)), WHOLE).tells
+
+
+def test_a_storey_does_not_vouch_for_its_own_paint() -> None:
+    made_up = np.concatenate([[[1.1, 1.22]], LEVELS])
+    tracked = Grid(POSTS, [np.sort(made_up, axis=0)] * 3)
+    evidence = painted(seen(), ((1.1, 1.22), GREY))
+    assert Paint(evidence, tracked).likeness(0.1, 2.7, 1.16) < 0.2
+    assert is_whole(expected_grid(seen_as(evidence, (1.1, 1.22), 0.7), tracked))
+
+
+def seen_as(evidence: PlaneEvidence, height: tuple[float, float], value: float) -> PlaneEvidence:
+    """The same with evidence of a beam along the whole face."""
+    y, mean = evidence.patch.origin[1] + evidence.patch.heights, evidence.mean.copy()
+    x = evidence.patch.origin[0] + evidence.patch.across
+    mean[1][np.ix_((y > height[0]) & (y < height[1]), (x > POSTS[0, 1]) & (x < POSTS[-1, 0]))] = value
+    return replace(evidence, mean=mean)
+
+
+def test_half_a_level_painted_like_the_others_is_found() -> None:
+    half = [(1, (left + 1.2, left + 2.8), (1.9, 2.02), 0.0) for left in (0.0, 2.7, 5.4)]
+    tracked = Grid(POSTS, [LEVELS[[0, 2]]] * 3)
+    assert is_whole(expected_grid(painted(seen(*half)), tracked))
+    assert expected_grid(painted(seen(*half), ((1.9, 2.02), WOOD)), tracked) is None
+
+
+@pytest.mark.parametrize(("colour", "believed"), [(RED, True), (GREY, False)])
+def test_a_level_below_guarded_feet_is_told_by_paint(colour: tuple[int, int, int], believed: bool) -> None:
+    tracked = Grid(POSTS, [LEVELS[1:]] * 3)
+    evidence = seen(*[(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()])
+    found = expected_grid(painted(evidence, ((0.4, 0.52), colour)), tracked)
+    assert is_whole(found) if believed else found is None
+
+
+def behind(height: float, share: float) -> PlaneEvidence:
+    """Evidence in which the rear face's beams show faintly, from a camera at a height and distance."""
+    evidence = seen()
+    weight = np.exp(-np.square(evidence.patch.origin[1] + evidence.patch.heights - height))[:, None]
+    for level in LEVELS.mean(axis=1):
+        place = height + share * (level - height)
+        evidence = seen_as(evidence, (place - 0.04, place + 0.04), 0.3)
+    return replace(evidence, weight=np.broadcast_to(weight, evidence.weight.shape).astype(np.float32))
+
+
+def test_beams_of_the_rear_face_are_no_levels() -> None:
+    assert expected_grid(behind(2.6, 0.65), WHOLE) is None
+
+
+def test_one_faint_level_is_not_taken_for_the_rear_face() -> None:
+    faint = [(1, (left, right), (2.6, 2.72), 0.3) for left, right in ((0.1, 2.7), (2.8, 5.4), (5.5, 8.1))]
+    found = expected_grid(seen(*faint), WHOLE)
+    assert found is not None
+    assert [len(levels) for levels in found.sections] == [4, 4, 4]

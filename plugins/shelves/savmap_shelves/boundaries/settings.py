@@ -24,7 +24,7 @@ class BoundarySettings(BaseModel):
       `foot_across_px`: a foot's standard deviations.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     least_upright: float = Field(default=5 / 8, gt=0, le=1)
     plane_margin: float = Field(default=0.2, ge=0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from savmap.types import Bools, Floats, Ints
 from savmap_shelves.tracking.sightings import FaceSightings
@@ -26,6 +26,7 @@ LEVEL, LEVEL_SIGMA = 0.04, 0.005
 GOOD_VOTE = 0.5
 GOOD_MATCH, HOPEFUL, HOPELESS = 0.5, 3, 0.25
 CORNER_VOTE = 0.2
+AROUND, SUDDEN = 7, 2.0
 RATIOS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 FIRST_CORNER = 2
 
@@ -142,9 +143,19 @@ def steps_between(views: Sequence[FrameObservations], moved: Floats) -> Floats:
     usual = _pace(moved)
     loose = np.array([np.clip(0.5 * usual, 0.01, 0.05), np.clip(usual, 0.05, 0.2), 0.05]) / MATCH_SIGMA
     likely = LEVEL * np.maximum(1.0, np.abs(moved) / max(usual, 1e-6))
-    pairs = zip(views[:-1], views[1:], moved, likely, strict=True)
-    steps = [FrameMatcher(a, b).motion(shift, loose, change) for a, b, shift, change in pairs]
-    return np.array(steps).reshape(-1, 3)
+    matchers = [FrameMatcher(first, second) for first, second in pairwise(views)]
+    found = zip(matchers, moved, likely, strict=True)
+    steps = np.array([matcher.motion(shift, loose, change) for matcher, shift, change in found]).reshape(-1, 3)
+    for index in _sudden(steps[:, 0], likely):
+        steps[index] = matchers[index].held(moved[index], loose)
+    return steps
+
+
+def _sudden(ratios: Floats, likely: Floats) -> list[int]:
+    """Steps (n,) in which the distance from the face changes unlike in those around: nobody leaps, other lines were matched."""
+    change = np.log(ratios)
+    usual = median_filter(change, AROUND, mode="nearest") if len(change) else change
+    return [int(index) for index in np.flatnonzero(np.abs(change - usual) > SUDDEN * likely)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +181,13 @@ class FrameMatcher:
             starts = [self._refined(start, usual, loose) for start in starts]
         best = max(starts, key=lambda motion: self._agreement(motion, MATCH / 4))
         if self._agreement(best, MATCH / 4) < HOPELESS * possible and abs(best[0] - 1) > likely:
-            return self._refined(usual, usual, np.append(LEVEL_SIGMA / MATCH_SIGMA, loose[1:]))
+            return self.held(shift, loose)
         return best
+
+    def held(self, shift: float, loose: Floats) -> Floats:
+        """The motion by a shift along the face, the distance from it kept."""
+        usual = np.array([1.0, -shift, 0.0])
+        return self._refined(usual, usual, np.append(LEVEL_SIGMA / MATCH_SIGMA, loose[1:]))
 
     def _agreement(self, motion: Floats, sigma: float) -> float:
         """How many edges and corners match, closer ones counting more; less if the distance from the face changes much."""

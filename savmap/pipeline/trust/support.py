@@ -60,11 +60,12 @@ def _rendered(view: str, path: Trajectory, facts: RowFacts) -> Bools:
 
 def _frames_of(structure: Structure, tracks: Sequence[Track], path: Trajectory) -> Bools:
     """Which frames of the path (n,) measured a structure."""
-    own = [track.frames for track in tracks if _is_of(track.name, structure.id)]
+    own = [track.frames for track in tracks if is_of(track.name, structure.id)]
     return np.isin(path.frames, np.concatenate([np.zeros(0, np.int64), *own]))
 
 
-def _is_of(track: str, structure: str) -> bool:
+def is_of(track: str, structure: str) -> bool:
+    """Whether a track or landmark belongs to a structure, by their names."""
     return track == structure or track.startswith(f"{structure} / ")
 
 

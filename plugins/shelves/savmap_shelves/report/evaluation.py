@@ -41,7 +41,7 @@ Intervals = Annotated[list[Interval], AfterValidator(_in_order)]
 class SurveyedSection(BaseModel):
     """Beams [y_bottom, y_top] of one section, from the bottom up, metres in the row's frame."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     beams: Intervals
 
@@ -52,7 +52,7 @@ class SurveyedRow(BaseModel):
     Other keys of a survey's row are left alone.
     """
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
     uprights: Intervals = Field(min_length=2)
     sections: list[SurveyedSection]

@@ -12,15 +12,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.split.frame_pairs import FramePair
 from savmap.types import Floats, array_record
 
 BEARINGS = 120
 LOW_DEG, HIGH_DEG = -20.0, 35.0
-_PAD = 64
+PAD = 64
 _WAYS = 72
 _REFITS = 8
 _LEAST_RESIDUAL = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FramePair:
+    """Two grey panoramas `first`, `second` (H, 2H) uint8, the first at `stamp_s` in the recording, `gap_s` apart."""
+
+    stamp_s: float
+    gap_s: float
+    first: NDArray[np.uint8]
+    second: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +50,34 @@ class Motion:
     texture: Floats
 
 
-def motion_of(pair: FramePair) -> Motion:
-    """The motion between a pair's two pictures."""
-    rates, texture = _strip(pair)
+@dataclass(frozen=True, eq=False)
+@array_record
+class StripFlow:
+    """The strip around the horizon of a pair's pictures, with `PAD` columns of its other end at each end: `first`, `second` (h, w + 2
+    PAD) uint8, and where each pixel of the first goes, `flow` (h, w + 2 PAD, 2) px."""
+
+    first: NDArray[np.uint8]
+    second: NDArray[np.uint8]
+    flow: NDArray[np.float32]
+
+
+def strip_flow(pair: FramePair, begin: StripFlow | None = None) -> StripFlow:
+    """The apparent motion in a pair's strip, searched for from that of another pair where one is given."""
+    height, _ = pair.first.shape
+    rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
+    first, second = (
+        np.asarray(cv2.copyMakeBorder(image[rows], 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
+        for image in (pair.first, pair.second)
+    )
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(
+        first, second, np.empty(0) if begin is None else begin.flow.copy()
+    )
+    return StripFlow(first, second, np.asarray(flow, np.float32))
+
+
+def motion_of(pair: FramePair, strip: StripFlow | None = None) -> Motion:
+    """The motion between a pair's two pictures, of whose `strip` the flow may be known already."""
+    rates, texture = _rates(pair, strip or strip_flow(pair))
     turn, way, sides, misfit = _fit(rates)
     return Motion(pair.stamp_s + pair.gap_s / 2, turn, way, sides, misfit, rates, texture)
 
@@ -64,16 +99,11 @@ def bearings() -> Floats:
     return (np.arange(BEARINGS) + 0.5) * 360 / BEARINGS - 180
 
 
-def _strip(pair: FramePair) -> tuple[Floats, Floats]:
+def _rates(pair: FramePair, strip: StripFlow) -> tuple[Floats, Floats]:
     """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture (BEARINGS,)."""
-    height, width = pair.first.shape
-    rows = slice(round((90 - HIGH_DEG) / 180 * height), round((90 - LOW_DEG) / 180 * height))
-    first, second = (
-        cv2.copyMakeBorder(image[rows], 0, 0, _PAD, _PAD, cv2.BORDER_WRAP) for image in (pair.first, pair.second)
-    )
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM).calc(first, second, np.empty(0))
-    across = flow[:, _PAD : _PAD + width, 0]
-    upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, _PAD : _PAD + width]) / 8 for x in (1, 0))
+    width, first = pair.first.shape[1], strip.first
+    across = strip.flow[:, PAD : PAD + width, 0]
+    upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, PAD : PAD + width]) / 8 for x in (1, 0))
     columns = np.arange(width) * BEARINGS // width
     medians = [
         _weighted_median(across[:, columns == bearing], upright[:, columns == bearing] + 0.01)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from savmap.types import Drawing, Floats, Role, Structure
-from savmap_shelves.evaluation import SurveyedRow, read_row
+from savmap_shelves.report.evaluation import SurveyedRow, read_row
 
 OFF_M = 0.05
 FACE, PLAN = "uprights and beams", "uprights"

@@ -4,7 +4,7 @@ This is the published density estimate (paper, III.D) over every pixel of every 
 What was tracked sets the scale: its own evidence says how strong the others' should be.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,15 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from savmap.types import Bools, Expected, Floats, PlaneEvidence, PlanePatch
+from savmap.types import Bools, Floats, PlaneEvidence
+from savmap_shelves.evidence.face_grid import BEYOND, Grid
+from savmap_shelves.evidence.paint import Paint
+from savmap_shelves.evidence.rear import RearFace
 
 Singles = NDArray[np.float32]
 
-FACE = "face"
-CELLS_ACROSS = 5.0
-BEYOND = 1.3
 BODY = (0.12, 0.92)
 APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
+ALIKE, NEITHER, STRONG, WHOLE = 0.95, 0.8, 0.6, 0.9
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,10 @@ class EvidenceSettings:
     cover that a new one must have; `post_in_gap`: one in a bay so wide that one is missing; `lost`: what was tracked with less is
     dropped. `faint`: evidence below this says nothing. `wide`: such a multiple of the narrowest bay may miss a post; `narrow`: posts nearer
     to one another than this share of it are one.
+
+    Where paint tells beams from the rest (`Paint.tells`), 1 is as like the other beams' as theirs is one another's, 0 as the rest of the
+    face: what is `strange` is no level, nor what is `doubted`, unless it shows all along or is `plain` (its cover times its
+    strength); `painted` is the cover that is enough, in its own section or in half of them, for one that is like the others.
     """
 
     clear: float = 0.2
@@ -43,85 +48,10 @@ class EvidenceSettings:
     faint: float = 0.05
     wide: float = 1.6
     narrow: float = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each section between them y (m, 2) of its
-    beams' edges from the bottom."""
-
-    posts: Floats
-    sections: Sequence[Floats]
-
-    @property
-    def width(self) -> float:
-        """The usual width of a post."""
-        return float(np.median(np.diff(self.posts, axis=1)))
-
-    @property
-    def thickness(self) -> float:
-        """The usual thickness of a beam."""
-        return float(np.median(np.concatenate([np.diff(levels, axis=1)[:, 0] for levels in self.sections])))
-
-    @property
-    def bay(self) -> float:
-        """The usual distance from post to post."""
-        return float(np.median(np.diff(self.posts.mean(axis=1))))
-
-    @property
-    def top(self) -> float:
-        """The highest edge."""
-        return float(max(levels.max() for levels in self.sections if len(levels)))
-
-
-def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
-    """The grid that was tracked, by the first positions of its landmarks; None where it holds no section."""
-    columns: dict[tuple[int, int], list[float]] = {}
-    rows: dict[tuple[int, int, int], list[float]] = {}
-    for name, position in points.items():
-        words = name.split(" / ")
-        if len(words) == 3 and words[0].startswith("upright"):
-            columns.setdefault((int(words[0].split()[1]), int(words[1] == "right")), []).append(float(position[0]))
-        elif len(words) == 3 and words[1].startswith("beam"):
-            key = int(words[0].split()[1]), int(words[1].split()[1]), int("upper" in words[2])
-            rows.setdefault(key, []).append(float(position[1]))
-    whole = [number for number, side in columns if side == 0 and (number, 1) in columns]
-    posts = np.array([[np.median(columns[number, side]) for side in (0, 1)] for number in sorted(whole)])
-    if len(posts) < 2 or not rows:
-        return None
-    sections = [_levels_of(rows, section) for section in range(1, len(posts))]
-    if not any(len(levels) for levels in sections):
-        return None
-    usual = float(np.median(np.abs(np.concatenate([np.diff(levels, axis=1) for levels in sections]))))
-    return Grid(np.sort(posts, axis=1), [_thick(levels, usual) for levels in sections])
-
-
-def _thick(levels: Floats, usual: float) -> Floats:
-    """Levels with their edges in order, at least half as thick as is usual: a first solution may have the edges of one crossed."""
-    middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
-    return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))
-
-
-def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:
-    numbers = sorted({beam for own, beam, _ in rows if own == section})
-    whole = [beam for beam in numbers if (section, beam, 0) in rows and (section, beam, 1) in rows]
-    return np.array([[np.median(rows[section, beam, edge]) for edge in (0, 1)] for beam in whole]).reshape(-1, 2)
-
-
-def face_patch(grid: Grid) -> PlanePatch:
-    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post."""
-    low, high = _reach_up(grid)
-    left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
-    cell = min(grid.width, grid.thickness) / CELLS_ACROSS
-    origin = np.array([left, low, 0.0])
-    return PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], np.array([right - left, high - low]), cell)
-
-
-def _reach_up(grid: Grid) -> tuple[float, float]:
-    """Lowest and highest y of the patch."""
-    bottom = min(float(levels.min()) for levels in grid.sections if len(levels))
-    room = 0.3 * (grid.top - bottom) + 2 * grid.thickness
-    return bottom - room, grid.top + room
+    strange: float = 0.3
+    doubted: float = 0.6
+    plain: float = 0.3
+    painted: float = 0.4
 
 
 def expected_grid(evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None) -> Grid | None:
@@ -138,7 +68,7 @@ class GridSearch:
     """Looks for posts and levels in a face's evidence."""
 
     def __init__(self, evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings) -> None:
-        self.tracked, self.settings, self.cell = grid, settings, evidence.patch.cell
+        self.evidence, self.tracked, self.settings, self.cell = evidence, grid, settings, evidence.patch.cell
         self.x = evidence.patch.origin[0] + evidence.patch.across
         self.y = evidence.patch.origin[1] + evidence.patch.heights
         self.upright, self.beam, self.weight = evidence.of("upright"), evidence.of("beam"), evidence.weight
@@ -155,6 +85,16 @@ class GridSearch:
         """What the evidence shows."""
         posts = self._with_ends(self._posts())
         return Grid(posts, [self._levels(pair) for pair in pairwise(posts)])
+
+    @cached_property
+    def paint(self) -> Paint:
+        """The paint of what was tracked."""
+        return Paint(self.evidence, self.tracked)
+
+    @cached_property
+    def rear(self) -> RearFace:
+        """Where the rear face's beams appear."""
+        return RearFace(self.evidence, self.covers, self.tracked.sections, self.tracked.thickness)
 
     @cached_property
     def floor(self) -> float:
@@ -262,24 +202,88 @@ class GridSearch:
     def _levels(self, posts: tuple[Floats, Floats]) -> Floats:
         """y (m, 2) of a section's beams: those that were tracked between the same posts and are not lost, and new ones."""
         left, right = float(posts[0][1]), float(posts[1][0])
-        cover, levels = self._level_cover(left, right), self._tracked_between(*posts)
-        faint = np.array([self._level_strength(left, right, *level) for level in levels]) < FAINT * self.usual_level
-        sunk = faint & (levels.mean(axis=1) < self.floor + SUNK * self.tracked.thickness)
-        levels = levels[(_greatest(cover, self.y, levels) >= self.settings.lost) & ~sunk]
-        for row in _peaks(cover, self.settings.level):
-            centre, half = self.y[row], self._half(cover, row)
-            if not self.floor + self.tracked.thickness / 2 < centre < self.ceiling + self.tracked.thickness / 2:
-                continue
-            if not len(levels) or np.abs(levels.mean(axis=1) - centre).min() > APART * self.tracked.thickness:
-                levels = np.concatenate([levels, [[centre - half, centre + half]]])
+        cover, tracked = self._level_cover(left, right), self._tracked_between(*posts)
+        kept = [level for level in tracked if self._stays(cover, left, right, level)]
+        taken = tracked.mean(axis=1).tolist()
+        for row in _peaks(cover, self.settings.painted / 4):
+            centre = float(self.y[row])
+            near = min((abs(centre - other) for other in taken), default=np.inf) <= APART * self.tracked.thickness
+            if not near and self._is_level(float(cover[row]), left, right, centre):
+                taken.append(centre)
+                kept.append(self._edges(cover, row, left, right))
+        levels = np.array(kept).reshape(-1, 2)
         return levels[np.argsort(levels[:, 0])]
 
-    def _half(self, cover: Floats, row: int) -> float:
-        """Half the thickness of a level whose cover is greatest at a row: down to half of it on either side, within reason."""
-        below = np.flatnonzero(cover < cover[row] / 2)
-        first, last = below[below < row].max(initial=row - 1), below[below > row].min(initial=row + 1)
-        thickness = self.cell * (last - first - 1)
-        return float(np.clip(thickness, 0.6 * self.tracked.thickness, 1.4 * self.tracked.thickness) / 2)
+    def _stays(self, cover: Floats, left: float, right: float, level: Floats) -> bool:
+        """Whether the evidence lets a level be that was tracked between two posts."""
+        shown = float(_greatest(cover, self.y, level[None])[0])
+        strength = self._level_strength(left, right, *level) / self.usual_level
+        sunk = strength < FAINT and level.mean() < self.floor + SUNK * self.tracked.thickness
+        like, plain = self._storey_likeness(left, right, level), shown > WHOLE or shown * strength > self.settings.plain
+        strange = like < self.settings.strange or (like < self.settings.doubted and not plain)
+        return shown >= self.settings.lost and not sunk and not strange
+
+    def _is_level(self, cover: float, left: float, right: float, centre: float) -> bool:
+        """Whether a height at which nothing was tracked is a level's: by its cover, its paint, and where it is.
+
+        Below the posts' feet are goods and markings; but a guard hides feet, and what is as strong there as the beams and painted like
+        them is a beam.
+        """
+        half, like = self.tracked.thickness / 2, self._likeness(left, right, centre)
+        strong = self._level_strength(left, right, centre - half, centre + half) > STRONG * self.usual_level
+        if centre <= self.floor + half:
+            return cover > self.settings.level and like >= ALIKE and strong
+        behind = not strong and self.rear.shows(self._tracked_beside(left, right), centre)
+        if centre >= self.ceiling + half or like < self.settings.strange or behind:
+            return False
+        if cover >= self.settings.level:
+            return True
+        return like >= ALIKE and max(cover, self._usual_cover(centre)) >= self.settings.painted
+
+    def _likeness(self, left: float, right: float, centre: float) -> float:
+        """How like the tracked beams' the paint at a height is between two posts; neither like nor unlike where paint does not tell."""
+        return self.paint.likeness(left, right, centre) if self.paint.tells else NEITHER
+
+    def _storey_likeness(self, left: float, right: float, level: Floats) -> float:
+        """How like the others' a level's paint is in its own section, or usually in those where one was tracked at its height: goods
+        shade a level in one of them."""
+        centre, thickness = float(level.mean()), self.tracked.thickness
+        spans = [(float(before[1]), float(after[0])) for before, after in pairwise(self.tracked.posts)]
+        alike = [
+            self._likeness(*span, centre)
+            for span, levels in zip(spans, self.tracked.sections, strict=True)
+            if len(levels) and np.abs(levels.mean(axis=1) - centre).min() < thickness
+        ]
+        return max(self._likeness(left, right, centre), float(np.median(alike)))
+
+    def _usual_cover(self, centre: float) -> float:
+        """The cover at a height that half of the tracked sections have: levels often go on from bay to bay."""
+        around = centre + self.tracked.thickness * np.array([[-0.5, 0.5]])
+        return float(np.quantile([_greatest(cover, self.y, around)[0] for cover in self.covers], 0.5, method="higher"))
+
+    @cached_property
+    def covers(self) -> list[Floats]:
+        """The covers (rows,) of levels in the sections that were tracked."""
+        return [self._level_cover(float(left[1]), float(right[0])) for left, right in pairwise(self.tracked.posts)]
+
+    def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
+        """y (2,) of the edges of a level whose cover is greatest at a row: those of its paint where that is like the others', else where the
+        cover is down to half, within reason."""
+        centre, usual = float(self.y[row]), self.tracked.thickness
+        if self._likeness(left, right, centre) >= ALIKE:
+            low, high = self.paint.extent(left, right, centre)
+        else:
+            below = np.flatnonzero(cover < cover[row] / 2)
+            first, last = below[below < row].max(initial=row - 1), below[below > row].min(initial=row + 1)
+            low, high = centre + self.cell * (last - first - 1) / 2 * np.array([-1.0, 1.0])
+        half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
+        return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
+
+    def _tracked_beside(self, left: float, right: float) -> Floats:
+        """The levels of the tracked section that the middle between two posts lies in; none beyond the ends."""
+        section = int(np.searchsorted(self.tracked.posts.mean(axis=1), (left + right) / 2)) - 1
+        inside = 0 <= section < len(self.tracked.sections)
+        return self.tracked.sections[section] if inside else np.zeros((0, 2))
 
     def _tracked_between(self, left: Floats, right: Floats) -> Floats:
         for own, levels in zip(pairwise(self.tracked.posts), self.tracked.sections, strict=True):
@@ -311,20 +315,3 @@ def _peaks(cover: Floats, least: float) -> list[int]:
 
 def _usual_bay(posts: Floats) -> float:
     return float(np.median(np.diff(posts.mean(axis=1))))
-
-
-def outlines(grid: Grid) -> list[Expected]:
-    """The objects of a grid on the face. Posts reach beyond the levels at both ends, as far as the pictures show them."""
-    low, high = _reach_up(grid)
-    uprights = [_rectangle("upright", post, np.array([low, high])) for post in grid.posts]
-    beams = [
-        _rectangle("beam", np.array([left[1], right[0]]), level)
-        for (left, right), levels in zip(pairwise(grid.posts), grid.sections, strict=True)
-        for level in levels
-    ]
-    return [*uprights, *beams]
-
-
-def _rectangle(label: str, x: Floats, y: Floats) -> Expected:
-    corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-    return Expected(label, np.array([[*corner, 0.0] for corner in corners], np.float64))

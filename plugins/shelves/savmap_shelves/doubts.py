@@ -1,0 +1,103 @@
+"""What of a mapped rack is implausible: elements out of proportion to their likes, and levels that one section alone has or lacks."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.types import Doubt, Floats, Structure
+from savmap_shelves.mapping import MappedSection, sections_of, uprights_of
+
+WIDE, NARROW = 1.8, 0.4
+THICK, THIN = 1.7, 0.55
+LEAST_TO_COMPARE = 4
+REGULAR = 0.8
+LEVEL_M = 0.06
+
+
+def doubts_of(structures: Sequence[Structure]) -> list[Doubt]:
+    """Doubts of kind `shape`, each with the ids of the elements that it is about."""
+    by_id = {structure.id: structure for structure in structures}
+    found = [*_bays(structures), *_sizes(structures), *_levels(structures)]
+    return [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
+
+
+def _place(structures: Sequence[Structure]) -> tuple[float, float, float]:
+    x, y, z = np.mean([structure.vertices.mean(axis=0) for structure in structures], axis=0).tolist()
+    return x, y, z
+
+
+def _bays(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Distances from upright to upright that differ much from the others: uprights may be missing, or one may be none."""
+    uprights = uprights_of(structures)
+    widths = np.diff(uprights.intervals.mean(axis=1))
+    for number, (left, right) in enumerate(pairwise(uprights.ids)):
+        others = np.delete(widths, number)
+        if not len(others):
+            continue
+        usual, width = float(np.median(others)), float(widths[number])
+        if width > WIDE * usual:
+            yield (
+                f"{left} and {right} are {width:.2f} m apart, others {usual:.2f} m: is one between them missing?",
+                (left, right),
+            )
+        if width < NARROW * usual:
+            yield (
+                f"{left} and {right} are {width:.2f} m apart, others {usual:.2f} m: is one of them none?",
+                (left, right),
+            )
+
+
+def _sizes(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Uprights' widths and beams' heights that differ much from the others'."""
+    beams = [section.beams for section in sections_of(structures)]
+    uprights = uprights_of(structures)
+    heights = np.concatenate([np.zeros((0, 2)), *(group.intervals for group in beams)])
+    yield from _odd_sizes([*uprights.ids], uprights.intervals, "wide")
+    yield from _odd_sizes([name for group in beams for name in group.ids], heights, "high")
+
+
+def _odd_sizes(ids: Sequence[str], intervals: Floats, word: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    sizes = np.diff(intervals, axis=1)[:, 0]
+    if len(sizes) < LEAST_TO_COMPARE:
+        return
+    usual = float(np.median(sizes))
+    for name, size in zip(ids, sizes.tolist(), strict=True):
+        if not THIN * usual < size < THICK * usual:
+            yield (
+                f"{name} is {100 * size:.1f} cm {word}, others {100 * usual:.1f} cm: something else may be taken for it",
+                (name,),
+            )
+
+
+def _levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """In a rack whose sections have the same levels: one that has one more, or lacks one that both its neighbours have."""
+    sections = sections_of(structures)
+    if len(sections) < LEAST_TO_COMPARE or _regularity(sections) < REGULAR:
+        return
+    for number, section in enumerate(sections):
+        beside = [sections[k] for k in (number - 1, number + 1) if 0 <= k < len(sections)]
+        for name, level in zip(section.beams.ids, _heights(section), strict=True):
+            if not any(_has(other, level) for other in beside):
+                yield f"{name} is at {level:.2f} m, where no section beside it has a beam: is it one?", (name,)
+        for level in _heights(beside[0]):
+            if all(_has(other, level) for other in beside) and not _has(section, level):
+                yield (
+                    f"the sections beside have a beam at {level:.2f} m that is missing beside {section.beams.ids[0]}",
+                    section.beams.ids[:1],
+                )
+
+
+def _regularity(sections: Sequence[MappedSection]) -> float:
+    """The share of levels that the next section has too."""
+    shared = [_has(b, level) for a, b in pairwise(sections) for level in _heights(a)]
+    shared += [_has(a, level) for a, b in pairwise(sections) for level in _heights(b)]
+    return float(np.mean(shared)) if shared else 0.0
+
+
+def _heights(section: MappedSection) -> list[float]:
+    return [float(height) for height in section.beams.intervals.mean(axis=1)]
+
+
+def _has(section: MappedSection, level: float) -> bool:
+    return any(abs(height - level) < LEVEL_M for height in _heights(section))

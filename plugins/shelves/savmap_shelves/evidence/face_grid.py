@@ -1,0 +1,109 @@
+"""The grid of a face in its own coordinates: read off what was tracked, the patch around it, and the outlines of its objects."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.types import Expected, Floats, PlanePatch
+
+FACE = "face"
+CELLS_ACROSS = 5.0
+BEYOND = 1.3
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each section between them y (m, 2) of its
+    beams' edges from the bottom."""
+
+    posts: Floats
+    sections: Sequence[Floats]
+
+    @property
+    def width(self) -> float:
+        """The usual width of a post."""
+        return float(np.median(np.diff(self.posts, axis=1)))
+
+    @property
+    def thickness(self) -> float:
+        """The usual thickness of a beam."""
+        return float(np.median(np.concatenate([np.diff(levels, axis=1)[:, 0] for levels in self.sections])))
+
+    @property
+    def bay(self) -> float:
+        """The usual distance from post to post."""
+        return float(np.median(np.diff(self.posts.mean(axis=1))))
+
+    @property
+    def top(self) -> float:
+        """The highest edge."""
+        return float(max(levels.max() for levels in self.sections if len(levels)))
+
+
+def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
+    """The grid that was tracked, by the first positions of its landmarks; None where it holds no section."""
+    columns: dict[tuple[int, int], list[float]] = {}
+    rows: dict[tuple[int, int, int], list[float]] = {}
+    for name, position in points.items():
+        words = name.split(" / ")
+        if len(words) == 3 and words[0].startswith("upright"):
+            columns.setdefault((int(words[0].split()[1]), int(words[1] == "right")), []).append(float(position[0]))
+        elif len(words) == 3 and words[1].startswith("beam"):
+            key = int(words[0].split()[1]), int(words[1].split()[1]), int("upper" in words[2])
+            rows.setdefault(key, []).append(float(position[1]))
+    whole = [number for number, side in columns if side == 0 and (number, 1) in columns]
+    posts = np.array([[np.median(columns[number, side]) for side in (0, 1)] for number in sorted(whole)])
+    if len(posts) < 2 or not rows:
+        return None
+    sections = [_levels_of(rows, section) for section in range(1, len(posts))]
+    if not any(len(levels) for levels in sections):
+        return None
+    usual = float(np.median(np.abs(np.concatenate([np.diff(levels, axis=1) for levels in sections]))))
+    return Grid(np.sort(posts, axis=1), [_thick(levels, usual) for levels in sections])
+
+
+def _thick(levels: Floats, usual: float) -> Floats:
+    """Levels with their edges in order, at least half as thick as is usual: a first solution may have the edges of one crossed."""
+    middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
+    return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))
+
+
+def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:
+    numbers = sorted({beam for own, beam, _ in rows if own == section})
+    whole = [beam for beam in numbers if (section, beam, 0) in rows and (section, beam, 1) in rows]
+    return np.array([[np.median(rows[section, beam, edge]) for edge in (0, 1)] for beam in whole]).reshape(-1, 2)
+
+
+def face_patch(grid: Grid) -> PlanePatch:
+    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post."""
+    low, high = _reach_up(grid)
+    left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
+    cell = min(grid.width, grid.thickness) / CELLS_ACROSS
+    origin = np.array([left, low, 0.0])
+    return PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], np.array([right - left, high - low]), cell)
+
+
+def _reach_up(grid: Grid) -> tuple[float, float]:
+    """Lowest and highest y of the patch."""
+    bottom = min(float(levels.min()) for levels in grid.sections if len(levels))
+    room = 0.3 * (grid.top - bottom) + 2 * grid.thickness
+    return bottom - room, grid.top + room
+
+
+def outlines(grid: Grid) -> list[Expected]:
+    """The objects of a grid on the face. Posts reach beyond the levels at both ends, as far as the pictures show them."""
+    low, high = _reach_up(grid)
+    uprights = [_rectangle("upright", post, np.array([low, high])) for post in grid.posts]
+    beams = [
+        _rectangle("beam", np.array([left[1], right[0]]), level)
+        for (left, right), levels in zip(pairwise(grid.posts), grid.sections, strict=True)
+        for level in levels
+    ]
+    return [*uprights, *beams]
+
+
+def _rectangle(label: str, x: Floats, y: Floats) -> Expected:
+    corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+    return Expected(label, np.array([[*corner, 0.0] for corner in corners], np.float64))

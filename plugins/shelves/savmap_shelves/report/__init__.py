@@ -1,0 +1,1 @@
+"""What a mapped rack looks like beside a survey: scores and figures."""

@@ -1,0 +1,16 @@
+"""What the command line prints: text of any origin, of which no character but a line's end does anything to the terminal."""
+
+import typer
+
+from savmap.errors import visible
+
+
+def say(line: object, err: bool = False) -> None:
+    """Print one line."""
+    typer.echo(visible(str(line)), err=err)
+
+
+def say_all(text: str) -> None:
+    """Print several lines."""
+    for line in text.split("\n"):
+        say(line)

@@ -1,0 +1,119 @@
+"""YAML that anybody may have written, within bounds, and with a line for each mistake.
+
+Dates are read as text: none of our files holds one, and 2024-13-45 is not worth an error of its own.
+"""
+
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import yaml
+
+from savmap.files.texts import SURROGATES
+
+MOST_MB = 2.0
+MOST_DEPTH = 50
+MOST_VALUES = 100_000
+"""With what aliases stand for: a site of 2000 rows has 60 000."""
+MOST_LETTERS = 4000
+LARGEST = 1e300
+TIMESTAMP = "tag:yaml.org,2002:timestamp"
+_Events: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class BoundError(yaml.MarkedYAMLError):
+    """A text that may be YAML, but is not read: too deep, too much, or not to be written."""
+
+
+class _Loader(_Events):  # type: ignore[misc]
+    """A safe loader without dates, that tells where a value cannot be made."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [(tag, pattern) for tag, pattern in resolvers if tag != TIMESTAMP]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            value = super().construct_object(node, deep)
+        except yaml.YAMLError:
+            raise
+        except (ValueError, TypeError, ArithmeticError, AttributeError, LookupError) as error:
+            text = f"{node.value!a:.40}" if isinstance(node, yaml.ScalarNode) else "a section"
+            kind = node.tag.rpartition(":")[2]
+            raise _error(f"{text} is no {kind}", node.start_mark) from error
+        if isinstance(value, int | float) and not -LARGEST < value < LARGEST:
+            raise _error(f"{node.value:.20} is not a finite number", node.start_mark)
+        return value
+
+
+def compose(text: str) -> yaml.Node | None:
+    """The nodes of a YAML text. Raises YAMLError with one line as its `problem`, and, where it is known, a `problem_mark`."""
+    require_bounded(text)
+    return yaml.compose(text, Loader=_Loader)
+
+
+def load(text: str) -> Any:
+    """What a YAML text holds, with plain data alone. Raises YAMLError as `compose` does."""
+    require_bounded(text)
+    return yaml.load(text, Loader=_Loader)
+
+
+def require_bounded(text: str) -> None:
+    """Raise YAMLError for a text that is nested too deeply, holds too many or too long values, or half characters."""
+    if SURROGATES.search(text):
+        raise _error("it holds half a character", None)
+    counts: dict[str, int | None] = {}
+    sections: list[tuple[str | None, int]] = []
+    total = 0
+    for event in _events(text):
+        if isinstance(event, yaml.CollectionStartEvent):
+            sections.append((event.anchor, total))
+            if event.anchor is not None:
+                counts[event.anchor] = None
+            total += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = sections.pop()
+            if anchor is not None:
+                counts[anchor] = total - before
+        elif isinstance(event, yaml.AliasEvent):
+            total += _meant(counts.get(str(event.anchor), 1), event)
+        elif isinstance(event, yaml.ScalarEvent):
+            _require_scalar(event)
+            total += 1
+            if event.anchor is not None:
+                counts[event.anchor] = 1
+        if len(sections) > MOST_DEPTH:
+            raise _error(f"it is nested more than {MOST_DEPTH} deep", event.start_mark)
+        if total > MOST_VALUES:
+            raise _error(
+                f"it holds more than {MOST_VALUES} values, with those that aliases stand for", event.start_mark
+            )
+
+
+def _events(text: str) -> Iterable[Any]:
+    events: Iterable[Any] = yaml.parse(text, Loader=_Events)
+    return events
+
+
+def _meant(count: int | None, alias: Any) -> int:
+    if count is None:
+        raise _error(f"the alias *{alias.anchor:.20} stands inside what it means", alias.start_mark)
+    return count
+
+
+def _require_scalar(event: Any) -> None:
+    if len(event.value) > MOST_LETTERS:
+        raise _error(f"a text has {len(event.value)} letters; at most {MOST_LETTERS} are read", event.start_mark)
+    if SURROGATES.search(event.value):
+        raise _error("a text holds half a character", event.start_mark)
+
+
+def _error(problem: str, mark: Any) -> BoundError:
+    return BoundError(problem=problem, problem_mark=mark)
+
+
+def problem_of(error: yaml.YAMLError) -> tuple[str, int | None]:
+    """What is wrong with a YAML text, in one line, and in which line of it, from 1."""
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+    return " ".join(str(problem).split())[:300], None if mark is None else mark.line + 1

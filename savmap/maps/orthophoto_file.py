@@ -1,0 +1,95 @@
+"""Orthophotos as files: a JPEG that says in its comment where it lies, and the same beside it as JSON."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+
+from savmap.errors import OutputError
+from savmap.files.atomic import file_name, read_json, reason, write_bytes, write_text
+from savmap.files.validation import checked
+from savmap.types import Orthophoto
+
+Triple = tuple[float, float, float]
+COMMENT = b"\xff\xfe"
+
+
+class OrthophotoFile(BaseModel):
+    """Where a row's orthophoto lies: the lower left corner of the picture `origin_m` and the unit vectors along its sides in the
+    row's frame, and the transform from (column, row, 1), whole at pixels' centres, to metres right of the corner, above it, and 1."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["savmap-orthophoto"] = "savmap-orthophoto"
+    version: Literal[1] = 1
+    row: str
+    picture: str
+    width: PositiveInt
+    height: PositiveInt
+    mm_per_pixel: PositiveFloat
+    origin_m: Triple
+    right: Triple
+    up: Triple
+    face_from_pixel: tuple[Triple, Triple, Triple]
+
+
+def orthophoto_files(row: str, folder: Path) -> tuple[Path, Path]:
+    """The names of a row's picture and of what is said of it."""
+    return folder / f"face-{file_name(row)}.jpg", folder / f"face-{file_name(row)}.json"
+
+
+def write_orthophoto(row: str, photo: Orthophoto, folder: Path) -> Path:
+    """Write a row's orthophoto and what is said of it; the picture's path. Raises OutputError."""
+    picture, said = orthophoto_files(row, folder)
+    text = _said(row, photo, picture.name).model_dump_json()
+    ascii_text = json.dumps(json.loads(text))
+    write_bytes(picture, with_comment(photo.picture.tobytes(), ascii_text.encode()))
+    write_text(said, json.dumps(json.loads(text), indent=1, ensure_ascii=False) + "\n")
+    return picture
+
+
+def read_orthophotos(rows: Iterable[str], folder: Path) -> dict[str, Orthophoto]:
+    """The orthophotos in a folder of those rows that have one there. Raises OutputError for one that cannot be read."""
+    found = {}
+    for row in rows:
+        picture, said = orthophoto_files(row, folder)
+        if picture.is_file() and said.is_file():
+            found[row] = _read(picture, said)
+    return found
+
+
+def with_comment(jpeg: bytes, comment: bytes) -> bytes:
+    """A JPEG with a comment (a segment COM after its start)."""
+    return jpeg[:2] + COMMENT + (len(comment) + 2).to_bytes(2, "big") + comment + jpeg[2:]
+
+
+def _said(row: str, photo: Orthophoto, name: str) -> OrthophotoFile:
+    def rounded(values: object) -> list[object]:
+        listed: list[object] = (np.round(np.asarray(values, np.float64), 9) + 0.0).tolist()
+        return listed
+
+    content = {
+        "row": row,
+        "picture": name,
+        "width": photo.width,
+        "height": photo.height,
+        "mm_per_pixel": round(1000 * photo.pixel_m, 6),
+        "origin_m": rounded(photo.origin),
+        "right": rounded(photo.right),
+        "up": rounded(photo.up),
+        "face_from_pixel": rounded(photo.face_from_pixel),
+    }
+    return OrthophotoFile.model_validate(content)
+
+
+def _read(picture: Path, said: Path) -> Orthophoto:
+    file = checked(OrthophotoFile, read_json(said), str(said))
+    try:
+        content = np.frombuffer(picture.read_bytes(), np.uint8)
+    except OSError as error:
+        raise OutputError(f"{picture}: cannot be read ({reason(error)})") from error
+    origin, right, up = (np.array(values) for values in (file.origin_m, file.right, file.up))
+    return Orthophoto(origin, right, up, file.mm_per_pixel / 1000, file.width, file.height, content)

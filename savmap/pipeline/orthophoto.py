@@ -1,0 +1,278 @@
+"""Orthophotos: a face put together from the strips of all frames, on its plane, once the camera's path is solved.
+
+Averaged over many frames, only what lies in the plane itself is sharp: goods stand before or behind it. So each place is taken from
+the frame that shows it under the largest solid angle, from near and from the front, and frames are blended only where one gives
+way to the next. Their exposures are evened by what neighbours both show.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Floats, Orthophoto, PlanePatch, RowStrips, Strip, Trajectory, ViewSpec
+
+Bytes = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+
+FINEST_M, STEP_M = 0.005, 0.0005
+MOST_PX = 8000
+COARSE_M = 0.025
+"""Where frames meet is decided in cells of this size, well below the distance between frames."""
+FEATHER_M = 0.05
+EXPOSED_CELLS = 4
+"""Exposures are compared in every so many cells, across and down."""
+REACH = 1.2
+BORDER_PX = 1.5
+REDUCED = 4
+DARK, BRIGHT, LEAST_SHARED = 10, 245, 40
+GAIN_PRIOR, MOST_GAIN = 0.01, 2.0
+JPEG_QUALITY = 88
+
+
+def orthophoto(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Orthophoto | None:
+    """The picture of a face of which the strips' frames were taken along a path, both in metres; None where they show nothing of it.
+
+    Its pixels are `FINEST_M` wide, or as wide as the strips' are on the face, and wider where the picture would be too large.
+    """
+    shots = list(shots_of(face, strips, path))
+    if not shots:
+        return None
+    canvas = Canvas.over(face, pixel_m(face, shots))
+    owners = canvas.owners(shots)
+    seen = canvas.cropped(owners)
+    if seen is None:
+        return None
+    canvas, owners = seen
+    return canvas.photo(blended(canvas, owners, shots, gains(canvas.coarser(EXPOSED_CELLS), shots)))
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A strip, its view, and where the camera stood before the face: metres to the right of its origin, up, and away from it."""
+
+    strip: Strip
+    spec: ViewSpec
+    place: Floats
+    pixels_from_face: Floats
+    """(3, 3), homogeneous, from (right, up, 1) m."""
+
+    @property
+    def pixel_m(self) -> float:
+        """How wide a pixel of the strip is on the face straight ahead."""
+        return abs(float(self.place[2])) / float(self.spec.camera[0, 0])
+
+    def image(self) -> Bytes:
+        """The picture (height, width, 3), BGR."""
+        return np.asarray(cv2.imdecode(self.strip.picture, cv2.IMREAD_COLOR), np.uint8)
+
+    @cached_property
+    def small(self) -> Bytes:
+        """The picture at a quarter of its resolution, BGR."""
+        return np.asarray(cv2.imdecode(self.strip.picture, cv2.IMREAD_REDUCED_COLOR_4), np.uint8)
+
+
+def shots_of(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Iterator[Shot]:
+    """The strips of the frames whose pose is known."""
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    axes = np.stack([face.right, face.up, np.cross(face.right, face.up)], axis=1)
+    for strip in strips.strips:
+        if strip.frame not in poses:
+            continue
+        spec, pose = strips.views[strip.view], poses[strip.frame]
+        place = (pose[:3, 3] - face.origin) @ axes
+        view_from_face = (pose[:3, :3] @ spec.rig_from_view).T @ axes
+        plane = np.column_stack([view_from_face[:, 0], view_from_face[:, 1], -view_from_face @ place])
+        yield Shot(strip, spec, place, spec.camera @ plane)
+
+
+def pixel_m(face: PlanePatch, shots: Sequence[Shot]) -> float:
+    """The side of the picture's pixels, m, in whole steps."""
+    resolved = float(np.median([shot.pixel_m for shot in shots]))
+    least = max(FINEST_M, resolved, float(np.max(face.size)) / MOST_PX)
+    return float(np.ceil(round(least / STEP_M, 6)) * STEP_M)
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """The cells of a face in which frames take turns: `rows` by `columns`, from the upper left, each of `times` by `times` pixels
+    of `pixel` m. `origin` (3,) is the lower left corner, which lies `corner` (2,) m right of and above that of the face."""
+
+    face: PlanePatch
+    pixel: float
+    times: int
+    rows: int
+    columns: int
+    corner: Floats
+
+    @classmethod
+    def over(cls, face: PlanePatch, pixel: float) -> "Canvas":
+        """As much of a face as whole cells cover."""
+        times = max(2, round(COARSE_M / pixel))
+        columns, rows = np.maximum(np.asarray(face.size) / (times * pixel), 1).astype(int).tolist()
+        return cls(face, pixel, times, rows, columns, np.zeros(2))
+
+    def coarser(self, times: int) -> "Canvas":
+        """The same part of the face, but for less than a cell, in cells so many times as wide."""
+        rows, columns = max(self.rows // times, 1), max(self.columns // times, 1)
+        return replace(self, times=times * self.times, rows=rows, columns=columns)
+
+    @property
+    def cell(self) -> float:
+        """The side of a cell, m."""
+        return self.times * self.pixel
+
+    @property
+    def across(self) -> Floats:
+        """Metres (columns,) right of the face's origin."""
+        return np.asarray(self.corner[0] + (np.arange(self.columns) + 0.5) * self.cell)
+
+    @property
+    def heights(self) -> Floats:
+        """Metres (rows,) above the face's origin."""
+        return np.asarray(self.corner[1] + (np.arange(self.rows)[::-1] + 0.5) * self.cell)
+
+    def near(self, shot: Shot) -> slice:
+        """The columns that a shot may show."""
+        reach = REACH * abs(float(shot.place[2]))
+        first, last = np.searchsorted(self.across, [shot.place[0] - reach, shot.place[0] + reach]).tolist()
+        return slice(int(first), int(last))
+
+    def shares(self, shot: Shot, columns: slice) -> Singles:
+        """The solid angle (rows, columns) under which a shot shows each cell, per m^2; 0 where it does not."""
+        across, heights = np.meshgrid(self.across[columns], self.heights)
+        x, y, depth = np.tensordot(shot.pixels_from_face, np.stack([across, heights, np.ones_like(across)]), 1)
+        x, y = x / np.maximum(depth, 1e-9), y / np.maximum(depth, 1e-9)
+        inside = (depth > 0) & (np.minimum(x, y) > BORDER_PX)
+        inside &= (x < shot.spec.width - 1 - BORDER_PX) & (y < shot.spec.height - 1 - BORDER_PX)
+        away = abs(float(shot.place[2]))
+        apart = np.square(across - shot.place[0]) + np.square(heights - shot.place[1]) + away**2
+        return np.where(inside, away / apart**1.5, 0.0).astype(np.float32)
+
+    def owners(self, shots: Sequence[Shot]) -> NDArray[np.int32]:
+        """The number (rows, columns) of the shot that shows each cell best; -1 where none does."""
+        best = np.zeros((self.rows, self.columns), np.float32)
+        owners = np.full(best.shape, -1, np.int32)
+        for number, shot in enumerate(shots):
+            columns = self.near(shot)
+            shares = self.shares(shot, columns)
+            better = shares > best[:, columns]
+            best[:, columns][better] = shares[better]
+            owners[:, columns][better] = number
+        return owners
+
+    def cropped(self, owners: NDArray[np.int32]) -> "tuple[Canvas, NDArray[np.int32]] | None":
+        """The part that is seen; None where nothing is."""
+        rows, columns = (np.flatnonzero((owners >= 0).any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return None
+        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+        corner = self.corner + self.cell * np.array([left, self.rows - bottom])
+        part = replace(self, rows=bottom - top, columns=right - left, corner=corner)
+        return part, owners[top:bottom, left:right]
+
+    def pixels_from_part(self, shot: Shot, top: int, left: int, size: float) -> Floats:
+        """Homography (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that of a cell, to
+        pixels of a shot."""
+        x, y = self.corner + self.cell * np.array([left, self.rows - top])
+        face_from_part = np.array([[size, 0, x + size / 2], [0, -size, y - size / 2], [0, 0, 1.0]])
+        return np.asarray(shot.pixels_from_face @ face_from_part)
+
+    def photo(self, picture: Bytes) -> Orthophoto:
+        """The orthophoto of a picture (height, width, 3), BGR, of all cells."""
+        origin = self.face.origin + self.corner[0] * self.face.right + self.corner[1] * self.face.up
+        content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+        height, width = picture.shape[:2]
+        return Orthophoto(
+            origin, self.face.right, self.face.up, self.pixel, width, height, np.asarray(content, np.uint8).ravel()
+        )
+
+
+def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
+    """By how much each shot's colours (n, 3) are multiplied, so that neighbours agree where they overlap."""
+    order = sorted(range(len(shots)), key=lambda number: float(shots[number].place[0]))
+    terms: list[tuple[int, int, Floats]] = []
+    for lag in (1, 2):
+        for first, second in zip(order, order[lag:], strict=False):
+            ratio = _ratio(canvas, shots[first], shots[second])
+            if ratio is not None:
+                terms.append((first, second, ratio))
+    normal, right = GAIN_PRIOR * np.eye(len(shots)), np.zeros((len(shots), 3))
+    for first, second, ratio in terms:
+        normal[[first, second], [first, second]] += 1.0
+        normal[[first, second], [second, first]] -= 1.0
+        right[first] += ratio
+        right[second] -= ratio
+    return np.asarray(np.clip(np.exp(np.linalg.solve(normal, right)), 1 / MOST_GAIN, MOST_GAIN))
+
+
+def _ratio(canvas: Canvas, first: Shot, second: Shot) -> Floats | None:
+    """The logarithm (3,) of the second's colours over the first's, where both show the same; None where they hardly do."""
+    one, other = canvas.near(first), canvas.near(second)
+    columns = slice(max(one.start, other.start), min(one.stop, other.stop))
+    if columns.start >= columns.stop:
+        return None
+    samples = [_sampled(canvas, shot, columns) for shot in (first, second)]
+    usual = [sample.max(axis=2) < BRIGHT for sample in samples] + [sample.min(axis=2) > DARK for sample in samples]
+    shared = np.logical_and.reduce(usual)
+    if np.count_nonzero(shared) < LEAST_SHARED:
+        return None
+    logs = [np.log(sample[shared].astype(np.float64)) for sample in samples]
+    return np.asarray(np.median(logs[1] - logs[0], axis=0))
+
+
+def _sampled(canvas: Canvas, shot: Shot, columns: slice) -> Bytes:
+    """A shot's colours (rows, columns, 3) in cells; 0 where it does not show them."""
+    smaller = np.array([[1, 0, 0.5 - REDUCED / 2], [0, 1, 0.5 - REDUCED / 2], [0, 0, REDUCED]]) / REDUCED
+    matrix = smaller @ canvas.pixels_from_part(shot, 0, columns.start, canvas.cell)
+    return _warped(shot.small, matrix, (columns.stop - columns.start, canvas.rows), cv2.INTER_LINEAR)
+
+
+def blended(canvas: Canvas, owners: NDArray[np.int32], shots: Sequence[Shot], levels: Floats) -> Bytes:
+    """The picture (height, width, 3), BGR: each shot in the cells that it owns, fading out beyond them."""
+    size = canvas.rows * canvas.times, canvas.columns * canvas.times
+    total, weight = np.zeros((*size, 3), np.float32), np.full(size, 1e-6, np.float32)
+    fade = max(1, round(FEATHER_M / canvas.cell))
+    for number in np.unique(owners[owners >= 0]).tolist():
+        rows, columns = _around(owners == number, 2 * fade)
+        share = _share(owners[rows, columns] == number, fade, canvas.times)
+        part = slice(rows.start * canvas.times, rows.stop * canvas.times)
+        across = slice(columns.start * canvas.times, columns.stop * canvas.times)
+        matrix = canvas.pixels_from_part(shots[number], rows.start, columns.start, canvas.pixel)
+        shown, inside = _shown(shots[number], matrix, share.shape)
+        share = share * inside
+        weight[part, across] += share
+        total[part, across] += share[..., None] * (shown * levels[number].astype(np.float32))
+    return np.asarray(np.clip(np.round(total / weight[..., None]), 0, 255), np.uint8)
+
+
+def _around(owned: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """The rows and columns of the cells that are owned, and some more."""
+    places = [np.flatnonzero(owned.any(axis=axis)) for axis in (1, 0)]
+    rows, columns = (
+        slice(max(int(place[0]) - margin, 0), min(int(place[-1]) + 1 + margin, length))
+        for place, length in zip(places, owned.shape, strict=True)
+    )
+    return rows, columns
+
+
+def _share(owned: NDArray[np.bool_], fade: int, times: int) -> Singles:
+    """How much a shot counts in each pixel: 1 in the cells that it owns, fading to 0 over so many cells around their border."""
+    blurred = cv2.blur(owned.astype(np.float32), (2 * fade + 1, 2 * fade + 1), borderType=cv2.BORDER_REPLICATE)
+    size = (owned.shape[1] * times, owned.shape[0] * times)
+    return np.asarray(cv2.resize(blurred, size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _shown(shot: Shot, matrix: Floats, shape: tuple[int, ...]) -> tuple[Bytes, Singles]:
+    """A shot's pixels (h, w, 3), BGR, and where there are any (h, w), 1 or 0."""
+    size = (shape[1], shape[0])
+    everywhere = np.ones((shot.spec.height, shot.spec.width), np.uint8)
+    inside = _warped(everywhere, matrix, size, cv2.INTER_NEAREST)
+    return _warped(shot.image(), matrix, size, cv2.INTER_CUBIC), inside.astype(np.float32)
+
+
+def _warped(image: Bytes, matrix: Floats, size: tuple[int, int], how: int) -> Bytes:
+    return np.asarray(cv2.warpPerspective(image, matrix, size, flags=how | cv2.WARP_INVERSE_MAP), np.uint8)

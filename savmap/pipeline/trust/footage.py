@@ -1,0 +1,45 @@
+"""Whether footage is what mapping takes it for: whole panoramas, of one drive along the face."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from savmap.errors import SavmapError, SolveError, StructureError, VideoError
+from savmap.types import Doubt, Floats, Panorama
+from savmap.video.footage.camera_kind import kind_of
+from savmap.video.footage.course import Course, contradiction, doubts
+from savmap.video.footage.watch import Steps
+
+
+def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[Doubt, ...]:
+    """What speaks against a pass's pictures. Raises VideoError where they are certainly no panoramas."""
+    other, found = kind_of(keys)
+    if other:
+        raise VideoError(f"{path}: {other}")
+    return tuple(replace(doubt, what=f"{path.name}: {doubt.what}") for doubt in found)
+
+
+def require_course(name: str, path: Path, steps: Steps, attitude: Floats | None, side: str | None) -> tuple[Doubt, ...]:
+    """What speaks against a pass by how the camera went. Raises StructureError where that contradicts what was asked.
+
+    `attitude`: world_from_rig (3, 3) at the start, where it is known; `side`: the hand that the face is on, where that is given.
+    """
+    course = Course(steps, None if attitude is None else _bearing_deg(attitude[0]))
+    against = contradiction(course, side)
+    if against:
+        raise StructureError(f"{path}: {name}: {against}")
+    return tuple(replace(doubt, what=f"{name}: {doubt.what}") for doubt in doubts(course))
+
+
+def _bearing_deg(direction: Floats) -> float:
+    """How far to the right of the panorama's centre a direction (3,) of the rig frame lies, degrees."""
+    return float(np.degrees(np.arctan2(direction[0], direction[2])))
+
+
+def with_doubts(error: SavmapError, found: Sequence[Doubt]) -> SavmapError:
+    """An error of tracking or solving, with what speaks against the footage, which may be why."""
+    if not found or type(error) not in (StructureError, SolveError):
+        return error
+    return type(error)(f"{error} (perhaps because of the footage: {'; '.join(doubt.what for doubt in found)})")

@@ -1,0 +1,93 @@
+"""The verdict on a row's map: all that speaks against it, from every stage of its making."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from savmap.graph import Solution
+from savmap.pipeline.records import DescribedRow
+from savmap.pipeline.trust.support import Support, is_of, supports
+from savmap.types import Doubt, Floats, Structure, Verdict
+
+LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
+DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
+OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
+UNKNOWN_M = 0.05
+"""A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
+MOST_REJECTED = 0.4
+AXES = "xyz"
+
+
+def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
+    """The row's structures by plugin, each with its `support`, and the verdict."""
+    found: dict[str, tuple[Structure, ...]] = {}
+    doubts = [*row.measurements.doubts, *row.solution.doubts]
+    for plugin in row.request.plugins:
+        structures = row.structures.get(plugin.name, ())
+        support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
+        found[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
+        solution = row.solution, plugin.name
+        doubts += [*plugin.doubt(structures), *_weak(structures, support)]
+        doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
+    return found, Verdict(tuple(doubts))
+
+
+def _with_support(structure: Structure, support: Support) -> Structure:
+    return replace(structure, attributes={**structure.attributes, "support": round(support.share, 3)})
+
+
+def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:
+    """A doubt about each structure that far fewer frames measured than should have, and than is usual for its label."""
+    for structure in structures:
+        alike = [support[other.id].share for other in structures if other.label == structure.label]
+        own = support[structure.id]
+        limit = min(LEAST_SUPPORT, LEAST_OF_USUAL * float(np.median(alike)))
+        if own.expected >= LEAST_EXPECTED and own.share < limit:
+            counts = f"{own.seen} of the {own.expected} frames that should show it"
+            what = f"{structure.id} was measured in {counts}: it may not be there, or be something else"
+            yield Doubt("support", what, (structure.id,), place_of(structure))
+
+
+def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
+    """A doubt about each structure with a landmark that odd and even frames put in different places: by more than its uncertainty, or by
+    far more than they do the plugin's other landmarks, for an uncertainty that all of them share hides what one of them has."""
+    halves = [half for half in solution.halves if half.plugin == plugin]
+    if not halves:
+        return
+    apart = np.abs([half.difference for half in halves])
+    landmarks = solution.landmarks_of(plugin)
+    sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
+    strict = np.where(apart > DISAGREE_M, apart / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
+    usual = np.where(apart > OUTLIER_M, apart / (_usual_limit(apart / sigmas) * sigmas), 0.0)
+    excess = np.where(sigmas < UNKNOWN_M, np.maximum(strict, usual), 0.0)
+    for structure in structures:
+        own = [k for k, half in enumerate(halves) if is_of(half.name, structure.id)]
+        if own and excess[own].max() > 1:
+            worst = own[int(np.argmax(excess[own].max(axis=1)))]
+            axis = int(np.argmax(excess[worst]))
+            where = f"{halves[worst].name} ({AXES[axis]})"
+            what = f"odd and even frames put {where} {100 * apart[worst, axis]:.1f} cm apart: what was measured may not be one thing"
+            yield Doubt("repeatability", what, (structure.id,), place_of(structure))
+
+
+def _usual_limit(ratios: Floats) -> Floats:
+    """The largest ratio (3,) of difference to standard deviation, axis by axis, that is no outlier among those of all landmarks (n, 3)."""
+    return np.asarray(OUTLIER * np.maximum(TO_SIGMA * np.median(ratios, axis=0), LEAST_USUAL))
+
+
+def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
+    """A doubt about each structure of whose measurements most do not fit the solution."""
+    landmarks = solution.landmarks_of(plugin)
+    for structure in structures:
+        own = [landmark for name, landmark in landmarks.items() if is_of(name, structure.id)]
+        rejected, used = sum(landmark.rejected for landmark in own), sum(landmark.observations for landmark in own)
+        if rejected > MOST_REJECTED * (rejected + used):
+            what = f"{rejected} of the {rejected + used} measurements of {structure.id} do not fit where it was mapped"
+            yield Doubt("residuals", what, (structure.id,), place_of(structure))
+
+
+def place_of(structure: Structure) -> tuple[float, float, float]:
+    """A structure's middle, m."""
+    x, y, z = structure.vertices.mean(axis=0).tolist()
+    return x, y, z

@@ -1,0 +1,100 @@
+"""Which views of a pass are looked at: each plugin is asked in turn, and what one finds of the face is told to those after it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+from savmap.pipeline.trust.footage import require_panoramas
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.model import Pass
+from savmap.types import Doubt, Floats, ViewPlan, ViewSpec
+from savmap.video.reader import Clip, expected_frames, preview_frames, probe
+from savmap.vision.view_planning import Manual, PassPreview
+from savmap.vision.views import Renderer
+
+
+@dataclass(frozen=True, eq=False)
+class PassPlan:
+    """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on, where it is given;
+    `doubts`: what speaks against its pictures."""
+
+    name: str
+    clip: Clip
+    plans: Mapping[str, ViewPlan]
+    side: str | None = None
+    doubts: tuple[Doubt, ...] = ()
+
+    def travel(self) -> int:
+        """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
+        return next((plan.travel for plan in self.plans.values() if plan.travel), 0)
+
+    def attitude(self) -> Floats | None:
+        """world_from_rig (3, 3) at the start, by the first plugin that knows it."""
+        return next((plan.world_from_rig for plan in self.plans.values() if plan.world_from_rig is not None), None)
+
+    def locators(self) -> set[str]:
+        """The plugins that found the face."""
+        return {plugin for plugin, plan in self.plans.items() if plan.world_from_rig is not None}
+
+    def views(self) -> dict[tuple[str, str], ViewSpec]:
+        """Views by (plugin, name as the plugin gave it), renamed so that a name is unique in the row."""
+        return {
+            (plugin, spec.name): replace(spec, name=f"{self.name} / {self._name_of(plugin, spec)}")
+            for plugin, plan in self.plans.items()
+            for spec in plan.views
+        }
+
+    @cached_property
+    def plugins_by_view(self) -> dict[ViewSpec, list[str]]:
+        """The plugins, by name, that look at each view."""
+        views = self.views()
+        return {
+            spec: [plugin for (plugin, _), other in views.items() if other == spec]
+            for spec in dict.fromkeys(views.values())
+        }
+
+    def _name_of(self, plugin: str, spec: ViewSpec) -> str:
+        """A view's name, with its plugin's before it where another plugin gives another view the same name."""
+        alike = [other for plan in self.plans.values() for other in plan.views if other.name == spec.name]
+        return spec.name if all(other == spec for other in alike) else f"{plugin} {spec.name}"
+
+
+def plan_pass(
+    name: str,
+    row_pass: Pass,
+    plugins: Sequence[LoadedPlugin],
+    segmenters: SegmenterPool,
+    renderer: Renderer,
+    attitude: Floats | None,
+) -> tuple[PassPlan, PassPreview]:
+    """Ask every plugin for its views of a pass. The attitude that one finds is given to those after it.
+
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no panoramas.
+    """
+    pass_preview = preview_of(row_pass.clip, renderer)
+    doubts = require_panoramas(row_pass.clip.path, pass_preview.keys)
+    plans: dict[str, ViewPlan] = {}
+    for plugin in plugins:
+        plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
+        attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, doubts), pass_preview
+
+
+def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:
+    """What views are chosen by."""
+    frames = expected_frames(clip, probe(clip.path, clip.images_fps))
+    return PassPreview.of_frames(*preview_frames(clip), renderer=renderer, frames=frames)
+
+
+def plan_views(
+    plugin: LoadedPlugin,
+    row_pass: Pass,
+    segmenters: SegmenterPool,
+    pass_preview: PassPreview,
+    attitude: Floats | None,
+) -> ViewPlan:
+    """The views of a pass that one plugin wants; `attitude` as in `plan_pass`."""
+    manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
+    predict = partial(segmenters.detect, plugin)
+    return plugin.render_views(pass_preview, predict, row_pass.side, manual, attitude)

@@ -1,0 +1,1 @@
+"""What footage is, and how the camera went, from small pictures of it."""

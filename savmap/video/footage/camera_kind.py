@@ -1,0 +1,144 @@
+"""What kind of pictures these are: one whole panorama each, or something else that is twice as wide as high.
+
+In an equirectangular panorama the left and right edges are neighbours, and the top and bottom rows are one point each. Two eyes beside
+or above one another are alike, patch by patch, but for their parallax; two fisheye circles leave black corners. Measured on stored and
+simulated footage: halves of panoramas correlate by 0.67 at most, those of stereo by 0.94 or more.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Doubt, Panorama
+from savmap.video.footage.small import small_grey
+
+WIDTH, HEIGHT = 256, 128
+PATCH, REACH, SLACK = 24, 10, 2
+LEAST_TEXTURE, LEAST_PATCHES = 3.0, 8
+ALIKE, NEARLY_ALIKE = 0.85, 0.75
+APART = (40, 70, 100, 128)
+"""Columns so far apart have little in common."""
+BROKEN, UNLIKE, LEAST_CONTRAST = 0.6, 0.35, 5.0
+SMOOTH_PX = 6.0
+UNEVEN, EVEN = 0.5, 0.3
+BLACK, BLACK_SHARE = 8.0, 0.15
+WHOLE = "write one whole panorama a frame in the camera maker's program"
+
+Grey = NDArray[np.float32]
+
+
+def kind_of(keys: Sequence[Panorama]) -> tuple[str, tuple[Doubt, ...]]:
+    """What the pictures of a pass seem to be where they are certainly no panoramas, and what to do ("" where they may be some), and
+    the doubts where it is not certain."""
+    pictures = [np.asarray(small_grey(panorama, WIDTH), np.float32) for panorama in keys]
+    found = next(_refusals(pictures), "")
+    return (found, ()) if found else ("", tuple(_doubts(pictures)))
+
+
+def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
+    if _usual(pictures, fisheyes) > 0.5:
+        yield f"seems to hold two fisheye pictures (black corners), no stitched panorama: {WHOLE}"
+    if _usual(pictures, beside) > ALIKE:
+        yield f"its left and right halves show the same: it seems to be stereo or VR180, side by side, no panorama: {WHOLE}"
+    if _usual(pictures, above) > ALIKE:
+        yield f"its upper and lower halves show the same: it seems to be stereo, one eye above the other, no panorama: {WHOLE}"
+    if _is_broken(pictures) and _usual(pictures, unevenness) > EVEN:
+        yield f"its left and right edges do not meet, nor are its top and bottom rows even: it seems to be no panorama: {WHOLE}"
+
+
+def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
+    likeness = {"left and right": _usual(pictures, beside), "upper and lower": _usual(pictures, above)}
+    for halves, alike in likeness.items():
+        if alike > NEARLY_ALIKE:
+            yield Doubt(
+                "camera", f"the {halves} halves of the pictures are much alike: is it stereo, two eyes in one picture?"
+            )
+    if _is_broken(pictures):
+        yield Doubt(
+            "camera", "the pictures' left and right edges do not meet: are they whole equirectangular panoramas?"
+        )
+    elif _usual(pictures, unevenness) > UNEVEN:
+        yield Doubt(
+            "camera", "the pictures' top and bottom rows are not even: are they whole equirectangular panoramas?"
+        )
+
+
+def _usual(pictures: Sequence[Grey], measure: Callable[[Grey], float]) -> float:
+    """The median of a measure over the pictures that have one; nan where none has."""
+    known = [value for value in map(measure, pictures) if np.isfinite(value)]
+    return float(np.median(known)) if known else float("nan")
+
+
+def fisheyes(picture: Grey) -> float:
+    """1 where the corners between two inscribed circles are black and the circles are not, else 0."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    across, down = np.abs(x % (WIDTH / 2) - WIDTH / 4) / (HEIGHT / 2), np.abs(y - HEIGHT / 2) / (HEIGHT / 2)
+    corners = picture[(across > 0.85) & (down > 0.65)]
+    inside = picture[(across < 0.5) & (down > 0.4) & (down < 0.75)]
+    limit = max(BLACK, BLACK_SHARE * float(np.median(inside)))
+    return float(np.percentile(corners, 95) < limit and float(np.median(inside)) > 2 * limit)
+
+
+def beside(picture: Grey) -> float:
+    """How alike the left and right halves are: the usual correlation of a patch with the best place near its own in the other half."""
+    return _likeness(picture[:, : WIDTH // 2], picture[:, WIDTH // 2 :])
+
+
+def above(picture: Grey) -> float:
+    """The same of the upper and lower halves."""
+    return _likeness(picture[: HEIGHT // 2], picture[HEIGHT // 2 :])
+
+
+def _likeness(first: Grey, second: Grey) -> float:
+    height, width = first.shape
+    corners = [
+        (y, x)
+        for y in range(SLACK, height - PATCH - SLACK + 1, PATCH)
+        for x in range(REACH, width - PATCH - REACH + 1, PATCH)
+    ]
+    patches = [(first[y : y + PATCH, x : x + PATCH], y, x) for y, x in corners]
+    found = [
+        float(cv2.matchTemplate(_around(second, y, x), patch, cv2.TM_CCOEFF_NORMED).max())
+        for patch, y, x in patches
+        if patch.std() > LEAST_TEXTURE
+    ]
+    return float(np.median(found)) if len(found) >= LEAST_PATCHES else float("nan")
+
+
+def _around(picture: Grey, y: int, x: int) -> Grey:
+    return picture[y - SLACK : y + PATCH + SLACK, x - REACH : x + PATCH + REACH]
+
+
+def _is_broken(pictures: Sequence[Grey]) -> bool:
+    """Whether the left and right edges do not meet. A step of exposure alone does not break them."""
+    return _usual(pictures, seam_step) > BROKEN and _usual(pictures, seam_likeness) < UNLIKE
+
+
+def seam_step(picture: Grey) -> float:
+    """The step from the right edge to the left, over that between columns far apart; nan where those hardly differ."""
+    usual = float(np.median([np.abs(picture - np.roll(picture, -apart, axis=1)).mean() for apart in APART]))
+    return float(np.abs(picture[:, 0] - picture[:, -1]).mean()) / usual if usual > LEAST_CONTRAST else float("nan")
+
+
+def seam_likeness(picture: Grey) -> float:
+    """The correlation of the left and the right edge in what changes quickly along them; nan where nothing does."""
+    left, right = (_quick(picture[:, column]) for column in (0, -1))
+    power = float(np.sqrt((left @ left) * (right @ right)))
+    return float(left @ right) / power if power > HEIGHT else float("nan")
+
+
+def _quick(column: Grey) -> Grey:
+    upright = column.reshape(-1, 1)
+    smooth = cv2.GaussianBlur(upright, (1, 31), sigmaX=1, sigmaY=SMOOTH_PX)
+    return np.asarray(upright - smooth, np.float32).ravel()
+
+
+def unevenness(picture: Grey) -> float:
+    """How much the more even of the top and the bottom row changes from column to column, over what is usual between them; a few
+    steps, as at the seams of lenses that were exposed differently, do not count."""
+    smooth = cv2.GaussianBlur(picture, (13, 1), sigmaX=2.0, sigmaY=1)
+    changes = np.sort(np.abs(np.diff(smooth, axis=1)), axis=1)[:, : -WIDTH // 10].mean(axis=1)
+    usual = float(np.median(changes[HEIGHT // 4 : -HEIGHT // 4]))
+    return min(float(changes[0]), float(changes[-1])) / (usual + 0.1)

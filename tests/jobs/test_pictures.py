@@ -1,0 +1,158 @@
+"""Orthophotos in a run: made once, kept, made again where the map changes; a row without one is mapped all the same."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from savmap.errors import SavmapError
+from savmap.jobs import tasks
+from savmap.jobs.cache import FolderCache, NoCache, RowCache, StoredRecord
+from savmap.jobs.map_site import write_photo
+from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
+from savmap.jobs.tasks import Failure, RowPicture, TaskResult
+from savmap.pipeline.measure import RowMeasurements
+from savmap.report.page import Report
+from savmap.site.job import Job, job_for
+from savmap.types import (
+    FrameTable,
+    Orthophoto,
+    PlanePatch,
+    RowFacts,
+    RowMap,
+    RowStrips,
+    SiteMap,
+    Strip,
+    Trajectory,
+)
+from savmap.types.progress import NoteCollector
+from savmap.vision.markers import MarkerTracks
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
+TABLE = FrameTable(np.zeros(1), ("pass 1",))
+FACE = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+GREY = np.asarray(cv2.imencode(".jpg", np.full((3, 4), 90, np.uint8))[1], np.uint8).ravel()
+PHOTO = Orthophoto(np.zeros(3), np.eye(3)[0], np.eye(3)[1], 0.005, 4, 3, GREY)
+
+
+@dataclass
+class Work:
+    """Tasks that do nothing, and a note of each that was asked for."""
+
+    done: list[str] = field(default_factory=list)
+    photo: Orthophoto | None = PHOTO
+    failure: SavmapError | None = None
+
+    def measure(self, job: Job, row: str, *_: object, with_strips: bool = False) -> TaskResult:
+        self.done.append("measured with strips" if with_strips else "measured")
+        marks = MarkerTracks((), {})
+        seen = RowMeasurements(RowFacts(row, TABLE, {}, {}), dict.fromkeys(job.plugins, ()), {}, frozenset(), (), marks)
+        strips = {row: StoredRecord(RowStrips, RowStrips({}, (Strip(0, "face", np.zeros(2, np.uint8)),)))}
+        records = {row: StoredRecord(RowMeasurements, seen)}
+        return TaskResult(records, seconds=1.0, plugins_failed={row: {}}, strips=strips if with_strips else {})
+
+    def solve(self, job: Job, measured: Mapping[str, Any], *_: object) -> TaskResult:
+        self.done.append("solved")
+        path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
+        maps = {row: StoredRecord(RowMap, RowMap(row, TABLE, {}, path, {}, (), face=FACE)) for row in measured}
+        return TaskResult(maps, seconds=1.0, plugins_failed={row: {} for row in measured})
+
+    def picture(self, job: Job, rows: Mapping[str, Any], *_: object) -> TaskResult:
+        self.done.append("pictured")
+        (row,) = rows
+        assert len(rows[row][1].record.strips) == 1
+        if self.failure:
+            return TaskResult({row: Failure(self.failure)})
+        return TaskResult({row: StoredRecord(RowPicture, RowPicture(self.photo))}, seconds=1.0)
+
+
+@pytest.fixture
+def work(monkeypatch: pytest.MonkeyPatch) -> Work:
+    own = Work()
+    for name in ("measure", "solve", "picture"):
+        monkeypatch.setattr(tasks, f"{name}_task", getattr(own, name))
+    return own
+
+
+def run(
+    cache: RowCache, folder: Path, notes: NoteCollector | None = None, orthophotos: bool = True, **overrides: float
+) -> MappedRows:
+    job = job_for(EXAMPLE / "site.yaml", ["lights"], folder)
+    references = job.site.references.model_copy(update=overrides)
+    job = replace(job, site=job.site.model_copy(update={"references": references}))
+    return map_rows_of(job, RunOptions(0), notes or NoteCollector(), cache, orthophotos)
+
+
+def test_picture_is_made_once_and_kept(work: Work, tmp_path: Path) -> None:
+    cache = FolderCache(tmp_path)
+    first = run(cache, tmp_path)
+    assert work.done == ["measured with strips", "solved", "pictured"]
+    assert (first.orthophotos["A"].picture == PHOTO.picture).all()
+    assert list(first.log.rows["A"].seconds) == ["measured", "solved", "pictured"]
+    again = run(cache, tmp_path)
+    assert len(work.done) == 3
+    assert (again.orthophotos["A"].picture == PHOTO.picture).all()
+    assert again.log.rows["A"].status == "kept"
+
+
+def test_picture_lost_is_made_of_kept_strips(work: Work, tmp_path: Path) -> None:
+    cache = FolderCache(tmp_path)
+    run(cache, tmp_path)
+    (tmp_path / "stages" / "A" / "pictured").unlink()
+    again = run(cache, tmp_path)
+    assert work.done[3:] == ["pictured"]
+    assert again.log.rows["A"].status == "kept"
+
+
+def test_new_references_solve_and_picture_again(work: Work, tmp_path: Path) -> None:
+    cache = FolderCache(tmp_path)
+    run(cache, tmp_path)
+    run(cache, tmp_path, travel_m=16.0)
+    assert work.done[3] == "solved"
+    assert "measured with strips" not in work.done[3:]
+
+
+def test_rows_measured_without_strips_are_measured_again(work: Work, tmp_path: Path) -> None:
+    cache = FolderCache(tmp_path)
+    assert run(cache, tmp_path, orthophotos=False).orthophotos == {}
+    assert work.done == ["measured", "solved"]
+    assert "A" in run(cache, tmp_path).orthophotos
+    assert work.done[2:] == ["measured with strips", "pictured"]
+
+
+def test_strips_reach_the_picture_where_nothing_is_kept(work: Work, tmp_path: Path) -> None:
+    assert "A" in run(NoCache(), tmp_path).orthophotos
+
+
+def test_row_without_a_picture_is_mapped_all_the_same(work: Work, tmp_path: Path) -> None:
+    work.photo = None
+    assert run(FolderCache(tmp_path), tmp_path).orthophotos == {}
+    work.failure, notes = SavmapError("no room"), NoteCollector()
+    mapped = run(NoCache(), tmp_path, notes)
+    assert list(mapped.rows) == ["A"]
+    assert mapped.orthophotos == {}
+    assert "row A: no orthophoto: no room" in notes.lines
+
+
+def test_row_whose_face_is_not_known_has_no_picture(tmp_path: Path) -> None:
+    path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
+    mapped = StoredRecord(RowMap, RowMap("A", TABLE, {}, path, {}, ()))
+    rows = {"A": (mapped, StoredRecord(RowStrips, RowStrips()))}
+    result = tasks.picture_task(job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path), rows, {})
+    record = result.records["A"]
+    assert isinstance(record, StoredRecord)
+    assert record.record.orthophoto is None
+
+
+def test_old_picture_does_not_stay_beside_a_map_without(tmp_path: Path) -> None:
+    with_photo = Report(SiteMap({}, {}), {"A/1": []}, photos={"A/1": PHOTO})
+    (picture,) = write_photo("A/1", with_photo, tmp_path)
+    names = ["face-A%2F1.jpg", "face-A%2F1.json", "face-A%2F1.svg"]
+    assert picture.name == names[0]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert write_photo("A/1", replace(with_photo, photos={}), tmp_path) == []
+    assert not list(tmp_path.iterdir())

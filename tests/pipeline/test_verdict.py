@@ -1,0 +1,179 @@
+"""The verdict: which structures too few frames support, which odd and even frames disagree about, and what plugins doubt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from savmap.errors import DoubtfulError
+from savmap.graph import References, camera_priors, solve_rows
+from savmap.jobs.map_site import SiteRun
+from savmap.maps.run_record import RunLog
+from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowRequest, SolvedRow
+from savmap.pipeline.row import collect, constrain, track
+from savmap.pipeline.trust.support import Support, supports
+from savmap.pipeline.trust.verdict import judge
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.types import Doubt, RowMap, SiteMap, Structure, Track, Verdict
+from savmap.types.progress import SilentMonitor
+from savmap.vision.markers import MarkerTracks
+
+from ..graph import made_up_wall as made
+
+FACTS, VIEW = made.FACTS, made.VIEW
+
+
+def post(number: int) -> Structure:
+    return Structure(
+        f"post {number}", "post", made.WALL[number][None], 1e-6 * np.eye(3)[None], ("foot",), np.zeros((0, 2), np.int64)
+    )
+
+
+LENGTH = made.KnownLength("post 0", "post 12", 4.0, 0.001, axis="x")
+
+
+class Wall(made.Wall):
+    """Of which every post is a structure."""
+
+    @hookimpl
+    def describe(self) -> list[Structure]:
+        return [post(number) for number in range(len(made.WALL))]
+
+
+def mapped(wall: type[Wall]) -> DescribedRow:
+    """The wall's row, described, with the known length between two posts as its scale."""
+    plugin: LoadedPlugin = loaded_plugin("wall", wall, made.Config())
+    references = References((made.CAMERA_HEIGHT,), (LENGTH,))
+    measured = RowMeasurements(FACTS, {"wall": []}, {}, frozenset({"wall"}), (), MarkerTracks({}, {}))
+    start = made.path()
+    row = LocatedRow(
+        RowRequest("A", (), [plugin], references), measured, start, camera_priors(FACTS, start, references)
+    )
+    posed: PosedRow = constrain(track(row, SilentMonitor()), SilentMonitor())
+    (solution,) = solve_rows([posed.problem], [[("one", stamp) for stamp in FACTS.frames.stamps_s.tolist()]])
+    assert not isinstance(solution, Exception)
+    solved = SolvedRow(**vars(posed), solution=solution)
+    return DescribedRow(**vars(solved), structures={"wall": tuple(plugin.describe([], FACTS, solution))}, face=None)
+
+
+def test_a_map_that_repeats_is_trusted() -> None:
+    row = mapped(Wall)
+    assert len(row.solution.halves) == len(made.WALL)
+    structures, verdict = judge(row)
+    assert verdict == Verdict()
+    assert verdict.grade == "trusted"
+    assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
+
+
+class Shaky(Wall):
+    """Odd frames see post 7 a little lower than even ones."""
+
+    def tracks(self) -> list[Track]:
+        found = super().tracks()
+        moved = found[7].pixels + np.where(found[7].frames % 2 == 1, 0.24, -0.24)[:, None] * [0, 1]
+        return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
+
+
+def test_halves_see_what_differs_between_odd_and_even_frames() -> None:
+    apart = {half.name: np.abs(half.difference) for half in mapped(Shaky).solution.halves}
+    assert apart["post 7"][1] == pytest.approx(2 * 0.24 / made.SPEC.camera[1, 1] * 2.5, rel=0.3)
+    assert max(np.max(other) for name, other in apart.items() if name != "post 7") < 0.5 * apart["post 7"][1]
+
+
+@pytest.mark.parametrize(("apart_m", "doubted"), [(0.03, True), (0.004, False)])
+def test_frames_that_disagree_about_a_structure_are_doubted(apart_m: float, doubted: bool) -> None:
+    row = mapped(Wall)
+    halves = [
+        replace(half, difference=half.difference + apart_m * np.eye(3)[0] * (half.name == "post 7"))
+        for half in row.solution.halves
+    ]
+    _, verdict = judge(replace(row, solution=replace(row.solution, halves=tuple(halves))))
+    if not doubted:
+        assert verdict == Verdict()
+        return
+    (doubt,) = verdict.doubts
+    assert (doubt.kind, doubt.structures) == ("repeatability", ("post 7",))
+    assert "odd and even frames put post 7 (x) 2.8 cm apart" in doubt.what
+    assert doubt.place == pytest.approx(made.WALL[7])
+
+
+def test_a_structure_whose_measurements_do_not_fit_is_doubted() -> None:
+    class Mistaken(Wall):
+        """Half of the frames take something else for post 7, far from it."""
+
+        def tracks(self) -> list[Track]:
+            found = super().tracks()
+            moved = found[7].pixels + np.where(found[7].frames % 2 == 1, 30.0, 0.0)[:, None]
+            return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
+
+    _, verdict = judge(mapped(Mistaken))
+    assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("residuals", ("post 7",))]
+    assert "measurements of post 7 do not fit" in verdict.doubts[0].what
+
+
+def test_a_structure_that_few_frames_measured_is_doubted() -> None:
+    class Seldom(Wall):
+        """Post 4 is measured in two frames only."""
+
+        def tracks(self) -> list[Track]:
+            found = super().tracks()
+            rare = found[4]
+            few = replace(
+                rare,
+                frames=rare.frames[:1],
+                views=rare.views[:1],
+                pixels=rare.pixels[:1],
+                covariances=rare.covariances[:1],
+            )
+            return [*found[:4], few, *found[5:]]
+
+    structures, verdict = judge(mapped(Seldom))
+    assert structures["wall"][4].attributes["support"] < 0.2
+    assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("support", ("post 4",))]
+    assert verdict.grade == "check"
+
+
+def test_what_a_plugin_the_footage_and_the_solve_doubt_is_kept() -> None:
+    shape, motion = Doubt("shape", "post 1 is odd", ("post 1",)), Doubt("motion", "the camera turns round at 3.0 s")
+
+    class Odd(Wall):
+        @hookimpl
+        def doubt(self) -> list[Doubt]:
+            return [shape]
+
+    row = mapped(Odd)
+    row = replace(row, measurements=replace(row.measurements, doubts=(motion,)))
+    reference = Doubt("reference", "the length is contradicted")
+    row = replace(row, solution=replace(row.solution, doubts=(reference,)))
+    assert collect(row).verdict == Verdict((motion, reference, shape))
+
+
+def test_support_counts_only_frames_that_should_show_it() -> None:
+    path = made.path()
+    # Of two frames the further one is beyond the usual reach.
+    near = Track("post 1", "post", {}, np.arange(2), (VIEW,) * 2, np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1)))
+    found = supports([post(1), post(13)], [near], path, FACTS)
+    assert found["post 1"].expected == found["post 1"].seen == 1
+    assert found["post 13"].seen == 0
+    behind = replace(FACTS, views={VIEW: replace(made.SPEC, yaw_deg=180.0)})
+    assert supports([post(1)], [near], path, behind)["post 1"] == Support(0, 0)
+    assert Support(0, 0).share == 1.0
+
+
+def test_a_doubtful_map_ends_with_its_own_exit_code(tmp_path: object) -> None:
+    row = collect(mapped(Wall))
+    doubtful: RowMap = replace(row, verdict=Verdict((Doubt("shape", "post 1 is odd"),)))
+    run = SiteRun(SiteMap({"A": doubtful}, {}), None, RunLog(rows={}), {}, frozenset())
+    with pytest.raises(DoubtfulError, match="mapped, but check row A before use") as caught:
+        run.raise_if_incomplete(made_job())
+    assert caught.value.exit_code == 12
+    replace(run, site_map=SiteMap({"A": row}, {})).raise_if_incomplete(made_job())
+
+
+def made_job() -> object:
+    from pathlib import Path
+    from types import SimpleNamespace
+
+    return SimpleNamespace(output=Path("out"), site=SimpleNamespace(rows={"A": None}))

@@ -1,0 +1,72 @@
+"""What of a mapped rack is implausible, and that irregular racks are not."""
+
+from typing import Any
+
+import pytest
+
+from savmap_shelves.doubts import doubts_of
+
+from .perfect_maps import Row, structures_of, surveyed_row
+
+
+def regular_row() -> Row:
+    """Six bays of 2.7 m, four levels each."""
+    levels = [[0.2, 0.3], [1.2, 1.3], [2.2, 2.3], [3.2, 3.3]]
+    return {
+        "uprights": [[2.7 * k, 2.7 * k + 0.1] for k in range(7)],
+        "sections": [{"beams": [list(level) for level in levels]} for _ in range(6)],
+    }
+
+
+@pytest.mark.parametrize("row", [surveyed_row(), regular_row()])
+def test_a_right_map_is_plausible(row: Row) -> None:
+    assert doubts_of(structures_of(row)) == []
+
+
+def lacking_uprights(row: Row) -> None:
+    del row["uprights"][2:4]
+    del row["sections"][2:4]
+
+
+def with_half_a_bay(row: Row) -> None:
+    row["uprights"].insert(3, [5.9, 6.0])
+    row["sections"].insert(3, {"beams": row["sections"][2]["beams"]})
+
+
+def with_a_thick_beam(row: Row) -> None:
+    row["sections"][1]["beams"][2] = [2.2, 2.47]
+
+
+def with_a_thin_beam(row: Row) -> None:
+    row["sections"][1]["beams"][2] = [2.26, 2.3]
+
+
+def with_a_level_more(row: Row) -> None:
+    row["sections"][4]["beams"].insert(2, [1.7, 1.8])
+
+
+def with_a_level_less(row: Row) -> None:
+    del row["sections"][2]["beams"][1]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says", "about"),
+    [
+        (lacking_uprights, "upright 2 and upright 3 are 8.10 m apart, others 2.70 m", ("upright 2", "upright 3")),
+        (with_half_a_bay, "upright 3 and upright 4 are 0.50 m apart, others 2.70 m", ("upright 3", "upright 4")),
+        (with_a_thick_beam, "section 2 / beam 3 is 27.0 cm high, others 10.0 cm", ("section 2 / beam 3",)),
+        (with_a_thin_beam, "section 2 / beam 3 is 4.0 cm high, others 10.0 cm", ("section 2 / beam 3",)),
+        (with_a_level_more, "section 5 / beam 3 is at 1.75 m, where no section beside it", ("section 5 / beam 3",)),
+        (with_a_level_less, "have a beam at 1.25 m that is missing beside section 3 / beam 1", ("section 3 / beam 1",)),
+    ],
+)
+def test_what_is_odd_is_named(spoil: Any, says: str, about: tuple[str, ...]) -> None:
+    row = regular_row()
+    spoil(row)
+    found = doubts_of(structures_of(row))
+    assert [doubt.kind for doubt in found] == ["shape"] * len(found)
+    assert [doubt.structures for doubt in found if says in doubt.what] == [about]
+
+
+def test_nothing_mapped_is_not_doubted() -> None:
+    assert doubts_of([]) == []

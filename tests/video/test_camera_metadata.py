@@ -1,0 +1,100 @@
+"""What files say of their camera: refused with words where it is no upright panorama of one eye."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from savmap.errors import VideoError
+from savmap.video.reader import Clip, preview_frames, probe
+
+from .made_up_video import evenly, write_video
+from .spherical_boxes import CUBE_MAP, EQUIRECTANGULAR, HALF, TO_TRACK, insert, sphere, stereo, v1
+
+STITCHED = {"Spherical": "true", "Stitched": "true", "StitchingSoftware": "a", "ProjectionType": "equirectangular"}
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    return write_video(tmp_path / "a.mp4", evenly(12, 30))
+
+
+@pytest.mark.parametrize(
+    ("boxes", "words"),
+    [
+        (stereo(2) + sphere(EQUIRECTANGULAR), "stereo by its metadata .left and right eye side by side."),
+        (stereo(1) + sphere(EQUIRECTANGULAR), "one another"),
+        (sphere(CUBE_MAP), "holds a cube map"),
+        (sphere(HALF), "a part of a panorama"),
+        (sphere(EQUIRECTANGULAR, roll=180), "tilted by 180 degrees"),
+        (sphere(EQUIRECTANGULAR, pitch=-90), "tilted by 90 degrees"),
+    ],
+    ids=["side by side", "above", "cube", "part", "upside down", "pitched"],
+)
+def test_what_is_no_upright_panorama_is_refused(video: Path, boxes: bytes, words: str) -> None:
+    insert(video, boxes)
+    with pytest.raises(VideoError, match=words) as caught:
+        preview_frames(Clip(video))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "boxes",
+    [stereo(0) + sphere(EQUIRECTANGULAR, yaw=170, pitch=20, roll=-15), b""],
+    ids=["panorama", "nothing"],
+)
+def test_panoramas_pass(video: Path, boxes: bytes) -> None:
+    insert(video, boxes)
+    assert preview_frames(Clip(video))[0]
+
+
+def test_xml_of_the_first_version_is_read(video: Path) -> None:
+    insert(video, v1(**STITCHED, StereoMode="left-right"), TO_TRACK)
+    with pytest.raises(VideoError, match="stereo"):
+        preview_frames(Clip(video))
+
+
+def test_xml_of_a_panorama_passes(video: Path) -> None:
+    insert(video, v1(**STITCHED, StereoMode="mono"), TO_TRACK)
+    assert preview_frames(Clip(video))[0]
+
+
+def streams(path: Path, *sizes: tuple[int, int], degrees: float = 0.0, mirrored: bool = False) -> Path:
+    """A video with a stream of each size; the first stream's pictures are `10 i` grey, the second's 100 more."""
+    with av.open(str(path), "w") as container:
+        opened = []
+        for width, height in sizes:
+            stream = container.add_stream("libx264", rate=30)
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            stream.set_display_rotation(degrees, hflip=mirrored)
+            opened.append(stream)
+        for index in range(10):
+            for number, stream in enumerate(opened):
+                grey = np.full((stream.height, stream.width, 3), 10 * index + 100 * number, np.uint8)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
+        for stream in opened:
+            container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mkv"])
+@pytest.mark.parametrize(("degrees", "mirrored", "words"), [(180, False, "turned by 180"), (0, True, "mirrored")])
+def test_a_flag_to_turn_is_refused(tmp_path: Path, suffix: str, degrees: float, mirrored: bool, words: str) -> None:
+    path = streams(tmp_path / f"a.{suffix}", (128, 64), degrees=degrees, mirrored=mirrored)
+    with pytest.raises(VideoError, match=words):
+        preview_frames(Clip(path))
+
+
+@pytest.mark.parametrize("sizes", [[(64, 32), (128, 64)], [(128, 64), (64, 32)], [(96, 96), (128, 64)]])
+def test_the_stream_with_the_panoramas_is_read(tmp_path: Path, sizes: list[tuple[int, int]]) -> None:
+    path = streams(tmp_path / "a.mp4", *sizes)
+    assert probe(path).width == 128
+    keys, _ = preview_frames(Clip(path))
+    assert all((key.image.mean() > 95) == (sizes[1] == (128, 64)) for key in keys)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (128, 64)])
+def test_two_streams_of_one_size_are_refused(tmp_path: Path, size: tuple[int, int]) -> None:
+    with pytest.raises(VideoError, match=r"2 video streams .* stitch"):
+        probe(streams(tmp_path / "a.mp4", size, size))
