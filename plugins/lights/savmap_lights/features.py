@@ -6,8 +6,12 @@ import cv2
 import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
-from savmap_lights.bodies import FIRST_LIKE, Body, Compact, Seed, Singles, compact_of, more_like, seeds_of, strips
+from savmap_lights.picture.compact import Compact, compact_of, more_like
+from savmap_lights.picture.profiles import Singles
+from savmap_lights.picture.seeds import Seed, seeds_of
+from savmap_lights.picture.strips import Body, strips
 
+FIRST_LIKE = 20_000
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
 BY_MASK_PX = 1.2
