@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.plugin import Floats
+from savmap.plugin import Floats, Ints
 
 Singles = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 VIEW_AXES = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 STEP_PX = 0.5
@@ -48,44 +49,43 @@ def sampled_aslant(grey: Singles, middle: Floats, axis: Floats, normal: Floats, 
 
 
 def fall(profile: Floats, places: Floats, dark: int) -> tuple[float, bool]:
-    """Where a profile falls steepest about its first dark place, and whether it does so sharply, by most of what it falls nearby, and
-    well within the picture."""
-    steep = round(SHARP_PX / STEP_PX)
-    begin, end = max(dark - 2 * steep, 0), min(dark + round(BEYOND_PX / STEP_PX), len(profile))
-    line, where = profile[begin:end], places[begin:end]
-    if len(line) <= steep:
-        return float(places[dark]), False
-    drops = line[:-steep] - line[steep:]
-    k = int(np.argmax(drops))
-    drop, floor = float(drops[k]), float(line[k + steep])
-    middle = _crossing(line[k:], where[k:], floor + HALF * drop)
-    nearby = float(line[: k + 1].max() - line[k:].min())
-    return middle, bool(drop >= max(DROP, STEEP * nearby) and abs(middle - places[-1]) > BORDER_PX)
+    """Where a profile falls steepest about its first dark place, and whether it does so sharply."""
+    middles, sharp = falls(profile[None], places, np.array([dark]))
+    return float(middles[0]), bool(sharp[0])
 
 
-def _crossing(line: Floats, where: Floats, level: float) -> float:
-    """Where values that fall pass a level for the first time."""
-    under = np.flatnonzero(line < level)
-    if not len(under):
-        return float(where[-1])
-    k = int(under[0])
-    if k == 0:
-        return float(where[0])
-    share = (line[k - 1] - level) / max(line[k - 1] - line[k], 1e-9)
-    return float(where[k - 1] + share * (where[k] - where[k - 1]))
+def falls(profiles: Floats, places: Floats, dark: Ints) -> tuple[Floats, Mask]:
+    """Where profiles (n, m) fall steepest about their first dark places (n,), and whether they do so sharply: by most of what they fall
+    nearby, and well within the picture."""
+    steep, reach = round(SHARP_PX / STEP_PX), round(BEYOND_PX / STEP_PX)
+    begin, end = np.maximum(dark - 2 * steep, 0), np.minimum(dark + reach, len(places))
+    at = begin[:, None] + np.arange(2 * steep + reach)
+    inside, at = at < end[:, None], np.minimum(at, end[:, None] - 1)
+    lines = np.take_along_axis(profiles, at, axis=1)
+    drops = np.where(inside[:, steep:], lines[:, :-steep] - lines[:, steep:], -np.inf)
+    k = np.argmax(drops, axis=1)
+    row, column = np.arange(len(lines)), np.arange(lines.shape[1])
+    drop, before = drops[row, k], column <= k[:, None]
+    nearby = np.where(before, lines, -np.inf).max(axis=1) - np.where(column >= k[:, None], lines, np.inf).min(axis=1)
+    level = lines[row, k + steep] + HALF * np.maximum(drop, 0)
+    under = (lines < level[:, None]) & ~before
+    after = np.maximum(np.argmax(under, axis=1), 1)
+    high, low = lines[row, after - 1], lines[row, after]
+    share = np.clip((high - level) / np.maximum(high - low, 1e-9), 0, 1)
+    start, stop = places[at[row, after - 1]], places[at[row, after]]
+    middles = start + share * (stop - start)
+    sharp = under.any(axis=1) & (drop >= np.maximum(DROP, STEEP * nearby))
+    return middles, sharp & (np.abs(middles - places[-1]) > BORDER_PX)
 
 
 def falls_aside(values: Floats, aside: Floats, level: float, side: int) -> Floats:
     """For each row of values (n, m) where it falls by half going to a side from the middle; nan where it does not fall sharply."""
-    out = np.full(len(values), np.nan)
     centre = len(aside) // 2
-    ordered, where = (values[:, centre:], aside[centre:]) if side > 0 else (values[:, centre::-1], aside[centre::-1])
-    for row, line in enumerate(ordered):
-        dark = np.flatnonzero(line < level - DROP)
-        if len(dark) and dark[0] > 0:
-            place, sharp = fall(line, where, int(dark[0]))
-            out[row] = place if sharp else np.nan
-    return out
+    lines, where = (values[:, centre:], aside[centre:]) if side > 0 else (values[:, centre::-1], aside[centre::-1])
+    is_dark = lines < level - DROP
+    dark = np.argmax(is_dark, axis=1)
+    places, sharp = falls(lines, where, dark)
+    return np.where(sharp & (dark > 0), places, np.nan)
 
 
 def is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: float) -> bool:
