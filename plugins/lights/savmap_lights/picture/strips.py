@@ -4,7 +4,7 @@ A network knows a long lamp by its ends and fades between them, so that masks en
 thing in the picture: from a mask, it is followed along its axis to where the brightness falls.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,8 @@ from savmap_lights.picture.seeds import STRIP_RATIO, Seed
 VARIES = 20.0
 WIDER = 0.3
 FIRST_STRIP = 10_000
+BOTH_ENDS = 2
+SAME_AXIS = np.cos(np.radians(4))
 SLICES, FEWEST, PARTS = 24, 6, 5
 THIN_PX, ROUNDS = 3.0, 3
 
@@ -65,31 +67,40 @@ def _overlap(body: Body, other: Body) -> bool:
 
 
 def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
-    """The strip of a seed, with those that continue it: that with most ends, then the longest, of all axes and of two tolerances to how
-    much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
-    levels = [replace(seed, level=seed.level - varies) for varies in (VARIES, 0.0)]
-    tried = [line for axis in _axes(seed, seeds) for own in levels if (line := _along(grey, own, axis, seeds))]
-    return max(tried, key=_worth, default=[])
+    """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then the longest, of all
+    axes and of two tolerances to how much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
+    best: list[Body] = []
+    for axis in _axes(seed, seeds):
+        for varies in (VARIES, 0.0):
+            line = _along(grey, replace(seed, level=seed.level - varies), axis, seeds)
+            if line and _worth(line) == BOTH_ENDS:
+                return line
+            best = max((line, best), key=_size)
+    return best
 
 
-def _worth(line: Sequence[Body]) -> tuple[int, float]:
-    return sum(end is not None for end in line[0].ends), _length(line[0])
+def _size(line: Sequence[Body]) -> tuple[int, float]:
+    return (_worth(line), _length(line[0])) if line else (0, 0.0)
+
+
+def _worth(line: Sequence[Body]) -> int:
+    return sum(end is not None for end in line[0].ends)
 
 
 def _length(body: Body) -> float:
     return float(np.linalg.norm(body.reach[1] - body.reach[0]))
 
 
-def _axes(seed: Seed, seeds: Sequence[Seed]) -> Iterator[Floats]:
+def _axes(seed: Seed, seeds: Sequence[Seed]) -> list[Floats]:
     """Directions (2,) in which a seed's lamp may lie: its own where it is long, else those of the view and those to its likes."""
     if seed.length > STRIP_RATIO * seed.width:
-        yield seed.axis
-        return
-    for other in seeds:
-        away = other.middle - seed.middle
-        if other is not seed and np.linalg.norm(away) > seed.width:
-            yield away / np.linalg.norm(away)
-    yield from VIEW_AXES
+        return [seed.axis]
+    away = [other.middle - seed.middle for other in seeds if other is not seed]
+    axes: list[Floats] = []
+    for axis in (*VIEW_AXES, *(step / np.linalg.norm(step) for step in away if np.linalg.norm(step) > seed.width)):
+        if all(abs(float(axis @ other)) < SAME_AXIS for other in axes):
+            axes.append(axis)
+    return axes
 
 
 def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> list[Body]:
