@@ -106,8 +106,8 @@ def _axes(seed: Seed, seeds: Sequence[Seed]) -> list[Floats]:
 def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> list[Body]:
     """The strip through a seed along an axis, and those that continue it beyond joints; none where what is lit there is no strip."""
     middle, width = seed.middle, THIN_PX
-    for _ in range(ROUNDS):
-        runs = _runs(grey, seed, middle, axis, width)
+    for number in range(ROUNDS):
+        runs = _runs(grey, seed, middle, axis, width, others=number == ROUNDS - 1)
         if not runs or runs[0].high - runs[0].low < STRIP_RATIO * width:
             return []
         straight = _straightened(grey, seed, middle, axis, runs[0])
@@ -159,8 +159,8 @@ def _within(offset: Floats, axis: Floats, width: float, low: float, high: float)
     return low - 1 <= along <= high + 1 and aside < 0.75 * width
 
 
-def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float) -> list[Run]:
-    """What is lit along an axis: the seed's own run first, then others as long as a strip."""
+def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float, others: bool) -> list[Run]:
+    """What is lit along an axis: the seed's own run first, then, if they are asked for, others as long as a strip; none without the first."""
     places = places_within(grey, middle, axis)
     if len(places) < 2:
         return []
@@ -174,9 +174,8 @@ def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float)
     own = int(np.argmin(away))
     if away[own] > seed.length / 2:
         return []
-    long = np.flatnonzero(places[lasts] - places[firsts] >= width)
-    chosen = [own, *(k for k in long.tolist() if k != own)]
-    return [_run(profile, places, int(firsts[k]), int(lasts[k])) for k in chosen]
+    long = np.flatnonzero(places[lasts] - places[firsts] >= width).tolist() if others else []
+    return [_run(profile, places, int(firsts[k]), int(lasts[k])) for k in (own, *(k for k in long if k != own))]
 
 
 def _run(profile: Floats, places: Floats, first: int, last: int) -> Run:
