@@ -15,6 +15,7 @@ from savmap_lights.space.lamps import Lamp, lamps_of, lit_stretches
 from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
 from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Place
+from savmap_lights.space.scatter import scatter
 
 MAX_SLOPE = 3.0
 LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
@@ -53,15 +54,18 @@ def _tracks(
     named = [(number, part, place) for number, lamp in enumerate(lamps) for part, place in lamp.items()]
     rays, index = _rays(named, marks, level_m, facts)
     fitted = fit(rays, level_m)
+    aside = marks.seen.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.seen.slopes[index, 1]
+    agree, wider = scatter(aside, rays.sigma, rays.place, fitted.kept)
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     tracks = []
     for number, (lamp, part, place) in enumerate(named):
-        own = np.flatnonzero((rays.place == number) & fitted.kept)
+        own = np.flatnonzero((rays.place == number) & agree)
         fits = len(own) >= MOST_FIT * (rays.place == number).sum()
         if len(own) < LEAST_FITTING or not fits or abs(fitted.heights[lamp] - level_m) > OTHER_PLANE_M:
             continue
         features = [
-            _at_middle(marks.seen.features[index[k]], fitted, rays, int(k), line_z, poses, facts) for k in own.tolist()
+            _at_middle(_widened(marks.seen.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
+            for k in own.tolist()
         ]
         track = track_of(lamp + 1, part, features)
         if place.seen_to is not None:
@@ -112,13 +116,17 @@ def _at_middle(
     poses: dict[int, Floats],
     facts: RowFacts,
 ) -> Feature:
-    """A feature moved by as much as the edge that is seen lies above or below the lamp's middle."""
+    """A feature moved along the line by as much as the edge that is seen lies nearer or further than the lamp's middle would."""
     if not rays.edge[ray] or not fitted.half_m:
         return feature
     middle = np.array([fitted.places[rays.place[ray]], fitted.heights[rays.lamp[ray]], line_z])
-    edge = middle + np.array([0.0, rays.edge[ray] * fitted.half_m, 0.0])
+    edge = middle - np.array([rays.edge[ray] * fitted.half_m * rays.slope[ray], 0.0, 0.0])
     pose, view = poses[feature.frame], facts.views[feature.view]
     turn = pose[:3, :3] @ view.rig_from_view
     points = (np.stack([middle, edge]) - pose[:3, 3]) @ turn
     pixels = project(points, view.camera)
     return replace(feature, pixels=feature.pixels + pixels[0] - pixels[1])
+
+
+def _widened(feature: Feature, wider: float) -> Feature:
+    return replace(feature, covariance=feature.covariance * wider**2)

@@ -14,6 +14,8 @@ HANGS_M = 0.005
 TIED_M = 0.003
 MOST = 0.6
 FEWEST = 3
+STATED = 4
+"""As many measurements as the stated standard deviations count for, beside how well the rays meet."""
 
 
 def ties(
@@ -82,5 +84,5 @@ def place_of(track: Track, facts: RowFacts, path: Trajectory) -> tuple[Floats, F
         normal = np.einsum("n,nij->ij", weight, across) + 1e-6 * np.eye(3)
         point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weight, across, origins))
     off = np.einsum("nij,nj->ni", across, point - origins)
-    scale = float((weight * (off**2).sum(axis=1)).sum() / max(2 * len(origins) - 3, 1))
-    return point, np.linalg.inv(normal) * max(scale, 0.05)
+    scale = float((weight * (off**2).sum(axis=1)).sum() + STATED) / (2 * len(origins) - 3 + STATED)
+    return point, np.linalg.inv(normal) * scale
