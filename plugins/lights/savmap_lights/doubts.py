@@ -10,6 +10,9 @@ from savmap.plugin import Doubt, Floats, Structure
 UNKNOWN_M = 1000.0
 """The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""
 
+LIGHT_BEYOND = "light beyond, x m"
+"""The attribute of a lamp that tells where, before the next one, something shines that no lamp explains."""
+
 FEWEST = 4
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
@@ -61,7 +64,7 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A gap in a line of lamps that is regular but for it."""
+    """A gap in a line of lamps that is regular but for it, and in which something shines. A dark one is a lamp that is out, or none."""
     x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
     steps = np.diff(x)
     if len(steps) < FEWEST or not _are_regular(steps):
@@ -69,8 +72,8 @@ def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     usual = float(np.median(steps))
     for before, after in pairwise(lamps):
         step = float(after.vertices[:, 0].mean() - before.vertices[:, 0].mean())
-        if is_whole(before) and is_whole(after) and step > GAP * usual:
-            what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m: a lamp may be missing between them"
+        if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
+            what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
             yield Doubt("shape", what, (before.id, after.id), _middle(before))
 
 

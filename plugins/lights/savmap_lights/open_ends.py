@@ -1,5 +1,5 @@
-"""Strips of which one end was never seen: as long as the others, where these are all alike; otherwise mapped as far as they were seen,
-with a standard deviation that says so."""
+"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where these are all alike,
+otherwise mapped as far as they were seen, with a standard deviation that says so; light that no lamp explains is told."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Structure, Track
-from savmap_lights.doubts import UNKNOWN_M
-from savmap_lights.tracking import SEEN_TO
+from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M
+from savmap_lights.tracking import BEYOND, SEEN_TO
 
 FEWEST, ALIKE, ALIKE_M = 4, 0.01, 0.02
 ENOUGH = 0.6
@@ -17,13 +17,27 @@ ENOUGH = 0.6
 def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
     """The lamps; those with one end in sight get a vertex for the other: at the length of all other strips, if these have one and it was
     seen lit for most of that; else as far as it was, `UNKNOWN_M` along x."""
-    seen_to = {
-        f"{track.label} {track.place[track.label]}": float(track.place[SEEN_TO]) / 1000
-        for track in tracks
-        if SEEN_TO in track.place
-    }
+    seen_to = _by_lamp(tracks, SEEN_TO)
     length = common_length([lamp for lamp in lamps if len(lamp.vertices) == 2])
     return [_opened(lamp, seen_to[lamp.id], length, lamps) if lamp.id in seen_to else lamp for lamp in lamps]
+
+
+def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
+    """The lamps, with an attribute: x, m, of light between a lamp and the next one that no lamp explains."""
+    beyond = _by_lamp(tracks, BEYOND)
+    return [
+        replace(lamp, attributes={**lamp.attributes, LIGHT_BEYOND: beyond[lamp.id]}) if lamp.id in beyond else lamp
+        for lamp in lamps
+    ]
+
+
+def _by_lamp(tracks: Sequence[Track], name: str) -> dict[str, float]:
+    """By lamp, what is said in m in its tracks' places in mm."""
+    return {
+        f"{track.label} {track.place[track.label]}": float(track.place[name]) / 1000
+        for track in tracks
+        if name in track.place
+    }
 
 
 def common_length(strips: Sequence[Structure]) -> float | None:

@@ -16,11 +16,12 @@ from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of,
 from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Place
 from savmap_lights.space.scatter import scatter
+from savmap_lights.space.unmapped import light_beyond, shining
 
 MAX_SLOPE = 3.0
 LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
 PATH_M = 0.007
-SEEN_TO = "seen to, mm"
+SEEN_TO, BEYOND = "seen to, mm", "light beyond, mm"
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
@@ -44,7 +45,10 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
     if not lamps:
         raise no_lamp()
-    return _tracks(lamps, marks, level, line, facts, start)
+    tracks = _tracks(lamps, marks, level, line, facts, start)
+    complete = _complete(tracks, lamps)
+    mapped = [lamps[number - 1] for number in complete]
+    return _numbered(tracks, complete, light_beyond(mapped, shining(seen, level, line, mapped)))
 
 
 def _tracks(
@@ -71,24 +75,28 @@ def _tracks(
         if place.seen_to is not None:
             track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
         tracks.append(track)
-    return _whole(tracks, lamps)
+    return tracks
 
 
-def _whole(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[Track]:
-    """The tracks of lamps that have all theirs, numbered anew."""
+def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
+    """The numbers of the lamps that have all their tracks. Raises StructureError where none has."""
     numbers = [int(track.place[track.label]) for track in tracks]
     complete = [n for n in dict.fromkeys(numbers) if numbers.count(n) == len(lamps[n - 1])]
     if not complete:
         raise no_lamp()
-    return [
-        replace(
-            track,
-            name=f"{track.label} {complete.index(n) + 1} / {track.place['part']}",
-            place={**track.place, track.label: complete.index(n) + 1},
-        )
-        for track, n in zip(tracks, numbers, strict=True)
-        if n in complete
-    ]
+    return complete
+
+
+def _numbered(tracks: Sequence[Track], complete: Sequence[int], beyond: Sequence[float | None]) -> list[Track]:
+    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains."""
+    numbered = []
+    for track in tracks:
+        if track.place[track.label] in complete:
+            index = complete.index(int(track.place[track.label]))
+            name, x = f"{track.label} {index + 1} / {track.place['part']}", beyond[index]
+            light = {} if x is None else {BEYOND: round(1000 * x)}
+            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **light}))
+    return numbered
 
 
 def _rays(named: Sequence[tuple[int, str, Place]], marks: Marks, level_m: float, facts: RowFacts) -> tuple[Rays, Ints]:

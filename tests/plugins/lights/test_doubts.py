@@ -1,9 +1,11 @@
 """What is implausible about mapped lamps."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from savmap.types import Structure
-from savmap_lights.doubts import UNKNOWN_M, doubts_of
+from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M, doubts_of
 
 
 def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
@@ -22,10 +24,12 @@ def test_a_regular_line_is_beyond_doubt() -> None:
     assert not lines([lamp(1, 0), lamp(2, 7)])
 
 
-def test_a_gap_in_a_regular_line_is_doubted() -> None:
-    places = [0.0, 3.0, 6.0, 9.0, 15.0, 18.0, 21.0]
-    (line,) = lines([lamp(k, x) for k, x in enumerate(places, 1)])
-    assert line == "light 4 and light 5 are 6.00 m apart, others 3.00 m: a lamp may be missing between them"
+def test_a_gap_in_which_something_shines_is_doubted() -> None:
+    lamps = [lamp(k, x) for k, x in enumerate([0.0, 3.0, 6.0, 9.0, 15.0, 18.0, 21.0], 1)]
+    assert not lines(lamps)
+    lamps[3] = replace(lamps[3], attributes={LIGHT_BEYOND: 12.5})
+    (line,) = lines(lamps)
+    assert line.startswith("light 4 and light 5 are 6.00 m apart, others 3.00 m, and something shines between them")
 
 
 def test_a_lamp_at_another_height_is_doubted() -> None:

@@ -111,3 +111,15 @@ def test_compact_lamps_are_mapped_by_their_centres() -> None:
     assert [lamp.vertex_labels for lamp in lamps] == [("centre",)] * 4
     truth = [[x, drawn.HEIGHT_M, drawn.LINE_Z_M] for x in centres]
     assert np.abs(np.concatenate([lamp.vertices for lamp in lamps]) - truth).max() < 0.015
+
+
+def test_light_that_no_lamp_explains_is_told() -> None:
+    starts = [0.0, 1.4, 2.8, 4.2, 5.6]
+    features = drawn.features_of([drawn.strip(x, x + 0.8) for x in starts])
+    partly = [
+        f for f in features if not (_is_near(f, 2.8) or _is_near(f, 3.6) or (f.part == "centre" and _is_near(f, 3.2)))
+    ]
+    lamps = mapped(partly)
+    assert len(lamps) == 4
+    beyond = [lamp.attributes.get("light beyond, x m") for lamp in lamps]
+    assert beyond == [None, pytest.approx(3.2, abs=0.1), None, None]
