@@ -19,11 +19,13 @@ SEEN = 255.0
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each "side". For each strip, up to its joints where it is part of a line of light, an "end a" and an "end b"
-    where it ends sharply and within the view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a
-    "middle" of what is seen of it, uncertain along it by half its length.
+    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each "side".
 
-    What the picture's brightness does not show is measured in the masks. Ends come in no particular order.
+    For each strip, up to its joints where it is part of a line of light: an "end a" and an "end b" where it ends sharply and within the
+    view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a "middle" of what is seen of it,
+    uncertain along it by half its length. Ends come in no particular order.
+
+    What the picture's brightness does not show is measured in the masks.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
     seeds = seeds_of(grey, detections)

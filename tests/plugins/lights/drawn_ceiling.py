@@ -1,6 +1,7 @@
 """A ceiling with lamps, drawn as a camera that drives along an aisle sees it, and what a network makes of it."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import cv2
 import numpy as np
@@ -33,6 +34,15 @@ def strip(start: float, end: float, height: float = HEIGHT_M) -> Floats:
     """The corners (4, 3) of a strip's lower side."""
     low, high = LINE_Z_M - WIDTH_M / 2, LINE_Z_M + WIDTH_M / 2
     return np.array([[start, height, low], [end, height, low], [end, height, high], [start, height, high]])
+
+
+def box(start: float, end: float, half: float, z: float) -> list[Floats]:
+    """The faces (4, 3) of a strip at `z` that is twice `half` thick, its middle at the lamps' height."""
+    corners = np.array(
+        list(product((start, end), (HEIGHT_M - half, HEIGHT_M + half), (z - WIDTH_M / 2, z + WIDTH_M / 2)))
+    )
+    faces = ([0, 4, 5, 1], [0, 2, 3, 1], [4, 6, 7, 5], [0, 4, 6, 2], [1, 5, 7, 3])
+    return [corners[list(face)] for face in faces]
 
 
 def picture(lamps: Sequence[Floats], pose: Floats, beams: Sequence[float] = ()) -> np.ndarray:

@@ -9,7 +9,7 @@ from savmap.graph import KeySpace, camera_priors, merge, solve
 from savmap.types import Feature, Structure
 from savmap_lights.doubts import UNKNOWN_M
 from savmap_lights.plugin import Lights, Settings
-from savmap_lights.space.ties import alike
+from savmap_lights.space.ties import alike, place_of
 from savmap_lights.tracking import track_lamps
 
 from . import drawn_ceiling as drawn
@@ -48,6 +48,19 @@ def test_alike_strips_are_not_shifted_by_a_pitch() -> None:
     assert len(inside) == 5
     assert all(np.abs(starts - lamp.vertices[0, 0]).min() < 0.01 for lamp in inside)
     assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in inside]).max() < 0.01
+
+
+def test_thick_strips_beside_the_camera_are_at_their_middles() -> None:
+    starts = [0.5, 2.1, 3.7]
+    tracks = track_lamps(
+        drawn.features_of([face for x in starts for face in drawn.box(x, x + 1.0, 0.07, 2.4)], faded=False),
+        drawn.facts(),
+        drawn.path(),
+    )
+    rays = [place_of(track, drawn.facts(), drawn.path()) for track in tracks]
+    truth = [[x, drawn.HEIGHT_M, 2.4] for start in starts for x in (start, start + 1.0)]
+    assert (np.abs(np.array([point for point, _ in rays]) - truth).max(axis=0) < [0.012, 0.005, 0.003]).all()
+    assert max(np.sqrt(covariance[2, 2]) for _, covariance in rays) < 0.0015
 
 
 def test_a_beam_below_a_line_of_light_makes_no_lamps() -> None:

@@ -35,8 +35,9 @@ THIN_PX, ROUNDS = 3.0, 3
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,) px along the axis,
-    None where it is cut, hidden or blurred; `covered`: where something that runs across hides an end; `reach`: how far it is seen either way (2, 2) px."""
+    """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,) px along the
+    axis, None where it is cut, hidden or blurred; `covered`: where something that runs across hides an end; `reach`: how far it is seen
+    either way (2, 2) px."""
 
     instance: int
     numbers: tuple[int, ...]
