@@ -1,4 +1,4 @@
-"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where these are all alike,
+"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where most of these are alike,
 otherwise mapped as far as they were seen, with a standard deviation that says so; light that no lamp explains is told."""
 
 from collections.abc import Sequence
@@ -10,12 +10,12 @@ from savmap.plugin import Structure, Track
 from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M
 from savmap_lights.tracking import BEYOND, SEEN_TO
 
-FEWEST, ALIKE, ALIKE_M = 4, 0.01, 0.02
+FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
 ENOUGH = 0.6
 
 
 def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps; those with one end in sight get a vertex for the other: at the length of all other strips, if these have one and it was
+    """The lamps; those with one end in sight get a vertex for the other: at the length of most other strips, if these have one and it was
     seen lit for most of that; else as far as it was, `UNKNOWN_M` along x."""
     seen_to = _by_lamp(tracks, SEEN_TO)
     length = common_length([lamp for lamp in lamps if len(lamp.vertices) == 2])
@@ -41,12 +41,14 @@ def _by_lamp(tracks: Sequence[Track], name: str) -> dict[str, float]:
 
 
 def common_length(strips: Sequence[Structure]) -> float | None:
-    """The length, m, that all strips have within a centimetre or two; None where they differ, or are few."""
+    """The length, m, that most strips have within a centimetre or two: of the outermost, joints may not show. None where they differ, or
+    are few."""
     lengths = np.array([np.linalg.norm(strip.vertices[1] - strip.vertices[0]) for strip in strips])
     if len(lengths) < FEWEST:
         return None
     usual = float(np.median(lengths))
-    return usual if (np.abs(lengths - usual) < ALIKE * usual + ALIKE_M).all() else None
+    alike = np.abs(lengths - usual) < ALIKE * usual + ALIKE_M
+    return usual if alike.sum() >= FEWEST and alike.mean() >= MOST else None
 
 
 def _opened(lamp: Structure, seen_to: float, length: float | None, lamps: Sequence[Structure]) -> Structure:
