@@ -220,5 +220,7 @@ def _line(at: Floats, values: Floats) -> tuple[float, float, float]:
         near = off <= max(3 * float(np.median(off)), 0.3)
         if near.sum() < FEWEST:
             break
-        slope, shift = np.polyfit(at[near], values[near], 1).tolist()
+        offset, height = at[near] - at[near].mean(), values[near].mean()
+        slope = float(offset @ values[near] / (offset @ offset))
+        shift = float(height - slope * at[near].mean())
     return slope, shift, float(np.median(np.abs(values - slope * at - shift)))
