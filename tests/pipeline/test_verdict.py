@@ -45,7 +45,7 @@ class Wall(made.Wall):
 def mapped(wall: type[Wall]) -> DescribedRow:
     """The wall's row, described, with the known length between two posts as its scale."""
     plugin: LoadedPlugin = loaded_plugin("wall", wall, made.Config())
-    references = References((made.CAMERA_HEIGHT,), (LENGTH,))
+    references = References((made.CAMERA_HEIGHT,), (LENGTH,), on_contradiction="leave_out")
     measured = RowMeasurements(FACTS, {"wall": []}, {}, frozenset({"wall"}), (), MarkerTracks({}, {}))
     start = made.path()
     row = LocatedRow(

@@ -53,7 +53,9 @@ def mapped(world: made.World, settings: GridSettings, published_way: bool = Fals
 def test_a_known_width_shows_the_bias(wide: made.World) -> None:
     estimated = GridSettings(wide.rack.lowest, bias=BiasSettings(1.0, 0.25, 0.0, "estimated"))
     error, sigma, report = mapped(wide, estimated)
-    assert float(report["bias 1, px"]) + float(report["bias 3, px"]) == pytest.approx(BIAS_PX, abs=0.1)
+    assert float(report["bias 1, px"]) + float(report["bias 3, px"]) == pytest.approx(
+        BIAS_PX, abs=0.15
+    )  # their standard deviations are 0.2
     assert abs(error) < 0.002
     assert sigma < 0.003
 
@@ -71,6 +73,6 @@ def test_sigmas_allow_for_a_bias_that_is_not_estimated(wide: made.World) -> None
     plain, considered = (
         mapped(wide, GridSettings(wide.rack.lowest, bias=bias)) for bias in (NO_BIAS, BiasSettings(0.5, 0.25, 0.25))
     )
-    assert considered[0] == pytest.approx(plain[0], abs=1e-6)
+    assert considered[0] == pytest.approx(plain[0], abs=2e-4)
     assert considered[1] > 2 * plain[1]
     assert abs(considered[0]) < 3 * considered[1]
