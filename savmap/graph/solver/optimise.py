@@ -12,16 +12,19 @@ from savmap.errors import SolveError
 from savmap.graph.calibration.report import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.initial.start import Start, starts
+from savmap.graph.initial.observability import robust_fit
+from savmap.graph.initial.outlier_references import START_SIGMA_M
+from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.contradictions import Judgement, judged, measured_for, softened
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
-from savmap.graph.solver.reference_tests import tested_keys
+from savmap.graph.solver.reference_tests import refuse_unseen, tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
-from savmap.types import Floats, Trajectory
+from savmap.types import Doubt, Floats, Trajectory
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
@@ -32,23 +35,26 @@ OUTLIER_COST, CLEARLY = 12.5, 12.5
 @dataclass(frozen=True)
 class SolveOptions:
     """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
-    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round.
+    `judge`: references that all else contradicts are found first."""
 
     start: Literal["linear", "published"] = "linear"
     loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
+    judge: bool = True
 
 
-PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100)
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, judge=False)
 """Plain least squares from the published start, no measurement rejected (paper, section III.E)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit, and how
-    errors persist; `notes` of the start for the user, and the residuals' scale of the first round."""
+    errors persist; `notes` for the user and `doubts` from before it, references that something else than
+    their landmark was seen for, and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
@@ -56,6 +62,8 @@ class Iterate:
     fit: Fit
     persistence: Persistence
     notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+    mistaken: frozenset[str] = frozenset()
     first_scale: float = 0.0
 
     @property
@@ -91,12 +99,17 @@ class LocatedCamera:
 
 
 def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
-    """The camera's path by one round, good enough to track other structures. With `sigmas` its standard deviations come with it,
-    and references are tested. Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
+    """The camera's path by one round, good enough to track other structures. With `sigmas` its standard deviations come with it.
+    Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
     place are not observable."""
-    iterate = converged(problem, SolveOptions(rounds=1))
-    path = solution_of(iterate).trajectory if sigmas else trajectory(iterate.problem, iterate.estimate)
+    iterate = converged(problem, SolveOptions(rounds=1, judge=False))
+    path = _with_sigmas(iterate) if sigmas else trajectory(iterate.problem, iterate.estimate)
     return LocatedCamera(path, iterate.problem.assumed, positions(iterate.problem, iterate.estimate))
+
+
+def _with_sigmas(iterate: Iterate) -> Trajectory:
+    cameras = _covariance(iterate.reported, None).cameras
+    return trajectory(iterate.problem, iterate.estimate, np.sqrt(np.maximum(cameras, 0.0)))
 
 
 def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Floats]]:
@@ -111,11 +124,30 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    first, *later = _rounds(begin.problem, begin.estimate, chosen)
+    found, estimate = _judged(begin, chosen) if chosen.judge else (Judgement(begin.problem), begin.estimate)
+    first, *later = _rounds(found.problem, estimate, chosen, ~measured_for(found.problem, found.mistaken))
     last = later[-1] if later else first
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(last, notes=begin.notes, first_scale=first.fit.scale)
+    return replace(
+        last,
+        notes=(*begin.notes, *found.notes),
+        doubts=found.doubts,
+        mistaken=found.mistaken,
+        first_scale=first.fit.scale,
+    )
+
+
+def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:
+    """The problem without wrong references, and where to start with it. Raises SolveError where it is not clear which one is wrong."""
+    given, estimate = begin.given, begin.estimate
+    similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
+    if similarity.scale <= 0 or not misfits:
+        return Judgement(begin.problem), estimate
+    soft = softened(given, misfits)
+    iterate = next(_rounds(soft, moved(soft, estimate, similarity), options))
+    found = judged(soft, given, iterate.estimate, _covariance(iterate, None, tested_keys(soft)))
+    return found, aligned(found.problem, iterate.estimate)
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
@@ -129,7 +161,9 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     notes = (*iterate.notes, *calibration.notes)
     inflation = iterate.reported.inflation
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
-    return build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+    refuse_unseen(problem, fit, iterate.mistaken)
+    solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+    return replace(solution, doubts=iterate.doubts)
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
@@ -140,7 +174,7 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]
     inflation = min(iterate.inflation for iterate in firsts)
     costs = [
-        _cost(iterate, inflation) + OUTLIER_COST * len(start.outlier_notes)
+        _cost(iterate, inflation) + OUTLIER_COST * len(start.refuted)
         for iterate, start in zip(firsts, begins, strict=True)
     ]
     best, second = (int(k) for k in np.argsort(costs, kind="stable")[:2])
@@ -159,10 +193,12 @@ def _cost(iterate: Iterate, inflation: float) -> float:
     return float(graph.error(values_of(iterate.problem, iterate.estimate)))
 
 
-def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[Iterate]:
-    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases."""
+def _rounds(
+    problem: Problem, estimate: Estimate, options: SolveOptions, first: Mask | None = None
+) -> Iterator[Iterate]:
+    """The iterates, of which the last is the answer: all measurements or the `first` ones, then those that fitted, corrected for biases."""
     huber = HUBER if options.loss == "huber" else None
-    kept: Mask = np.ones(len(problem.measurements), dtype=bool)
+    kept: Mask = np.ones(len(problem.measurements), dtype=bool) if first is None else first
     bias, weight = np.zeros(len(problem.measurements.biases.prior)), 1.0
     row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):

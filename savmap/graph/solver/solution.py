@@ -15,7 +15,6 @@ from savmap.graph.solver.reference_tests import (
     ReferenceTest,
     reference_tests,
     refuse_contradiction,
-    refuse_unseen,
 )
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
@@ -100,7 +99,6 @@ def build_solution(
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    refuse_unseen(problem, fit)
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)

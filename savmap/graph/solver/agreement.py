@@ -1,0 +1,110 @@
+"""Which of the references the pictures and the other references contradict: Baarda's test, of every set of a few.
+
+What the pictures say of the references' values is a normal distribution that leaves scale and place open. What all but some of them say
+together, and of those, is algebra of as many unknowns as there are references: every set of suspects is tried.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, islice, product
+
+import numpy as np
+
+from savmap.types import Floats, Ints
+
+CRITICAL, CLEARLY = 3.0, 16.0
+LOOSE_M = 100.0
+MOST_TRIED = 2000
+LEAST_LEFT = 2
+Names = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """References by `names` (r,), of which equal ones are one reference, with given `values` (r,) and `sigmas` (r,), m, and what the
+    pictures say of them: values x (r,) cost (x - values)' information (x - values) - 2 shift' (x - values)."""
+
+    names: tuple[str, ...]
+    values: Floats
+    sigmas: Floats
+    information: Floats
+    shift: Floats
+
+    @classmethod
+    def of(
+        cls, names: tuple[str, ...], values: Floats, sigmas: Floats, soft: Floats, found: Floats, covariance: Floats
+    ) -> "Agreement":
+        """From a solution `found` (r,) with `covariance` (r, r) in which the references had standard deviations `soft` (r,) instead."""
+        whole = np.linalg.inv((covariance + covariance.T) / 2)
+        scale, axes = np.linalg.eigh(whole - np.diag(soft**-2.0))
+        information = (axes * np.maximum(scale, 0.0)) @ axes.T
+        return cls(names, values, sigmas, information, whole @ (found - values))
+
+    @cached_property
+    def all_names(self) -> tuple[str, ...]:
+        """Each name once."""
+        return tuple(dict.fromkeys(self.names))
+
+    def at(self, name: str) -> Ints:
+        """Indices of a reference."""
+        return np.flatnonzero([own == name for own in self.names])
+
+    def cost(self, out: Names = frozenset()) -> float:
+        """How badly pictures and references agree without those that are `out`: a sum of squares in standard deviations, up to a
+        constant."""
+        matrix = self._matrix(out)
+        return -float(self.shift @ np.linalg.solve(matrix, self.shift))
+
+    def deviations(self, out: Names = frozenset()) -> Mapping[str, float]:
+        """By how many standard deviations each reference that is not `out` deviates from what all others say."""
+        whole = self.cost(out)
+        return {
+            name: float(np.sqrt(max(whole - self.cost(out | {name}), 0.0)))
+            for name in self.all_names
+            if name not in out
+        }
+
+    def rest(self, name: str, out: Names = frozenset()) -> tuple[float, float]:
+        """What all others but those that are `out` say of a reference's value, and its standard deviation, m."""
+        index = int(self.at(name)[0])
+        inverse = np.linalg.inv(self._matrix(out | {name}))
+        return float(self.values[index] + inverse[index] @ self.shift), float(np.sqrt(inverse[index, index]))
+
+    def explanations(self, mistakable: Names = frozenset()) -> list[Names]:
+        """The least sets without which all others agree, those that explain about as much as the best of them does, that one first;
+        the empty one alone where all agree. None where no minority will do; references whose landmark is `mistakable` for another, for it
+        looks odd, count last and may be many."""
+        for firm in range((len(self.all_names) + 1) // 2):
+            for loose in range(len(mistakable) + 1):
+                found = self._explanations(mistakable, firm, loose)
+                if found:
+                    return found
+        return []
+
+    def _explanations(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
+        """Those with so many references of either kind."""
+        costs = {out: self.cost(out) for out in self._sets(mistakable, firm, loose)}
+        if not costs or len(self.all_names) - firm - loose < min(LEAST_LEFT, len(self.all_names)):
+            return []
+        best = min(costs, key=costs.__getitem__)
+        if not self._agrees(best):
+            return []
+        half = (self.cost() + costs[best]) / 2
+        near = sorted((out for out in costs if costs[out] <= costs[best] + CLEARLY), key=costs.__getitem__)
+        return [out for out in near if costs[out] <= half or self._agrees(out)]
+
+    def _agrees(self, out: Names) -> bool:
+        return max(self.deviations(out).values(), default=0.0) <= CRITICAL
+
+    def _sets(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
+        """Sets of suspects, as many as can be tried."""
+        others = [name for name in self.all_names if name not in mistakable]
+        some = product(combinations(others, firm), combinations(sorted(mistakable), loose))
+        return [frozenset((*a, *b)) for a, b in islice(some, MOST_TRIED)]
+
+    def _matrix(self, out: Names) -> Floats:
+        weight = np.array(
+            [0.0 if name in out else sigma**-2.0 for name, sigma in zip(self.names, self.sigmas, strict=True)]
+        )
+        return self.information + np.diag(weight + LOOSE_M**-2.0)

@@ -1,0 +1,302 @@
+"""References that the pictures and the other references contradict are found before any measurement is rejected in favour of one.
+
+In a solve with stiff references, a wrong one wins: what was seen of its own landmark does not fit any more, and is rejected. So the row is
+solved with `softened` references first. Its shape is that of the pictures then, and only what they leave open follows the references,
+which are compared with it and with one another (see `agreement`).
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.graph.constraints import Relation
+from savmap.graph.covariance import Covariance
+from savmap.graph.initial.gaps import where_frames_are_missing
+from savmap.graph.initial.observability import SCALE_LIMIT
+from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross
+from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.agreement import CRITICAL, Agreement, Names
+from savmap.graph.solver.reference_tests import solved_references
+from savmap.types import Bools, Doubt, ReferenceUse
+
+SOFT_M, SOFT_PART = 0.1, 0.02
+AWAY = 3.0
+KNOWN_M = 0.05
+LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
+FLAT_PART = 0.3
+UNCHECKED_SIGMA = 10.0
+NAMED, AT_LEAST_NAMED = 4, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
+    contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user, and
+    what remains doubtful."""
+
+    problem: Problem
+    mistaken: Names = frozenset()
+    notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+
+
+@dataclass(frozen=True)
+class Span:
+    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `way`: 1 where the
+    distance shrinks as the landmark's coordinate grows."""
+
+    size: float
+    usual: float
+    tolerance: float
+    way: float
+
+    def is_odd(self, moved: float = 0.0) -> bool:
+        """Whether it is unusual; strictly so, were the landmark's coordinate smaller by `moved`, m."""
+        return abs(self.size + self.way * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether there is next to no distance: both landmarks are one and the same thing."""
+        return abs(self.size) < FLAT_PART * abs(self.usual)
+
+
+def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
+    """The spans of the references whose landmark is one of many pairs that are usually alike (see `Constraints.alike`), by name."""
+    found: dict[str, Span] = {}
+    for part in problem.parts:
+        ends = [(axis, a, b) for axis, a, b in part.alike]
+        y = {key: estimate.points[problem.index(key)] for _, a, b in ends for key in (a, b)}
+        sizes = np.array([y[b]["xyz".index(axis)] - y[a]["xyz".index(axis)] for axis, a, b in ends])
+        if len(sizes) < LEAST_PAIRS:
+            continue
+        usual = float(np.median(sizes))
+        tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
+        at = {
+            (axis, key): (size, way)
+            for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
+            for key, way in ((a, 1.0), (b, -1.0))
+        }
+        for one in problem.relations:
+            if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
+                size, way = at[one.axis, one.a]
+                found[one.name] = Span(size, usual, tolerance, way)
+    return found
+
+
+def measured_for(problem: Problem, names: Names) -> Bools:
+    """Which measurements (n,) are of the landmarks of references by name, and of those with the same coordinate."""
+    keys = set[int]()
+    for one in (one for one in problem.relations if one.name in names):
+        group, grown = set[int](), {one.a}
+        while grown != group:
+            group = set(grown)
+            grown |= {
+                key
+                for r in problem.relations
+                if not r.name and r.axis == one.axis and r.b is not None and group & set(r.keys)
+                for key in r.keys
+            }
+        keys |= group
+    return np.isin(problem.measurements.keys, list(keys))
+
+
+def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
+    """The problem with references that give scale and place, but no more. `misfits`: by how much each is off a first fit to all, m."""
+    sizes = {one.name: SOFT_M for one in problem.camera.references.camera_heights}
+    for one in problem.relations:
+        if one.name:
+            sizes[one.name] = SOFT_M if one.b is None else SOFT_PART * abs(one.value)
+    return with_sigmas(problem, {name: max(size, AWAY * misfits.get(name, 0.0)) for name, size in sizes.items()})
+
+
+def with_sigmas(problem: Problem, at_least: Mapping[str, float]) -> Problem:
+    """The problem with references whose standard deviations, m, are no smaller than these by name."""
+    references = problem.camera.references
+    heights = tuple(
+        replace(one, sigma_m=max(one.sigma_m, at_least.get(one.name, 0.0))) for one in references.camera_heights
+    )
+    relations = tuple(
+        replace(one, sigma=max(one.sigma, at_least.get(one.name, 0.0))) if one.name else one
+        for one in problem.relations
+    )
+    camera = replace(problem.camera, references=replace(references, camera_heights=heights))
+    return replace(problem, camera=camera, relations=relations)
+
+
+def without(problem: Problem, out: Iterable[str]) -> Problem:
+    """The problem without some references, by name."""
+    names, references = set(out), problem.camera.references
+    heights = tuple(one for one in references.camera_heights if one.name not in names)
+    relations = tuple(one for one in problem.relations if not one.name or one.name not in names)
+    camera = replace(problem.camera, references=replace(references, camera_heights=heights))
+    return replace(problem, camera=camera, relations=relations)
+
+
+def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
+    """How the given references agree with the estimate of the softened problem, which has this covariance."""
+    solved = list(solved_references(soft, estimate))
+    keys = sorted({key for one in solved for key in one.keys})
+    slopes = np.zeros((len(solved), 3 * len(keys)))
+    for row, one in zip(slopes, solved, strict=True):
+        row.reshape(-1, 3)[[keys.index(key) for key in one.keys]] = one.slope.reshape(-1, 3)
+    sigmas = np.array([one.use.sigma for one in solved_references(given, estimate)])
+    values, softness, found = np.array([(one.use.value, one.use.sigma, one.use.solved) for one in solved]).T
+    names = tuple(one.use.name for one in solved)
+    return Agreement.of(names, values, sigmas, softness, found, slopes @ covariance.of(keys) @ slopes.T)
+
+
+def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
+    """The problem without what is wrong in it, from the estimate of the softened problem and its covariance.
+
+    Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
+    wrong, or at all where the user wants that.
+    """
+    agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
+    explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
+    if explained and not explained[0]:
+        return _agreeing(problem, agreed)
+    clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
+    suspects = _suspects(agreed, explained, clear)
+    lines = [_line(agreed, name, out) for name, out in suspects]
+    wanted = problem.camera.references.on_contradiction
+    mistaken = _mistaken(agreed, explained[0], spans) if clear else frozenset[str]()
+    flat = frozenset(name for name in mistaken if spans[name].is_flat)
+    refused = wanted == "refuse" and not (clear and explained[0] == flat)
+    if not explained or refused or (not clear and _is_gross(agreed, suspects)):
+        raise contradiction(problem, "; or ".join(lines[:NAMED]))
+    if clear:
+        found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
+        return _with_mistaken(found, agreed, explained[0], mistaken, flat)
+    return _uncertain(problem, agreed, suspects, lines)
+
+
+def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
+    """References that may be wrong, each with those that are left out with it: those that explain the contradiction and, where these are
+    few or nothing explains it, those that deviate most."""
+    found = {name: (name, out) for out in explained for name in sorted(out)}
+    deviations = agreed.deviations()
+    for name in sorted(deviations, key=lambda name: -deviations[name]):
+        if not clear and len(found) < AT_LEAST_NAMED:
+            found.setdefault(name, (name, frozenset({name})))
+    return list(found.values())
+
+
+def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
+    """Whether the rest determines what the references that are left out would have, and they are not all those that give the scale."""
+    scales = _scales(problem)
+    known = (agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value)) for name in out)
+    return all(known) and not (len(scales) > 1 and scales <= out)
+
+
+def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
+    """One explanation instead of several where none of them says that a reference is wrong."""
+    union = frozenset[str]().union(*explained)
+    return (
+        [union] if all(_mistaken(agreed, out, spans) == out for out in (*explained, union)) and explained else explained
+    )
+
+
+def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names:
+    """References of which something else was seen: it is odd, and would be usual were it where the reference says."""
+    odd = (name for name in out if name in spans and spans[name].is_odd())
+    return frozenset(
+        name for name in odd if not spans[name].is_odd(agreed.rest(name, out)[0] - _given(agreed, name).value)
+    )
+
+
+def _left_out(
+    problem: Problem, soft: Estimate, agreed: Agreement, out: Names, wrong: Names, doubted: bool
+) -> Judgement:
+    """Without the `wrong` ones of those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
+    a note."""
+    notes, doubts = list[str](), list[Doubt]()
+    for name in sorted(wrong):
+        relation = next((one for one in problem.relations if one.name == name), None)
+        otherwise, _ = agreed.rest(name, out)
+        if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
+            line = f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
+            surely = relation.may_be_missing
+        else:
+            line, surely = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
+        notes.append(line)
+        if doubted and not surely:
+            doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
+    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts))
+
+
+def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
+    """With references that are used although something else was seen: that is sure where two landmarks are one (`flat`); otherwise it only
+    is the likeliest, whatever the user wants to do about wrong references."""
+    notes = [
+        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(flat)
+    ]
+    lines = [
+        f"{_line(agreed, name, out)}: it is used, for what was seen looks odd; look at it"
+        for name in sorted(mistaken - flat)
+    ]
+    doubts = tuple(Doubt("reference", line) for line in lines)
+    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes, *lines), doubts=(*found.doubts, *doubts))
+
+
+def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
+    """What to do about a reference that is not used."""
+    gap = where_frames_are_missing(problem)
+    if not is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
+        return "measure it again"
+    return f"measure it again, and see whether a part of the row is missing from the map{f' ({gap})' if gap else ''}"
+
+
+def _uncertain(
+    problem: Problem, agreed: Agreement, suspects: Sequence[tuple[str, Names]], lines: Sequence[str]
+) -> Judgement:
+    """With all of them, each as uncertain as it deviates."""
+    wider = {name: abs(_given(agreed, name).value - agreed.rest(name, out)[0]) for name, out in suspects}
+    what = f"references contradict one another, and which one is wrong is not clear: {'; or '.join(lines[:NAMED])}; measure them again"
+    return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
+
+
+def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
+    """Where all agree: with a note on the references that all else checks so loosely that an error of many standard deviations would go
+    unnoticed; a doubt where one of them gives the scale, and hardly anything checks it."""
+    loose, hardly = list[str](), False
+    for name in agreed.all_names:
+        use = _given(agreed, name)
+        unnoticed = CRITICAL * float(np.hypot(agreed.rest(name)[1], use.sigma))
+        if unnoticed > UNCHECKED_SIGMA * use.sigma:
+            loose.append(f"{f'{unnoticed:.2f} m' if unnoticed < abs(use.value) else 'any size'} in {name}")
+            hardly |= name in _scales(problem) and unnoticed > SCALE_LIMIT * abs(use.value)
+    if not loose:
+        return Judgement(problem)
+    line = f"nothing would notice an error of {', of '.join(loose)}; a second measured length would tell"
+    doubted = hardly and problem.camera.references.on_contradiction != "leave_out"
+    return Judgement(problem, notes=(line,), doubts=(Doubt("reference", line),) if doubted else ())
+
+
+def _scales(problem: Problem) -> Names:
+    """References that give the scale each by itself, with where the floor is: camera heights and distances."""
+    heights = (one.name for one in problem.camera.references.camera_heights)
+    return frozenset((*heights, *(one.name for one in problem.relations if one.name and one.b is not None)))
+
+
+def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
+    return any(is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]) for name, out in suspects)
+
+
+def _line(agreed: Agreement, name: str, out: Names) -> str:
+    use = _given(agreed, name)
+    otherwise, sigma = agreed.rest(name, out)
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {otherwise:.3f} m +- {sigma:.3f} m"
+
+
+def _given(agreed: Agreement, name: str) -> ReferenceUse:
+    index = int(agreed.at(name)[0])
+    return ReferenceUse(name, float(agreed.values[index]), float(agreed.sigmas[index]), float("nan"))
+
+
+def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> tuple[float, float, float] | None:
+    """Where a reference's landmark is, m."""
+    if relation is None:
+        return None
+    x, y, z = soft.points[problem.index(relation.a)].tolist()
+    return x, y, z

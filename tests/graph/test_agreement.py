@@ -1,0 +1,52 @@
+"""Which references contradict the rest: the algebra alone."""
+
+import numpy as np
+import pytest
+
+from savmap.graph.solver.agreement import Agreement
+
+SOFT = 0.1
+NAMES = ("a", "b", "c", "d")
+
+
+def agreement(values: list[float], sigma: float = 0.002, pictures: float = 0.003) -> Agreement:
+    """References whose true values are 1, 2, 3, 4 up to a common shift, which the pictures leave open."""
+    true, count = np.arange(1.0, len(values) + 1), len(values)
+    apart = np.diff(np.eye(count), axis=0)
+    information = apart.T @ apart / (2 * pictures**2)
+    covariance = np.linalg.inv(information + np.eye(count) / SOFT**2)
+    given = np.array(values)
+    found = covariance @ (information @ true + given / SOFT**2)
+    sigmas, softness = np.full(count, sigma), np.full(count, SOFT)
+    return Agreement.of(NAMES[:count], given, sigmas, softness, found, covariance)
+
+
+def test_what_agrees_is_explained_by_nothing() -> None:
+    assert agreement([1.0, 2.0, 3.0, 4.0]).explanations() == [frozenset()]
+    assert agreement([1.7, 2.7, 3.7, 4.7]).explanations() == [frozenset()]
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 2, 3])
+def test_one_wrong_reference_is_found(wrong: int) -> None:
+    values = [1.0, 2.0, 3.0, 4.0]
+    values[wrong] += 0.05
+    found = agreement(values)
+    assert found.explanations() == [frozenset({NAMES[wrong]})]
+    otherwise, sigma = found.rest(NAMES[wrong], frozenset({NAMES[wrong]}))
+    assert otherwise == pytest.approx(wrong + 1, abs=3 * sigma)
+    assert 0.002 < sigma < 0.02
+
+
+def test_of_two_either_may_be_wrong() -> None:
+    assert set(agreement([1.0, 2.05]).explanations()) == set()
+    assert len(agreement([1.0, 2.0, 3.05, 4.05]).explanations()) != 1
+
+
+def test_landmarks_that_look_odd_count_last() -> None:
+    values = [1.1, 2.1, 3.0, 4.0]
+    assert agreement(values).explanations(frozenset({"a", "b"})) == [frozenset({"a", "b"})]
+    assert agreement(values).explanations(frozenset({"c", "d"})) == [frozenset({"c", "d"})]
+
+
+def test_a_small_error_is_within_the_noise() -> None:
+    assert agreement([1.0, 2.0, 3.0, 4.004]).explanations() == [frozenset()]
