@@ -71,7 +71,6 @@ def _misfits(rows: Floats, similarity: Similarity) -> Floats:
 
 def _fitted(rows: Floats, sigmas: Floats) -> Similarity:
     """By least squares, of equations (n, 6)."""
-    matrix: Floats
     matrix, values = rows[:, :4] / sigmas[:, None], rows[:, 4] / sigmas
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
     covariance = np.asarray(np.linalg.inv(information), np.float64)

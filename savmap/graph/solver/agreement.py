@@ -88,11 +88,16 @@ class Agreement:
         if not costs or len(self.all_names) - firm - loose < min(LEAST_LEFT, len(self.all_names)):
             return []
         best = min(costs, key=costs.__getitem__)
-        if not self._agrees(best):
+        if not self._agrees(best) or not self._refutes(best):
             return []
         half = (self.cost() + costs[best]) / 2
         near = sorted((out for out in costs if costs[out] <= costs[best] + CLEARLY), key=costs.__getitem__)
-        return [out for out in near if costs[out] <= half or self._agrees(out)]
+        return [out for out in near if self._refutes(out) and (costs[out] <= half or self._agrees(out))]
+
+    def _refutes(self, out: Names) -> bool:
+        """Whether the rest contradicts each of those that are out."""
+        whole = self.cost(out)
+        return all(self.cost(out - {name}) - whole > CRITICAL**2 for name in out)
 
     def _agrees(self, out: Names) -> bool:
         return max(self.deviations(out).values(), default=0.0) <= CRITICAL

@@ -26,6 +26,8 @@ KNOWN_M = 0.05
 LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
 FLAT_PART = 0.3
 UNCHECKED_SIGMA = 10.0
+SURELY = CRITICAL + 1.0
+"""Errors of so many standard deviations are noticed in five of six cases; one of `CRITICAL` ones in half of them."""
 NAMED, AT_LEAST_NAMED = 4, 2
 
 
@@ -43,17 +45,17 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Span:
-    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `way`: 1 where the
+    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `turn`: 1 where the
     distance shrinks as the landmark's coordinate grows."""
 
     size: float
     usual: float
     tolerance: float
-    way: float
+    turn: float
 
     def is_odd(self, moved: float = 0.0) -> bool:
         """Whether it is unusual; strictly so, were the landmark's coordinate smaller by `moved`, m."""
-        return abs(self.size + self.way * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
+        return abs(self.size + self.turn * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
 
     @property
     def is_flat(self) -> bool:
@@ -73,14 +75,14 @@ def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
         usual = float(np.median(sizes))
         tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
         at = {
-            (axis, key): (size, way)
+            (axis, key): (size, turn)
             for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
-            for key, way in ((a, 1.0), (b, -1.0))
+            for key, turn in ((a, 1.0), (b, -1.0))
         }
         for one in problem.relations:
             if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
-                size, way = at[one.axis, one.a]
-                found[one.name] = Span(size, usual, tolerance, way)
+                size, turn = at[one.axis, one.a]
+                found[one.name] = Span(size, usual, tolerance, turn)
     return found
 
 
@@ -258,14 +260,15 @@ def _uncertain(
 
 def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
     """Where all agree: with a note on the references that all else checks so loosely that an error of many standard deviations would go
-    unnoticed; a doubt where one of them gives the scale, and hardly anything checks it."""
+    unnoticed; a doubt where one of them alone gives the scale, and hardly anything checks it."""
     loose, hardly = list[str](), False
     for name in agreed.all_names:
         use = _given(agreed, name)
-        unnoticed = CRITICAL * float(np.hypot(agreed.rest(name)[1], use.sigma))
-        if unnoticed > UNCHECKED_SIGMA * use.sigma:
+        unnoticed = SURELY * float(np.hypot(agreed.rest(name)[1], use.sigma))
+        scale = _scales(problem) == {name} and unnoticed > SCALE_LIMIT * abs(use.value)
+        if scale or unnoticed > UNCHECKED_SIGMA * use.sigma:
             loose.append(f"{f'{unnoticed:.2f} m' if unnoticed < abs(use.value) else 'any size'} in {name}")
-            hardly |= name in _scales(problem) and unnoticed > SCALE_LIMIT * abs(use.value)
+        hardly |= scale
     if not loose:
         return Judgement(problem)
     line = f"nothing would notice an error of {', of '.join(loose)}; a second measured length would tell"

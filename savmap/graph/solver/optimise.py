@@ -145,7 +145,8 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:
     if similarity.scale <= 0 or not misfits:
         return Judgement(begin.problem), estimate
     soft = softened(given, misfits)
-    iterate = next(_rounds(soft, moved(soft, estimate, similarity), options))
+    rounds = options.rounds if given.measurements.biases.free.any() else 1
+    *_, iterate = _rounds(soft, moved(soft, estimate, similarity), replace(options, rounds=rounds))
     found = judged(soft, given, iterate.estimate, _covariance(iterate, None, tested_keys(soft)))
     return found, aligned(found.problem, iterate.estimate)
 
