@@ -206,7 +206,7 @@ def _network(tree: Any) -> bytes:
     for dim, side in zip(
         model.graph.input[0].type.tensor_type.shape.dim, sides if isinstance(sides, list) else (), strict=False
     ):
-        if isinstance(side, int) and 0 <= side < 1 << 62:
+        if type(side) is int and 0 <= side < 1 << 62:
             dim.dim_value = side
         else:
             dim.dim_param = "any"
