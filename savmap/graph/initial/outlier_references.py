@@ -41,6 +41,11 @@ def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple
     return (left, tuple(out)) if 2 * len(out) < candidates else (problem, ())
 
 
+def line_of(relation: Relation, otherwise: float) -> str:
+    """A line for the user about a reference that is left out, for its landmark was not seen."""
+    return f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
+
+
 def contradiction(problem: Problem, what: str) -> SolveError:
     """The error for references that cannot all be right, with which ones contradict, where frames are missing, and what to do."""
     gap = where_frames_are_missing(problem)

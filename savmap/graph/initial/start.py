@@ -8,7 +8,12 @@ from savmap.errors import SolveError, StructureError
 from savmap.geometry.poses import rotations_at
 from savmap.graph.initial.linear import linear_positions
 from savmap.graph.initial.observability import IDENTITY, Similarity, assume_missing, fit, require_metric
-from savmap.graph.initial.outlier_references import OutlierReference, consistent_alternatives, without_outliers
+from savmap.graph.initial.outlier_references import (
+    OutlierReference,
+    consistent_alternatives,
+    line_of,
+    without_outliers,
+)
 from savmap.graph.problem import Estimate, Problem, first_poses
 from savmap.types import Floats, RowFacts, Trajectory
 
@@ -57,10 +62,15 @@ class Start:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to tell the user."""
+        """What to tell the user about the alternatives."""
         return tuple(
             f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives
         )
+
+    @property
+    def refuted_notes(self) -> tuple[str, ...]:
+        """What to tell the user about references that are left out."""
+        return tuple(line_of(*one) for one in self.refuted)
 
 
 @dataclass(frozen=True, eq=False)

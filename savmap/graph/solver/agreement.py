@@ -1,7 +1,8 @@
 """Which of the references the pictures and the other references contradict: Baarda's test, of every set of a few.
 
-What the pictures say of the references' values is a normal distribution that leaves scale and place open. What all but some of them say
-together, and of those, is algebra of as many unknowns as there are references: every set of suspects is tried.
+What the pictures say of the references' values is a normal distribution that leaves scale and place open: these follow from references alone,
+and what a solve says of them beside is assumptions, such as that of a steady camera, which refute no reference. What all but some references
+say together, and of those, is algebra of as many unknowns as there are references: every set of suspects is tried.
 """
 
 from collections.abc import Mapping
@@ -10,14 +11,29 @@ from functools import cached_property
 from itertools import combinations, islice, product
 
 import numpy as np
+from scipy.stats import norm
 
 from savmap.types import Floats, Ints
 
-CRITICAL, CLEARLY = 3.0, 16.0
+FALSE_ALARMS = 0.01
+"""In how many rows whose references are all right one of them is taken for wrong."""
+CLEARLY = 16.0
+"""A set of suspects is excluded where it explains so much less than another one, in squared standard deviations: odds of 3000 to 1."""
 LOOSE_M = 100.0
 MOST_TRIED = 2000
 LEAST_LEFT = 2
 Names = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The references' `values` (r,) in a solve that takes them for uncertain by `sigmas` (r,), m, with their `covariance` (r, r), and the
+    directions (r, g) in which they change where the whole scene is scaled or moved, which pictures do not show."""
+
+    values: Floats
+    sigmas: Floats
+    covariance: Floats
+    gauge: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +48,31 @@ class Agreement:
     shift: Floats
 
     @classmethod
-    def of(
-        cls, names: tuple[str, ...], values: Floats, sigmas: Floats, soft: Floats, found: Floats, covariance: Floats
-    ) -> "Agreement":
-        """From a solution `found` (r,) with `covariance` (r, r) in which the references had standard deviations `soft` (r,) instead."""
-        whole = np.linalg.inv((covariance + covariance.T) / 2)
-        scale, axes = np.linalg.eigh(whole - np.diag(soft**-2.0))
+    def of(cls, names: tuple[str, ...], values: Floats, sigmas: Floats, found: Solved) -> "Agreement":
+        """From what is `found` of the references' values in a solve that takes them for softer than they are."""
+        whole = np.linalg.inv((found.covariance + found.covariance.T) / 2)
+        scale, axes = np.linalg.eigh(whole - np.diag(found.sigmas**-2.0))
         information = (axes * np.maximum(scale, 0.0)) @ axes.T
-        return cls(names, values, sigmas, information, whole @ (found - values))
+        shift = whole @ (found.values - values)
+        along = information @ found.gauge
+        known = np.linalg.pinv(found.gauge.T @ along, hermitian=True)
+        return cls(
+            names,
+            values,
+            sigmas,
+            information - along @ known @ along.T,
+            shift - along @ known @ (found.gauge.T @ shift),
+        )
 
     @cached_property
     def all_names(self) -> tuple[str, ...]:
         """Each name once."""
         return tuple(dict.fromkeys(self.names))
+
+    @cached_property
+    def critical(self) -> float:
+        """Beyond how many standard deviations a reference contradicts the rest, as many as are tested (Bonferroni)."""
+        return float(norm.isf(FALSE_ALARMS / 2 / max(len(self.all_names), 1)))
 
     def at(self, name: str) -> Ints:
         """Indices of a reference."""
@@ -97,16 +125,21 @@ class Agreement:
     def _refutes(self, out: Names) -> bool:
         """Whether the rest contradicts each of those that are out."""
         whole = self.cost(out)
-        return all(self.cost(out - {name}) - whole > CRITICAL**2 for name in out)
+        return all(self.cost(out - {name}) - whole > self.critical**2 for name in out)
 
     def _agrees(self, out: Names) -> bool:
-        return max(self.deviations(out).values(), default=0.0) <= CRITICAL
+        return max(self.deviations(out).values(), default=0.0) <= self.critical
 
     def _sets(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
-        """Sets of suspects, as many as can be tried."""
-        others = [name for name in self.all_names if name not in mistakable]
+        """Sets of suspects, as many as can be tried, those that deviate most first."""
+        others = [name for name in self._worst_first if name not in mistakable]
         some = product(combinations(others, firm), combinations(sorted(mistakable), loose))
         return [frozenset((*a, *b)) for a, b in islice(some, MOST_TRIED)]
+
+    @cached_property
+    def _worst_first(self) -> list[str]:
+        deviations = self.deviations()
+        return sorted(deviations, key=lambda name: -deviations[name])
 
     def _matrix(self, out: Names) -> Floats:
         weight = np.array(

@@ -5,7 +5,7 @@ solved with `softened` references first. Its shape is that of the pictures then,
 which are compared with it and with one another (see `agreement`).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,125 +14,32 @@ from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
 from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import SCALE_LIMIT
-from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross
+from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross, line_of
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.agreement import CRITICAL, Agreement, Names
+from savmap.graph.solver.agreement import Agreement, Names, Solved
+from savmap.graph.solver.lookalikes import Span, spans_of
 from savmap.graph.solver.reference_tests import solved_references
-from savmap.types import Bools, Doubt, ReferenceUse
+from savmap.graph.solver.soft_references import with_sigmas, without
+from savmap.types import Doubt, Floats, ReferenceUse
 
-SOFT_M, SOFT_PART = 0.1, 0.02
-AWAY = 3.0
 KNOWN_M = 0.05
-LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
-FLAT_PART = 0.3
 UNCHECKED_SIGMA = 10.0
-SURELY = CRITICAL + 1.0
-"""Errors of so many standard deviations are noticed in five of six cases; one of `CRITICAL` ones in half of them."""
+SURELY = 1.0
+"""Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
-    contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user, and
-    what remains doubtful."""
+    contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user,
+    what remains doubtful, and errors of references that nothing would notice."""
 
     problem: Problem
     mistaken: Names = frozenset()
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
-
-
-@dataclass(frozen=True)
-class Span:
-    """The distance from a reference's landmark to another one, which is `usual` for such pairs within a `tolerance`, m. `turn`: 1 where the
-    distance shrinks as the landmark's coordinate grows."""
-
-    size: float
-    usual: float
-    tolerance: float
-    turn: float
-
-    def is_odd(self, moved: float = 0.0) -> bool:
-        """Whether it is unusual; strictly so, were the landmark's coordinate smaller by `moved`, m."""
-        return abs(self.size + self.turn * moved - self.usual) > (ALIKE_M if moved else self.tolerance)
-
-    @property
-    def is_flat(self) -> bool:
-        """Whether there is next to no distance: both landmarks are one and the same thing."""
-        return abs(self.size) < FLAT_PART * abs(self.usual)
-
-
-def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
-    """The spans of the references whose landmark is one of many pairs that are usually alike (see `Constraints.alike`), by name."""
-    found: dict[str, Span] = {}
-    for part in problem.parts:
-        ends = [(axis, a, b) for axis, a, b in part.alike]
-        y = {key: estimate.points[problem.index(key)] for _, a, b in ends for key in (a, b)}
-        sizes = np.array([y[b]["xyz".index(axis)] - y[a]["xyz".index(axis)] for axis, a, b in ends])
-        if len(sizes) < LEAST_PAIRS:
-            continue
-        usual = float(np.median(sizes))
-        tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
-        at = {
-            (axis, key): (size, turn)
-            for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
-            for key, turn in ((a, 1.0), (b, -1.0))
-        }
-        for one in problem.relations:
-            if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
-                size, turn = at[one.axis, one.a]
-                found[one.name] = Span(size, usual, tolerance, turn)
-    return found
-
-
-def measured_for(problem: Problem, names: Names) -> Bools:
-    """Which measurements (n,) are of the landmarks of references by name, and of those with the same coordinate."""
-    keys = set[int]()
-    for one in (one for one in problem.relations if one.name in names):
-        group, grown = set[int](), {one.a}
-        while grown != group:
-            group = set(grown)
-            grown |= {
-                key
-                for r in problem.relations
-                if not r.name and r.axis == one.axis and r.b is not None and group & set(r.keys)
-                for key in r.keys
-            }
-        keys |= group
-    return np.isin(problem.measurements.keys, list(keys))
-
-
-def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
-    """The problem with references that give scale and place, but no more. `misfits`: by how much each is off a first fit to all, m."""
-    sizes = {one.name: SOFT_M for one in problem.camera.references.camera_heights}
-    for one in problem.relations:
-        if one.name:
-            sizes[one.name] = SOFT_M if one.b is None else SOFT_PART * abs(one.value)
-    return with_sigmas(problem, {name: max(size, AWAY * misfits.get(name, 0.0)) for name, size in sizes.items()})
-
-
-def with_sigmas(problem: Problem, at_least: Mapping[str, float]) -> Problem:
-    """The problem with references whose standard deviations, m, are no smaller than these by name."""
-    references = problem.camera.references
-    heights = tuple(
-        replace(one, sigma_m=max(one.sigma_m, at_least.get(one.name, 0.0))) for one in references.camera_heights
-    )
-    relations = tuple(
-        replace(one, sigma=max(one.sigma, at_least.get(one.name, 0.0))) if one.name else one
-        for one in problem.relations
-    )
-    camera = replace(problem.camera, references=replace(references, camera_heights=heights))
-    return replace(problem, camera=camera, relations=relations)
-
-
-def without(problem: Problem, out: Iterable[str]) -> Problem:
-    """The problem without some references, by name."""
-    names, references = set(out), problem.camera.references
-    heights = tuple(one for one in references.camera_heights if one.name not in names)
-    relations = tuple(one for one in problem.relations if not one.name or one.name not in names)
-    camera = replace(problem.camera, references=replace(references, camera_heights=heights))
-    return replace(problem, camera=camera, relations=relations)
+    unchecked: tuple[str, ...] = ()
 
 
 def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
@@ -145,7 +52,18 @@ def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Cov
     sigmas = np.array([one.use.sigma for one in solved_references(given, estimate)])
     values, softness, found = np.array([(one.use.value, one.use.sigma, one.use.solved) for one in solved]).T
     names = tuple(one.use.name for one in solved)
-    return Agreement.of(names, values, sigmas, softness, found, slopes @ covariance.of(keys) @ slopes.T)
+    joint = slopes @ covariance.of(keys) @ slopes.T
+    return Agreement.of(names, values, sigmas, Solved(found, softness, joint, _gauge(soft, found, slopes)))
+
+
+def _gauge(problem: Problem, found: Floats, slopes: Floats) -> Floats:
+    """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved along each axis whose
+    origin is not fixed: (r, g). Nothing is free where the camera's path is given."""
+    if problem.camera.fixed is not None:
+        return np.zeros((len(found), 0))
+    fixed = {one.column for one in problem.relations if one.b is None and not one.name}
+    moved = slopes.reshape(len(found), -1, 3).sum(axis=1)
+    return np.column_stack([found, moved[:, [axis for axis in range(3) if axis not in fixed]]])
 
 
 def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
@@ -157,7 +75,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
     explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
     if explained and not explained[0]:
-        return _agreeing(problem, agreed)
+        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed)))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
@@ -217,8 +135,7 @@ def _left_out(
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
-            line = f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
-            surely = relation.may_be_missing
+            line, surely = line_of(relation, otherwise), relation.may_be_missing
         else:
             line, surely = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
         notes.append(line)
@@ -258,22 +175,23 @@ def _uncertain(
     return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
 
 
-def _agreeing(problem: Problem, agreed: Agreement) -> Judgement:
-    """Where all agree: with a note on the references that all else checks so loosely that an error of many standard deviations would go
-    unnoticed; a doubt where one of them alone gives the scale, and hardly anything checks it."""
-    loose, hardly = list[str](), False
+def _unchecked(problem: Problem, agreed: Agreement) -> Iterator[str]:
+    """Of references that agree: a line about one that alone gives the scale, which nothing can contradict, and a line about those that the
+    others check so loosely that an error of many standard deviations would go unnoticed, the largest first."""
+    scales, loose = _scales(problem), list[tuple[float, str]]()
     for name in agreed.all_names:
-        use = _given(agreed, name)
-        unnoticed = SURELY * float(np.hypot(agreed.rest(name)[1], use.sigma))
-        scale = _scales(problem) == {name} and unnoticed > SCALE_LIMIT * abs(use.value)
-        if scale or unnoticed > UNCHECKED_SIGMA * use.sigma:
-            loose.append(f"{f'{unnoticed:.2f} m' if unnoticed < abs(use.value) else 'any size'} in {name}")
-        hardly |= scale
-    if not loose:
-        return Judgement(problem)
-    line = f"nothing would notice an error of {', of '.join(loose)}; a second measured length would tell"
-    doubted = hardly and problem.camera.references.on_contradiction != "leave_out"
-    return Judgement(problem, notes=(line,), doubts=(Doubt("reference", line),) if doubted else ())
+        use, (_, rest) = _given(agreed, name), agreed.rest(name)
+        unnoticed = (agreed.critical + SURELY) * float(np.hypot(rest, use.sigma))
+        if name in scales and unnoticed > abs(use.value):
+            yield f"one reference gives the scale, {name}: nothing checks it; a measured length would"
+        elif unnoticed > UNCHECKED_SIGMA * use.sigma:
+            loose.append((unnoticed, name))
+    loose.sort(key=lambda one: -one[0])
+    sizes = [f"of {unnoticed:.2f} m in {name}" for unnoticed, name in loose[:NAMED]]
+    if len(loose) > NAMED:
+        sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
+    if loose:
+        yield f"nothing would notice an error {', '.join(sizes)}; a second measured length would tell"
 
 
 def _scales(problem: Problem) -> Names:

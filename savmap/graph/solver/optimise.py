@@ -18,13 +18,15 @@ from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.contradictions import Judgement, judged, measured_for, softened
+from savmap.graph.solver.contradictions import Judgement, judged
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
+from savmap.graph.solver.lookalikes import measured_for
 from savmap.graph.solver.reference_tests import refuse_unseen, tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
+from savmap.graph.solver.soft_references import softened
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
-from savmap.types import Doubt, Floats, Trajectory
+from savmap.types import Floats, Trajectory
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
@@ -62,8 +64,7 @@ class Iterate:
     fit: Fit
     persistence: Persistence
     notes: tuple[str, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
-    mistaken: frozenset[str] = frozenset()
+    judgement: Judgement | None = None
     first_scale: float = 0.0
 
     @property
@@ -124,18 +125,16 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    found, estimate = _judged(begin, chosen) if chosen.judge else (Judgement(begin.problem), begin.estimate)
+    found, estimate = _judged(begin, chosen) if chosen.judge else (_roughly_judged(begin), begin.estimate)
     first, *later = _rounds(found.problem, estimate, chosen, ~measured_for(found.problem, found.mistaken))
     last = later[-1] if later else first
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(
-        last,
-        notes=(*begin.notes, *found.notes),
-        doubts=found.doubts,
-        mistaken=found.mistaken,
-        first_scale=first.fit.scale,
-    )
+    return replace(last, notes=(*begin.notes, *found.notes), judgement=found, first_scale=first.fit.scale)
+
+
+def _roughly_judged(begin: Start) -> Judgement:
+    return Judgement(begin.problem, notes=begin.refuted_notes)
 
 
 def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:
@@ -143,7 +142,7 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:
     given, estimate = begin.given, begin.estimate
     similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
     if similarity.scale <= 0 or not misfits:
-        return Judgement(begin.problem), estimate
+        return _roughly_judged(begin), estimate
     soft = softened(given, misfits)
     rounds = options.rounds if given.measurements.biases.free.any() else 1
     *_, iterate = _rounds(soft, moved(soft, estimate, similarity), replace(options, rounds=rounds))
@@ -162,9 +161,10 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     notes = (*iterate.notes, *calibration.notes)
     inflation = iterate.reported.inflation
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
-    refuse_unseen(problem, fit, iterate.mistaken)
+    judgement = iterate.judgement or Judgement(problem)
+    refuse_unseen(problem, fit, judgement.mistaken)
     solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
-    return replace(solution, doubts=iterate.doubts)
+    return replace(solution, doubts=judgement.doubts, unchecked=judgement.unchecked)
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:

@@ -186,11 +186,6 @@ def solved(
     return solve(problem(made, start or begin(made), given, heights, setback), options)
 
 
-def warned(solution: Solution) -> list[str]:
-    """Warnings but for the usual one of which reference's error nothing would notice."""
-    return [line for line in solution.warnings if not line.startswith("nothing would notice")]
-
-
 def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Floats]:
     """Errors m along x (columns) and in height (rows), and their standard deviations."""
     off: dict[str, list[float]] = {"x": [], "y": []}

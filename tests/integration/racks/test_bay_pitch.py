@@ -35,7 +35,7 @@ def test_pitches_alone_give_the_scale_and_are_reported(small: made.World) -> Non
     assert np.abs(y).max() < 0.03
     used = {use.name: use for use in solution.references}
     assert used["bay pitch of section 3"].solved == pytest.approx(pitches(small)[2], abs=0.005)
-    assert not made.warned(solution)
+    assert not solution.warnings
 
 
 def test_a_wrong_pitch_is_named(small: made.World) -> None:

@@ -76,7 +76,7 @@ def test_halves_turned_against_one_another_are_found(small: made.World) -> None:
         assert float(found.report[f"calibration rear {name}, deg"]) == pytest.approx(value, abs=max(3 * sigma, 0.02))
     assert error(small, found) < 0.7 * error(small, plain)
     assert float(found.report["residual_scale_uncalibrated"]) > 1.5 * float(found.report["residual_scale"])
-    assert made.warned(found)[0].startswith("calibration: rear pitch +0.")
+    assert found.warnings[0].startswith("calibration: rear pitch +0.")
 
 
 def test_what_the_footage_does_not_tell_stays_at_zero_and_is_named(small: made.World) -> None:

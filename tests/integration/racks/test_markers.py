@@ -78,7 +78,7 @@ def test_its_side_is_among_the_references(small: made.World) -> None:
     use = {one.name: one for one in solution.references}[f"side of marker {NAME}"]
     assert (use.value, use.sigma) == (0.2, 0.0005)
     assert use.solved == pytest.approx(0.2, abs=0.0005)
-    assert not made.warned(solution)
+    assert not solution.warnings
 
 
 def test_a_size_that_contradicts_the_rest_is_named(small: made.World) -> None:

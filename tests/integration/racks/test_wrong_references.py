@@ -100,9 +100,21 @@ def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> 
     assert largest_error(four, solution) < 0.02
 
 
-def test_what_nothing_checks_is_said(four: made.World) -> None:
-    [line] = [line for line in made.solved(four).warnings if "nothing would notice an error of" in line]
+def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
+    [line] = made.solved(four).unchecked
+    assert "nothing would notice an error of" in line
     assert " m in length upright 1 / left to upright 5 / right" in line
+
+
+@pytest.mark.parametrize("height_m", [3.05, 2.0])
+def test_one_camera_height_alone_is_never_refuted(four: made.World, height_m: float) -> None:
+    """All heights above the floor are equal, and no length is given: a wrong height scales the map, which no picture shows."""
+    level = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
+    world = made.seen_from(level, four.poses, np.random.default_rng(5))
+    solution = solve(problem(world, 0.3, References((CameraHeight(height_m, 0.02),))))
+    assert solution.doubts == ()
+    assert not [line for line in solution.warnings if "is given as" in line]
+    assert "one reference gives the scale, camera height: nothing checks it" in solution.unchecked[0]
 
 
 def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
