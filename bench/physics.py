@@ -2,14 +2,15 @@
 
     python bench/physics.py [--rows demo 5000 5003] [--keep DIR] [--only WORDS] [-o bench/results/physics.json]
 
-A case changes what is said of a row (its site file's content), or, with `footage`, what was filmed. A map is wrong where the change
-put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that unless the row ends as `check` or refused.
-A number as a row is the seed of a random one; another row's references are those of the next row.
+A case changes what is said of a row: its site file's content, or which clip it names (`physics_footage.py` has more of what may be wrong
+with a clip). A map is wrong where the change put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that
+unless the row ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row.
 """
 
 import argparse
 import copy
 import json
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from physics_footage import other_hand, read, without, write
 from rows import footage
 
 from savmap.errors import SavmapError
@@ -41,13 +43,15 @@ Content = dict[str, Any]
 
 @dataclass(frozen=True)
 class Filmed:
-    """A row that was filmed: the folder of its footage, its site file's content, its survey, and the next row's content."""
+    """A row that was filmed: the folder of its footage, its site file's content, its survey, the next row's content, and a folder for
+    changed clips."""
 
     name: str
     folder: Path
     content: Content
     survey: Mapping[str, Any]
     other: Content
+    scratch: Path
 
 
 @dataclass(frozen=True)
@@ -158,6 +162,28 @@ def one_bay_short(site: Content, _: Content) -> None:
     given(site)["lengths"][0]["between"] = [between[0], f"upright {len(heights(site))} / right"]
 
 
+def with_length(between: Sequence[str], value: float, axis: str = "x") -> Callable[[Content, Content], None]:
+    """One more length, of a laser or a tape."""
+
+    def change(site: Content, _: Content) -> None:
+        own = given(site)
+        own["lengths"] = [
+            *own["lengths"],
+            {"between": list(between), "value": value, "sigma": 0.003, "axis": axis},
+        ]
+
+    return change
+
+
+def with_point(vertex: str, value: float) -> Callable[[Content, Content], None]:
+    """A surveyed place along the aisle."""
+
+    def change(site: Content, _: Content) -> None:
+        given(site)["points"] = [{"vertex": vertex, "axis": "x", "value": value, "sigma": 0.003}]
+
+    return change
+
+
 def reference_cases(row: Filmed) -> Iterator[Case]:
     """Each reference off by some sigmas and by slips of the hand."""
 
@@ -193,9 +219,96 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     yield case("another row's heights", others_heights, "height of the lowest edge")
     yield case("another row's length", others_length, "length")
     yield case("another row's references", others_everything, "height", "camera", "length")
+    yield case("heights from the other end", heights_as(lambda own: own[::-1]), "height of the lowest edge")
+    yield case("heights one section on", heights_as(lambda own: [*own[1:], own[-1]]), "height of the lowest edge")
+    yield case("a camera height in feet", camera_off(2.281 * camera_height(row)), "camera height")
 
 
-PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (reference_cases,)
+def camera_height(row: Filmed) -> float:
+    return float(given(copy.deepcopy(row.content))["camera_height_m"]["value"])
+
+
+def more_reference_cases(row: Filmed) -> Iterator[Case]:
+    """References of other kinds, given beside the usual ones, twice, or measured to the wrong edge."""
+    first, last = row.survey["uprights"][0], row.survey["uprights"][-1]
+    between = given(copy.deepcopy(row.content))["lengths"][0]["between"]
+    length = last[1] - first[0]
+    width = sum(upright[1] - upright[0] for upright in (first, last))
+    beam = row.survey["sections"][0]["beams"][0]
+    edges = [f"section 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
+
+    def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
+        return Case(name, references_only(change), words, off_m)
+
+    yield case("length between inner edges", length_off(-width), "length", off_m=width)
+    yield case(
+        "heights of the upper edges",
+        heights_as(lambda own: [value + beam[1] - beam[0] for value in own]),
+        "height",
+        off_m=beam[1] - beam[0],
+    )
+    yield case("the length given twice", with_length(between, length))
+    yield case("twice, once 5 cm more", with_length(between, length + 0.05), "length", off_m=0.05)
+    yield case("twice, once 50 cm more", with_length(between, length + 0.5), "length", off_m=0.5)
+    yield case("a tape's length", with_length(edges, beam[1] - beam[0], "y"))
+    yield case(
+        "a tape's length 5 cm off",
+        with_length(edges, beam[1] - beam[0] + 0.05, "y"),
+        "length section 1",
+        "height of the lowest edge of section 1",
+        off_m=0.05,
+    )
+    yield case("a surveyed place", with_point("upright 2 / left", row.survey["uprights"][1][0]))
+    yield case(
+        "a surveyed place 10 cm off",
+        with_point("upright 2 / left", row.survey["uprights"][1][0] + 0.1),
+        "surveyed",
+        off_m=0.1,
+    )
+    yield case(
+        "a place from the other end", with_point("upright 2 / left", length - row.survey["uprights"][1][0]), "surveyed"
+    )
+    bay, pitch = ("upright 2 / left", "upright 3 / left"), row.survey["uprights"][2][0] - row.survey["uprights"][1][0]
+    yield case("a bay's width", with_length(bay, pitch))
+    yield case("a bay's width 5 cm off", with_length(bay, pitch + 0.05), "length", off_m=0.05)
+    yield case("a bay's width 50 cm off", with_length(bay, pitch + 0.5), "length", off_m=0.5)
+
+
+def clip_cases(row: Filmed) -> Iterator[Case]:
+    """The references are right, but of another clip."""
+    kinds = ("reference", "camera", "motion")
+    anything = ("contradict", "sections were found", "no such thing", "part of the row", "the rest says", "height")
+
+    def on_the_other_hand(row: Filmed) -> tuple[Content, Path]:
+        content = copy.deepcopy(row.content)
+        one = content["rows"][ROW]["passes"][0]
+        one["side"] = other_hand(one["side"])
+        return content, row.folder
+
+    def half(row: Filmed) -> tuple[Content, Path]:
+        content = copy.deepcopy(row.content)
+        one = content["rows"][ROW]["passes"][0]
+        one["end_s"] = read(row.folder / one["video"])[-1][0] / 2
+        return content, row.folder
+
+    def gap(stamped: bool) -> Callable[[Filmed], tuple[Content, Path]]:
+        def change(row: Filmed) -> tuple[Content, Path]:
+            content = copy.deepcopy(row.content)
+            one = content["rows"][ROW]["passes"][0]
+            clip = row.scratch / f"gap-{stamped}.mp4"
+            write(clip, without(read(row.folder / one["video"]), stamped))
+            one["video"] = str(clip)
+            return content, row.folder
+
+        return change
+
+    yield Case("sides swapped", on_the_other_hand, anything, kinds=kinds)
+    yield Case("the first half of the clip", half, anything, kinds=kinds)
+    yield Case("a gap, times kept", gap(stamped=True), ("frames are missing",), kinds=kinds)
+    yield Case("a gap, times rewritten", gap(stamped=False), ("frames are missing", "frames seem"), kinds=kinds)
+
+
+PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (reference_cases, more_reference_cases, clip_cases)
 """What may be wrong: each part gives the cases for a row."""
 
 
@@ -255,9 +368,9 @@ def ending(case: Case, row: Filmed, output: Path, before: Mapping[str, tuple[flo
     if found is None:
         return Ending("refused", reason)
     worst = made_wrong(errors(found, row.survey), before)
-    notes = [str(note) for key, note in found.report.items() if key.startswith("note")]
-    told = any(_unnoticed(note, case.words) >= case.off_m for note in notes)
-    doubts = found.verdict.doubts if found.verdict is not None else ()
+    assert found.verdict is not None
+    told = any(_unnoticed(note, case.words) >= case.off_m for note in found.verdict.notes)
+    doubts = found.verdict.doubts
     true = "; ".join(doubt.what for doubt in doubts if doubt.kind in case.kinds)
     others = "; ".join(f"({doubt.what})" for doubt in doubts if doubt.kind not in case.kinds)
     return Ending("check" if doubts else "trusted", true, worst, told, others)
@@ -265,13 +378,10 @@ def ending(case: Case, row: Filmed, output: Path, before: Mapping[str, tuple[flo
 
 def _unnoticed(note: str, words: Sequence[str]) -> float:
     """The error of a reference that a note says nobody would notice, m."""
-    if "nothing would notice an error of " not in note:
-        return 0.0
-    parts = note.split("nothing would notice an error of ")[1].split(";")[0].split(", of ")
-    sizes = [
-        part.split(" in ")[0] for part in parts if any(word and word in part.split(" in ", 1)[1] for word in words)
-    ]
-    return max((np.inf if size == "any size" else float(size.split()[0]) for size in sizes), default=0.0)
+    if note.startswith("one reference gives the scale"):
+        return np.inf if any(word and word in note for word in words) else 0.0
+    sizes = re.findall(r"of ([\d.]+) m in ([^;]+?)(?=, of |;)", note)
+    return max((float(size) for size, name in sizes if any(word and word in name for word in words)), default=0.0)
 
 
 def judged(case: Case, found: Ending) -> str:
@@ -294,7 +404,9 @@ def filmed(name: str, folder: Path, other: str) -> Filmed:
             footage(int(one), 40, folder / f"row-{one}")
     content, following = (yaml.safe_load((at / "site.yaml").read_text(encoding="utf-8")) for at in (place, next_place))
     survey = json.loads((place / "survey.json").read_text(encoding="utf-8"))["rows"][ROW]
-    return Filmed(name, place, content, survey, following)
+    scratch = folder / "physics" / name
+    scratch.mkdir(parents=True, exist_ok=True)
+    return Filmed(name, place, content, survey, following, scratch)
 
 
 def run(rows: Sequence[str], folder: Path, only: str) -> list[dict[str, Any]]:
@@ -302,8 +414,7 @@ def run(rows: Sequence[str], folder: Path, only: str) -> list[dict[str, Any]]:
     results = []
     for name, other in zip(rows, [*rows[1:], rows[0]], strict=True):
         row = filmed(name, folder, other)
-        output = folder / "physics" / name
-        output.mkdir(parents=True, exist_ok=True)
+        output = row.scratch
         whole, reason = mapped(copy.deepcopy(row.content), row.folder, output)
         if whole is None:
             raise SystemExit(f"row {name} cannot be mapped at all: {reason}")

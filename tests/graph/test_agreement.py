@@ -3,27 +3,44 @@
 import numpy as np
 import pytest
 
-from savmap.graph.solver.agreement import Agreement
+from savmap.graph.solver.agreement import Agreement, Solved
 
 SOFT = 0.1
 NAMES = ("a", "b", "c", "d")
 
 
-def agreement(values: list[float], sigma: float = 0.002, pictures: float = 0.003) -> Agreement:
-    """References whose true values are 1, 2, 3, 4 up to a common shift, which the pictures leave open."""
+def agreement(
+    values: list[float], sigma: float = 0.002, pictures: float = 0.003, assumed_m: float = np.inf
+) -> Agreement:
+    """References whose true values are 1, 2, 3, 4 up to a common shift, which the pictures leave open, but for an assumption that the
+    first is 1 +- `assumed_m`."""
     true, count = np.arange(1.0, len(values) + 1), len(values)
     apart = np.diff(np.eye(count), axis=0)
     information = apart.T @ apart / (2 * pictures**2)
+    information[0, 0] += assumed_m**-2.0
     covariance = np.linalg.inv(information + np.eye(count) / SOFT**2)
     given = np.array(values)
     found = covariance @ (information @ true + given / SOFT**2)
-    sigmas, softness = np.full(count, sigma), np.full(count, SOFT)
-    return Agreement.of(NAMES[:count], given, sigmas, softness, found, covariance)
+    solved = Solved(found, np.full(count, SOFT), covariance, np.ones((count, 1)))
+    return Agreement.of(NAMES[:count], given, np.full(count, sigma), solved)
 
 
 def test_what_agrees_is_explained_by_nothing() -> None:
     assert agreement([1.0, 2.0, 3.0, 4.0]).explanations() == [frozenset()]
     assert agreement([1.7, 2.7, 3.7, 4.7]).explanations() == [frozenset()]
+
+
+def test_what_is_assumed_of_the_place_refutes_nothing() -> None:
+    assert agreement([1.7], assumed_m=0.01).explanations() == [frozenset()]
+    moved = agreement([1.7, 2.7, 3.7, 4.7], assumed_m=0.01)
+    assert moved.explanations() == [frozenset()]
+    assert moved.rest("a")[0] == pytest.approx(1.7, abs=0.02)
+    assert agreement([1.7]).rest("a")[1] > 10.0
+
+
+def test_the_more_are_tested_the_more_must_one_deviate() -> None:
+    assert agreement([1.0]).critical == pytest.approx(2.576, abs=0.001)
+    assert agreement([1.0, 2.0, 3.0, 4.0]).critical == pytest.approx(3.023, abs=0.001)
 
 
 @pytest.mark.parametrize("wrong", [0, 1, 2, 3])
