@@ -199,8 +199,8 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
             name = f"height of the lowest edge of section {section + 1}"
             yield case(f"height {section + 1} {times} sigma off", height_off(section, off), name, off_m=off)
     last = len(heights(row.content))
-    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"section {last}")
-    yield case("a height typed 5 cm too low", height_off(0, -0.05), "section 1")
+    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"section {last}", off_m=0.05)
+    yield case("a height typed 5 cm too low", height_off(0, -0.05), "section 1", off_m=0.05)
     yield case("two heights swapped", heights_as(swapped), "height of the lowest edge")
     yield case("a height in cm", heights_as(lambda own: [*own[:-1], 100 * own[-1]]), "section", "values")
     yield case("heights in cm", heights_as(lambda own: [100 * value for value in own]), "height", "values")

@@ -21,7 +21,7 @@ def agreement(
     covariance = np.linalg.inv(information + np.eye(count) / SOFT**2)
     given = np.array(values)
     found = covariance @ (information @ true + given / SOFT**2)
-    solved = Solved(found, np.full(count, SOFT), covariance, np.ones((count, 1)))
+    solved = Solved(found, np.full(count, SOFT), covariance, np.full((count, 1), count**-0.5))
     return Agreement.of(NAMES[:count], given, np.full(count, sigma), solved)
 
 
@@ -36,6 +36,15 @@ def test_what_is_assumed_of_the_place_refutes_nothing() -> None:
     assert moved.explanations() == [frozenset()]
     assert moved.rest("a")[0] == pytest.approx(1.7, abs=0.02)
     assert agreement([1.7]).rest("a")[1] > 10.0
+
+
+def test_a_reference_given_twice_with_two_values() -> None:
+    """Both are of one thing, which no more than one of them fits."""
+    solved = Solved(np.full(3, 1.0), np.full(3, SOFT), np.full((3, 3), 1e-6) + np.diag([0, 0, 1e-6]), np.zeros((3, 0)))
+    same = Agreement.of(("a", "b", "c"), np.array([1.0, 1.0, 1.0]), np.full(3, 0.002), solved)
+    other = Agreement.of(("a", "b", "c"), np.array([1.0, 1.05, 1.0]), np.full(3, 0.002), solved)
+    assert same.explanations() == [frozenset()]
+    assert other.explanations() == [frozenset("b")]
 
 
 def test_the_more_are_tested_the_more_must_one_deviate() -> None:

@@ -20,6 +20,8 @@ FALSE_ALARMS = 0.01
 CLEARLY = 16.0
 """A set of suspects is excluded where it explains so much less than another one, in squared standard deviations: odds of 3000 to 1."""
 LOOSE_M = 100.0
+RANK = 1e-12
+"""Variances that are so much smaller than the largest are those of rounding: of differences between references to one thing."""
 MOST_TRIED = 2000
 LEAST_LEFT = 2
 Names = frozenset[str]
@@ -28,7 +30,7 @@ Names = frozenset[str]
 @dataclass(frozen=True, eq=False)
 class Solved:
     """The references' `values` (r,) in a solve that takes them for uncertain by `sigmas` (r,), m, with their `covariance` (r, r), and the
-    directions (r, g) in which they change where the whole scene is scaled or moved, which pictures do not show."""
+    orthonormal directions (r, g) in which they change where the whole scene is scaled or moved, which pictures do not show."""
 
     values: Floats
     sigmas: Floats
@@ -38,30 +40,34 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """References by `names` (r,), of which equal ones are one reference, with given `values` (r,) and `sigmas` (r,), m, and what the
-    pictures say of them: values x (r,) cost (x - values)' information (x - values) - 2 shift' (x - values)."""
+    """References by `names` (r,), of which equal ones are one reference, that are `off` (r,) what was solved for with soft references, m, and
+    have standard deviations `sigmas` (r,).
+
+    Their values change with unknowns y (k,) by `slopes` (r, k): two references to one thing change alike. What the pictures say of y costs
+    y' information y - 2 shift' y."""
 
     names: tuple[str, ...]
     values: Floats
+    off: Floats
     sigmas: Floats
+    slopes: Floats
     information: Floats
     shift: Floats
 
     @classmethod
     def of(cls, names: tuple[str, ...], values: Floats, sigmas: Floats, found: Solved) -> "Agreement":
         """From what is `found` of the references' values in a solve that takes them for softer than they are."""
-        whole = np.linalg.inv((found.covariance + found.covariance.T) / 2)
-        scale, axes = np.linalg.eigh(whole - np.diag(found.sigmas**-2.0))
-        information = (axes * np.maximum(scale, 0.0)) @ axes.T
-        shift = whole @ (found.values - values)
-        along = information @ found.gauge
-        known = np.linalg.pinv(found.gauge.T @ along, hermitian=True)
+        variances, axes = np.linalg.eigh((found.covariance + found.covariance.T) / 2)
+        kept = variances > RANK * variances.max(initial=0.0)
+        slopes, off = axes[:, kept], found.values - values
+        soft = slopes.T / found.sigmas**2
+        weight, turned = np.linalg.eigh(np.diag(1 / variances[kept]) - soft @ slopes)
+        information = (turned * np.maximum(weight, 0.0)) @ turned.T
+        shift = soft @ off
+        assumed = _assumed(information, slopes.T @ found.gauge)
+        along = information @ assumed
         return cls(
-            names,
-            values,
-            sigmas,
-            information - along @ known @ along.T,
-            shift - along @ known @ (found.gauge.T @ shift),
+            names, values, off, sigmas, slopes, information - along @ along.T, shift - along @ (assumed.T @ shift)
         )
 
     @cached_property
@@ -81,8 +87,8 @@ class Agreement:
     def cost(self, out: Names = frozenset()) -> float:
         """How badly pictures and references agree without those that are `out`: a sum of squares in standard deviations, up to a
         constant."""
-        matrix = self._matrix(out)
-        return -float(self.shift @ np.linalg.solve(matrix, self.shift))
+        matrix, right, weight = self._normal(out)
+        return float(weight @ self.off**2 - right @ np.linalg.solve(matrix, right))
 
     def deviations(self, out: Names = frozenset()) -> Mapping[str, float]:
         """By how many standard deviations each reference that is not `out` deviates from what all others say."""
@@ -96,8 +102,10 @@ class Agreement:
     def rest(self, name: str, out: Names = frozenset()) -> tuple[float, float]:
         """What all others but those that are `out` say of a reference's value, and its standard deviation, m."""
         index = int(self.at(name)[0])
-        inverse = np.linalg.inv(self._matrix(out | {name}))
-        return float(self.values[index] + inverse[index] @ self.shift), float(np.sqrt(inverse[index, index]))
+        matrix, right, _ = self._normal(out | {name})
+        slope, inverse = self.slopes[index], np.linalg.inv(matrix)
+        moved, variance = slope @ inverse @ right, slope @ inverse @ slope
+        return float(self.values[index] + self.off[index] + moved), float(np.sqrt(variance))
 
     def explanations(self, mistakable: Names = frozenset()) -> list[Names]:
         """The least sets without which all others agree, those that explain about as much as the best of them does, that one first;
@@ -141,8 +149,16 @@ class Agreement:
         deviations = self.deviations()
         return sorted(deviations, key=lambda name: -deviations[name])
 
-    def _matrix(self, out: Names) -> Floats:
-        weight = np.array(
-            [0.0 if name in out else sigma**-2.0 for name, sigma in zip(self.names, self.sigmas, strict=True)]
-        )
-        return self.information + np.diag(weight + LOOSE_M**-2.0)
+    def _normal(self, out: Names) -> tuple[Floats, Floats, Floats]:
+        """The normal equations of y without those that are `out`: matrix (k, k) and right side (k,), and the references' weights (r,)."""
+        used = np.array([name not in out for name in self.names])
+        weight = used / self.sigmas**2
+        matrix = self.information + (self.slopes.T * weight) @ self.slopes + np.eye(len(self.shift)) / LOOSE_M**2
+        return matrix, self.shift - self.slopes.T @ (weight * self.off), weight
+
+
+def _assumed(information: Floats, gauge: Floats) -> Floats:
+    """Independent directions (k, d) within the gauge (k, g), each one standard deviation long, in which there is information (k, k) at all."""
+    strength, turned = np.linalg.eigh(gauge.T @ information @ gauge)
+    known = strength > LOOSE_M**-2.0
+    return np.asarray(gauge @ turned[:, known] / np.sqrt(strength[known]))

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import orth
 
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
@@ -58,12 +59,12 @@ def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Cov
 
 def _gauge(problem: Problem, found: Floats, slopes: Floats) -> Floats:
     """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved along each axis whose
-    origin is not fixed: (r, g). Nothing is free where the camera's path is given."""
+    origin is not fixed: orthonormal (r, g). Nothing is free where the camera's path is given."""
     if problem.camera.fixed is not None:
         return np.zeros((len(found), 0))
     fixed = {one.column for one in problem.relations if one.b is None and not one.name}
     moved = slopes.reshape(len(found), -1, 3).sum(axis=1)
-    return np.column_stack([found, moved[:, [axis for axis in range(3) if axis not in fixed]]])
+    return np.asarray(orth(np.column_stack([found, moved[:, [axis for axis in range(3) if axis not in fixed]]])))
 
 
 def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:

@@ -31,6 +31,8 @@ from savmap.types import Floats, Trajectory
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
+SOFT_ROUNDS = 3
+"""Rounds with soft references: what fits hardly changes after them, and the rounds with the given ones begin with it."""
 OUTLIER_COST, CLEARLY = 12.5, 12.5
 
 
@@ -125,29 +127,26 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    found, estimate = _judged(begin, chosen) if chosen.judge else (_roughly_judged(begin), begin.estimate)
-    first, *later = _rounds(found.problem, estimate, chosen, ~measured_for(found.problem, found.mistaken))
-    last = later[-1] if later else first
+    found, estimate, soft = _judged(begin, chosen)
+    *_, last = _rounds(found.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(last, notes=(*begin.notes, *found.notes), judgement=found, first_scale=first.fit.scale)
+    return replace(last, notes=(*begin.notes, *found.notes), judgement=found)
 
 
-def _roughly_judged(begin: Start) -> Judgement:
-    return Judgement(begin.problem, notes=begin.refuted_notes)
-
-
-def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate]:
-    """The problem without wrong references, and where to start with it. Raises SolveError where it is not clear which one is wrong."""
+def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
+    """The problem without wrong references, where to start with it, and the optimum with soft references, where there are any. Raises
+    SolveError where it is not clear which one is wrong."""
     given, estimate = begin.given, begin.estimate
     similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
-    if similarity.scale <= 0 or not misfits:
-        return _roughly_judged(begin), estimate
+    if not options.judge or similarity.scale <= 0 or not misfits:
+        return Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
     soft = softened(given, misfits)
-    rounds = options.rounds if given.measurements.biases.free.any() else 1
-    *_, iterate = _rounds(soft, moved(soft, estimate, similarity), replace(options, rounds=rounds))
-    found = judged(soft, given, iterate.estimate, _covariance(iterate, None, tested_keys(soft)))
-    return found, aligned(found.problem, iterate.estimate)
+    options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
+    *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
+    found = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
+    kept = last.fit.kept & ~measured_for(found.problem, found.mistaken)
+    return found, aligned(found.problem, last.estimate), replace(last, fit=replace(last.fit, kept=kept))
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
@@ -195,31 +194,42 @@ def _cost(iterate: Iterate, inflation: float) -> float:
 
 
 def _rounds(
-    problem: Problem, estimate: Estimate, options: SolveOptions, first: Mask | None = None
+    problem: Problem, estimate: Estimate, options: SolveOptions, begun: Iterate | None = None
 ) -> Iterator[Iterate]:
-    """The iterates, of which the last is the answer: all measurements or the `first` ones, then those that fitted, corrected for biases."""
-    huber = HUBER if options.loss == "huber" else None
-    kept: Mask = np.ones(len(problem.measurements), dtype=bool) if first is None else first
-    bias, weight = np.zeros(len(problem.measurements.biases.prior)), 1.0
+    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases. With what is
+    `begun` with other references, the measurements that fitted there come first."""
+    huber = None if options.loss == "none" else HUBER
+    kept: Mask = np.ones(len(problem.measurements), dtype=bool)
+    bias, weight, first_scale = np.zeros(len(problem.measurements.biases.prior)), 1.0, 0.0
+    if begun is not None:
+        kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
+        huber = _loosened(huber, begun)
     row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):
+        near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
         graph = whole_graph(corrected, estimate, corrected.measurements.take(kept), weight, huber)
         settings = LevenbergMarquardt(
-            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if number else ROUGH
+            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if near else ROUGH
         )
         values = settings.minimum(graph, values_of(corrected, estimate))
         estimate = estimate_of(corrected, values, estimate)
         corrected = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(corrected, estimate, kept, options.reject_sigma)
-        iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit))
+        first_scale = first_scale or fit.scale
+        iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit), first_scale=first_scale)
         weight = iterate.inflation
         yield iterate
-        huber = None if huber is None else HUBER / float(np.sqrt(iterate.persistence.solved))
+        huber = _loosened(huber, iterate)
         step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
-        if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
+        if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
+
+
+def _loosened(huber: float | None, iterate: Iterate) -> float | None:
+    """The bound of Huber's loss for variances as large as an iterate found them."""
+    return None if huber is None else HUBER / float(np.sqrt(iterate.persistence.solved))
 
 
 def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
