@@ -76,7 +76,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
     explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
     if explained and not explained[0]:
-        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed)))
+        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, explained[0])))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
@@ -113,9 +113,8 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
 def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
     """One explanation instead of several where none of them says that a reference is wrong."""
     union = frozenset[str]().union(*explained)
-    return (
-        [union] if all(_mistaken(agreed, out, spans) == out for out in (*explained, union)) and explained else explained
-    )
+    all_right = all(_mistaken(agreed, out, spans) == out for out in (*explained, union))
+    return [union] if explained and all_right else explained
 
 
 def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names:
@@ -136,13 +135,14 @@ def _left_out(
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
-            line, surely = line_of(relation, otherwise), relation.may_be_missing
+            line, harmless = line_of(relation, otherwise), relation.may_be_missing
         else:
-            line, surely = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
+            line, harmless = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
         notes.append(line)
-        if doubted and not surely:
+        if doubted and not harmless:
             doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
-    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts))
+    unchecked = tuple(_unchecked(problem, agreed, out))
+    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
 
 
 def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
@@ -161,9 +161,9 @@ def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Na
 
 def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
     """What to do about a reference that is not used."""
-    gap = where_frames_are_missing(problem)
     if not is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
         return "measure it again"
+    gap = where_frames_are_missing(problem)
     return f"measure it again, and see whether a part of the row is missing from the map{f' ({gap})' if gap else ''}"
 
 
@@ -176,12 +176,12 @@ def _uncertain(
     return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
 
 
-def _unchecked(problem: Problem, agreed: Agreement) -> Iterator[str]:
-    """Of references that agree: a line about one that alone gives the scale, which nothing can contradict, and a line about those that the
+def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
+    """Of references that agree without those that are `out`: a line about one that alone gives the scale, which nothing can contradict, and a line about those that the
     others check so loosely that an error of many standard deviations would go unnoticed, the largest first."""
     scales, loose = _scales(problem), list[tuple[float, str]]()
-    for name in agreed.all_names:
-        use, (_, rest) = _given(agreed, name), agreed.rest(name)
+    for name in (name for name in agreed.all_names if name not in out):
+        use, (_, rest) = _given(agreed, name), agreed.rest(name, out)
         unnoticed = (agreed.critical + SURELY) * float(np.hypot(rest, use.sigma))
         if name in scales and unnoticed > abs(use.value):
             yield f"one reference gives the scale, {name}: nothing checks it; a measured length would"

@@ -60,6 +60,7 @@ def test_on_contradiction_leave_out(four: made.World) -> None:
     solution = solve(typed(four, 0.05, "leave_out"))
     assert solution.doubts == ()
     assert any("section 4 is given as" in line for line in solution.warnings)
+    assert "nothing would notice an error of" in solution.unchecked[0]
     assert largest_error(four, solution) < 0.02
 
 
