@@ -16,7 +16,7 @@ from savmap.demo import SITE
 from savmap.errors import CONTROLS, SavmapError, SiteError, VideoError
 from savmap.files.atomic import read_text
 from savmap.jobs.cache_keys import measurement_key
-from savmap.maps.exports import write_csv, write_ply
+from savmap.maps.exports.plain import write_csv, write_ply
 from savmap.maps.map_file import map_of, map_text, read_map
 from savmap.maps.run_record import read_log
 from savmap.maps.search import find_structures
