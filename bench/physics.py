@@ -378,7 +378,7 @@ def ending(case: Case, row: Filmed, output: Path, before: Mapping[str, tuple[flo
 
 def _unnoticed(note: str, words: Sequence[str]) -> float:
     """The error of a reference that a note says nobody would notice, m."""
-    if note.startswith("one reference gives the scale"):
+    if note.startswith(("one reference gives", "nothing checks")):
         return np.inf if any(word and word in note for word in words) else 0.0
     sizes = re.findall(r"of ([\d.]+) m in ([^;]+?)(?=, of |;)", note)
     return max((float(size) for size, name in sizes if any(word and word in name for word in words)), default=0.0)

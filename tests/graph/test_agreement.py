@@ -76,3 +76,10 @@ def test_landmarks_that_look_odd_count_last() -> None:
 
 def test_a_small_error_is_within_the_noise() -> None:
     assert agreement([1.0, 2.0, 3.0, 4.004]).explanations() == [frozenset()]
+
+
+def test_an_error_that_all_have_in_common_shows_only_against_others() -> None:
+    found = agreement([1.0, 2.0, 3.0, 4.0])
+    assert found.common_error(frozenset("a")) == pytest.approx(np.hypot(found.rest("a")[1], 0.002))
+    assert found.common_error(frozenset("abc")) < 0.01
+    assert found.common_error(frozenset("abcd")) > 10.0

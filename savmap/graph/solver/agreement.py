@@ -107,6 +107,15 @@ class Agreement:
         moved, variance = slope @ inverse @ right, slope @ inverse @ slope
         return float(self.values[index] + self.off[index] + moved), float(np.sqrt(variance))
 
+    def common_error(self, names: Names, out: Names = frozenset()) -> float:
+        """How well an error that some references have in common shows without those that are `out`: its standard deviation, m. For a single
+        reference that is of its difference from what all others say."""
+        matrix, _, weight = self._normal(out)
+        own = weight * np.isin(self.names, sorted(names))
+        along = self.slopes.T @ own
+        shown = float(own.sum() - along @ np.linalg.solve(matrix, along))
+        return float(max(shown, LOOSE_M**-2.0) ** -0.5)
+
     def explanations(self, mistakable: Names = frozenset()) -> list[Names]:
         """The least sets without which all others agree, those that explain about as much as the best of them does, that one first;
         the empty one alone where all agree. None where no minority will do; references whose landmark is `mistakable` for another, for it

@@ -24,7 +24,7 @@ from savmap.graph.solver.soft_references import with_sigmas, without
 from savmap.types import Doubt, Floats, ReferenceUse
 
 KNOWN_M = 0.05
-UNCHECKED_SIGMA = 10.0
+UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
@@ -177,22 +177,38 @@ def _uncertain(
 
 
 def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
-    """Of references that agree without those that are `out`: a line about one that alone gives the scale, which nothing can contradict, and a line about those that the
-    others check so loosely that an error of many standard deviations would go unnoticed, the largest first."""
-    scales, loose = _scales(problem), list[tuple[float, str]]()
-    for name in (name for name in agreed.all_names if name not in out):
-        use, (_, rest) = _given(agreed, name), agreed.rest(name, out)
-        unnoticed = (agreed.critical + SURELY) * float(np.hypot(rest, use.sigma))
-        if name in scales and unnoticed > abs(use.value):
-            yield f"one reference gives the scale, {name}: nothing checks it; a measured length would"
-        elif unnoticed > UNCHECKED_SIGMA * use.sigma:
-            loose.append((unnoticed, name))
+    """Of references that agree without those that are `out`: a line about those that nothing can contradict, for they alone give scale or
+    place, and a line about those that the others check so loosely that an error of many standard deviations would go unnoticed, the largest
+    first."""
+    alone, loose = list[str](), list[tuple[float, str]]()
+    for what, names in _errors(problem, agreed, out):
+        unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
+        uses = [_given(agreed, name) for name in names]
+        if unnoticed > max(UNKNOWN_M, *(abs(use.value) for use in uses)):
+            alone.append(what)
+        elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
+            loose.append((unnoticed, what))
+    if len(alone) == 1:
+        what = "scale" if alone[0] in _scales(problem) else "place"
+        yield f"one reference gives the {what}, {alone[0]}: nothing checks it; a measured length would"
+    elif alone:
+        yield f"nothing checks {' and '.join(alone)}: scale and place are as right as these; a second measured length would tell"
     loose.sort(key=lambda one: -one[0])
     sizes = [f"of {unnoticed:.2f} m in {name}" for unnoticed, name in loose[:NAMED]]
     if len(loose) > NAMED:
         sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
     if loose:
         yield f"nothing would notice an error {', '.join(sizes)}; a second measured length would tell"
+
+
+def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
+    """What may be wrong of the references that are not `out`: each, and all heights on the structure, measured from a wrong floor or to a wrong
+    edge. A height of 0 is the floor's, by definition."""
+    yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
+    levels = (one for one in problem.relations if one.name and one.axis == "y" and one.b is None and one.value)
+    heights = frozenset(one.name for one in levels) - out
+    if len(heights) > 1:
+        yield "all given heights together", heights
 
 
 def _scales(problem: Problem) -> Names:
