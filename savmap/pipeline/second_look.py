@@ -23,7 +23,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Expected, Feature, Panorama, Trajectory, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import LookSettings, expected_detections, gather, is_gatherable
+from savmap.vision.evidence import LookSettings, expected_detections, gather
 from savmap.vision.views import Renderer
 
 LOOKS = 2
@@ -72,8 +72,7 @@ def expect(
     except (StructureError, SolveError, SiteError, PluginFailedError):
         return None
     points, looks = located.points[plugin.name], walked.looks[plugin.name]
-    planes = [patch for patch in plugin.planes(points) if is_gatherable(patch)]
-    evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in planes]
+    evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]
     objects = plugin.expect(points, evidence) if evidence else []
     return Expectation(objects, located.path) if objects else None
 

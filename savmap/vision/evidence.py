@@ -31,7 +31,6 @@ Singles = NDArray[np.float32]
 
 HALVED = 2
 MOST_LOOKS = 160
-MOST_CELLS = 2**15 - 1
 JPEG_QUALITY = 80
 BORDER_PX = 2.0
 NEAR = 0.02
@@ -75,11 +74,6 @@ def _packed(image: Bytes, kind: str) -> bytes:
 
 def _unpacked(packed: bytes, flags: int) -> Bytes:
     return np.asarray(cv2.imdecode(np.frombuffer(packed, np.uint8), flags), np.uint8)
-
-
-def is_gatherable(patch: PlanePatch) -> bool:
-    """Whether a patch has no more cells a side than OpenCV samples: one that has was found from frames that make no sense together."""
-    return max(patch.shape) < MOST_CELLS
 
 
 def gather(

@@ -1,12 +1,10 @@
 """Evidence in planes: what adds up over frames, what smears away, and how frames are read with it in mind."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from savmap.types import Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
-from savmap.vision.evidence import Look, LookSettings, expected_detections, gather, is_gatherable, outline_in
+from savmap.vision.evidence import Look, LookSettings, expected_detections, gather, outline_in
 from savmap.vision.networks.segmenter import Segmentation
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)
@@ -81,12 +79,6 @@ def test_frames_without_a_pose_are_left_out() -> None:
     seen = gather(PATCH, ("post",), looks, {"face": SPEC}, alone)
     whole = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
     assert (seen.weight > 0).sum() < (whole.weight > 0).sum()
-
-
-def test_a_plane_without_bounds_is_not_looked_at() -> None:
-    patch = replace(PATCH, size=np.array([1000.0, 3.0]), cell=0.02)
-    assert is_gatherable(PATCH)
-    assert not is_gatherable(patch)
 
 
 def test_the_plane_is_pictured() -> None:
