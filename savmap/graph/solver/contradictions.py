@@ -185,7 +185,7 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
         unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
         uses = [_given(agreed, name) for name in names]
         if unnoticed > max(UNKNOWN_M, *(abs(use.value) for use in uses)):
-            alone.append(what)
+            alone += [what] if len(names) == 1 or not alone else []
         elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
             loose.append((unnoticed, what))
     if len(alone) == 1:
@@ -202,8 +202,8 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
 
 
 def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
-    """What may be wrong of the references that are not `out`: each, and all heights on the structure, measured from a wrong floor or to a wrong
-    edge. A height of 0 is the floor's, by definition."""
+    """What may be wrong of the references that are not `out`: each, and last all heights on the structure, measured from a wrong floor or to a
+    wrong edge. A height of 0 is the floor's, by definition."""
     yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
     levels = (one for one in problem.relations if one.name and one.axis == "y" and one.b is None and one.value)
     heights = frozenset(one.name for one in levels) - out

@@ -138,9 +138,12 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     """The problem without wrong references, where to start with it, and the optimum with soft references, where there are any. Raises
     SolveError where it is not clear which one is wrong."""
     given, estimate = begin.given, begin.estimate
+    roughly = Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
+    if not options.judge:
+        return roughly
     similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
-    if not options.judge or similarity.scale <= 0 or not misfits:
-        return Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
+    if similarity.scale <= 0 or not misfits:
+        return roughly
     soft = softened(given, misfits)
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     *_, last = _rounds(soft, moved(soft, estimate, similarity), options)

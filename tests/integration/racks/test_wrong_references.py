@@ -118,6 +118,13 @@ def test_one_camera_height_alone_is_never_refuted(four: made.World, height_m: fl
     assert "one reference gives the scale, camera height: nothing checks it" in solution.unchecked[0]
 
 
+def test_heights_that_nothing_contradicts_are_noted(four: made.World) -> None:
+    """Without the camera's height, all of them may have been measured from a wrong floor."""
+    lengths = made.references(four).lengths
+    line = solve(problem(four, list(four.rack.lowest), References((), lengths))).unchecked[0]
+    assert line.startswith("one reference gives the place, all given heights together: nothing checks it")
+
+
 def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
     """A height is typed 6 cm too high on a beam that is thicker than the others, which makes it look like them: it is still doubted."""
     thick = [beams.copy() for beams in four.rack.beams]
