@@ -11,12 +11,7 @@ from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.halves import HalfDifference
-from savmap.graph.solver.reference_tests import (
-    ReferenceTest,
-    reference_tests,
-    refuse_contradiction,
-    refuse_unseen,
-)
+from savmap.graph.solver.reference_tests import ReferenceTest, reference_tests, refuse_contradiction
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
 
@@ -52,8 +47,8 @@ class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
-    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `halves`: how the
-    landmarks differ between odd and even frames."""
+    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
+    of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -66,6 +61,7 @@ class Solution:
     deviations: Mapping[str, float]
     variables: Mapping[int, Variable] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
+    unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
@@ -100,7 +96,6 @@ def build_solution(
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    refuse_unseen(problem, fit)
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
