@@ -5,11 +5,12 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.graph import SolveOptions, camera_priors, locate_camera, merge, solve
+from savmap.graph import Problem, SolveOptions, camera_priors, locate_camera, merge, solve
 from savmap.graph.covariance import covariance
 from savmap.graph.factors.problem_factors import measurement_factors, other_factors, values_of, whole_graph
 from savmap.graph.initial.start import starts
 from savmap.graph.keys import ORIGIN, centre_key, frame_key
+from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap_shelves.constraints import GridSettings, constrain
 
@@ -82,11 +83,15 @@ def test_sigmas_are_honest() -> None:
     assert 0.7 < rms(np.concatenate(off[1])) < 1.3
 
 
+def _inflated(problem: Problem) -> ImageMeasurements:
+    return problem.measurements.inflated(np.full(len(problem.measurements), 1.5))
+
+
 def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
     graph = other_factors(problem, estimate)
-    for factor in measurement_factors(problem.measurements, 1.5, None):
+    for factor in measurement_factors(_inflated(problem), None):
         graph.push_back(factor)
     values = values_of(problem, estimate)
     used = problem.used.tolist()
@@ -102,7 +107,7 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
 def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
-    graph, values = whole_graph(problem, estimate, problem.measurements, 1.5, None), values_of(problem, estimate)
+    graph, values = whole_graph(problem, estimate, _inflated(problem), None), values_of(problem, estimate)
     frames, centres = ([key(f) for f in problem.used.tolist()] for key in (frame_key, centre_key))
     asked = problem.keys[[3, 40, 7]].tolist()
     whole, part = covariance(graph, values, frames, centres), covariance(graph, values, frames, centres, only=asked)
