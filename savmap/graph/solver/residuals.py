@@ -6,6 +6,7 @@ import numpy as np
 
 from savmap.graph.initial.linear import equal_coordinates
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.redundancy import left_of
 from savmap.types import Bools, Floats, Ints
 
 MEDIAN_CHI2 = 0.55
@@ -44,11 +45,11 @@ def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: floa
     worth, classes = problem.measurements.dof, problem.measurements.classes
     robust = np.maximum(LEAST_ROBUST, np.sqrt(_medians(squared / worth, classes, used) / MEDIAN_CHI2))[classes]
     kept = squared < (reject_sigma * robust) ** 2
-    freedom = np.bincount(classes[kept], worth[kept], len(problem.measurements.class_names))
-    left = max(1 - _unknowns(problem) / max(float(freedom.sum()), 1.0), 0.1)
+    freedom = np.bincount(classes[kept], worth[kept], len(problem.measurements.class_names)).astype(np.float64)
+    spare = freedom * left_of(problem, estimate, kept, freedom)
     sums = np.bincount(classes[kept], squared[kept], len(freedom))
-    scale = max(LEAST_SCALE, float(np.sqrt(sums.sum() / max(left * float(freedom.sum()), 1.0))))
-    scales = np.maximum(LEAST_SCALE, np.sqrt((sums + SURE) / (left * freedom + SURE)))[classes]
+    scale = max(LEAST_SCALE, float(np.sqrt(sums.sum() / max(float(spare.sum()), 1.0))))
+    scales = np.maximum(LEAST_SCALE, np.sqrt((sums + SURE) / (spare + SURE)))[classes]
     return Fit(errors, kept, scale, scales, _own(problem, squared / (worth * scales**2)))
 
 
@@ -76,12 +77,6 @@ def _upper(points: Ints, squared: Floats) -> Floats:
     upper[points[order][first]] = squared[order][at]
     own: Floats = np.sqrt(np.maximum(upper / UPPER_CHI2, 1.0))[points]
     return own
-
-
-def _unknowns(problem: Problem) -> int:
-    """Unknowns that the pictures alone determine: six a frame, unless it is held, and the free coordinates of the grid."""
-    frames = 0 if problem.camera.fixed is not None else 6 * len(problem.used)
-    return frames + max(3 * len(problem.keys) - sum(not relation.name for relation in problem.relations), 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 LEAST_APART_M = 0.01
+MISFIT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,21 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
+        doubts=tuple(_misfits(problem, fit)),
     )
+
+
+def _misfits(problem: Problem, fit: Fit) -> Iterator[Doubt]:
+    """A doubt about each class of measurements that hardly agree with one another: their sigmas are wide then, but errors of this size
+    are none of measuring."""
+    for number, name in enumerate(problem.measurements.class_names):
+        of_class = fit.scales[problem.measurements.classes == number]
+        if len(of_class) and of_class[0] > MISFIT:
+            times = f"{of_class[0]:.0f} times as far as they should be"
+            yield Doubt(
+                "residuals",
+                f"what was measured of `{name}` does not fit together: pixels are {times} from where it was mapped",
+            )
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:

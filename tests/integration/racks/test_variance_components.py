@@ -55,6 +55,13 @@ def test_a_bad_class_pays_for_itself(rack: made.World) -> None:
     assert uprights > 10 * beams
 
 
+def test_a_class_that_does_not_fit_at_all_is_doubted(rack: made.World) -> None:
+    [doubt] = made.solved(noisier(rack, "upright", 12.0)).doubts
+    assert doubt.kind == "residuals"
+    assert "`upright`" in doubt.what
+    assert not made.solved(noisier(rack, "upright", 1.0)).doubts
+
+
 def test_pictures_do_not_loosen_references(rack: made.World) -> None:
     last = f"upright {len(rack.rack.uprights)} / right / top"
     bad = made.solved(noisier(noisier(rack, "upright", 4.0), "beam", 4.0))

@@ -33,13 +33,13 @@ class BiasSettings:
     all_px: float = 0.0
     class_px: float = 0.0
     edge_px: float = 0.0
-    upright_px: float | None = None
     common: Literal["estimated", "considered"] = "considered"
     relative: bool = False
+    upright_px: float | None = None
 
 
 NO_BIAS = BiasSettings()
-PICTURES = BiasSettings(0.2, 0.3, 1.2, 0.4, relative=True)
+PICTURES = BiasSettings(0.2, 0.3, 1.2, relative=True, upright_px=0.4)
 """Of edges measured in pictures: what makes normalised errors of widths and heights of maps of simulated footage about unit-sized."""
 
 
