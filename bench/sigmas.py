@@ -97,7 +97,7 @@ def _of_elements(
             sigma = float(np.sqrt(structure.covariances[at, axis, axis]))
             if sigma > BY_CONVENTION_M / 2:
                 yield kinds[0], float(estimate - true), sigma
-        yield kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size])  # type: ignore[arg-type]
+        yield kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size])
 
 
 def _of_lamps(found: Sequence[Structure], truth: Floats) -> Iterator[Figure]:
