@@ -16,7 +16,7 @@ from savmap.demo import SITE
 from savmap.errors import CONTROLS, SavmapError, SiteError, VideoError
 from savmap.files.atomic import read_text
 from savmap.jobs.cache_keys import measurement_key
-from savmap.maps.exports import write_csv, write_ply
+from savmap.maps.exports.plain import write_csv, write_ply
 from savmap.maps.map_file import map_of, map_text, read_map
 from savmap.maps.run_record import read_log
 from savmap.maps.search import find_structures
@@ -206,7 +206,7 @@ def _network(tree: Any) -> bytes:
     for dim, side in zip(
         model.graph.input[0].type.tensor_type.shape.dim, sides if isinstance(sides, list) else (), strict=False
     ):
-        if isinstance(side, int) and 0 <= side < 1 << 62:
+        if type(side) is int and 0 <= side < 1 << 62:
             dim.dim_value = side
         else:
             dim.dim_param = "any"

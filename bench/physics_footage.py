@@ -194,12 +194,25 @@ CASES = (
     Case("as it is", of(lambda picture: picture)),
     Case("turned by 70 degrees", of(turned(70)), new_way=True),
     Case("pitched by 15 degrees", of(turned(0, 15, 5)), new_way=True),
-    Case("upside down", of(turned(0, 0, 180)), "upside down|no building|no structure|tilted|contradict", True),
+    Case(
+        "upside down",
+        of(turned(0, 0, 180)),
+        "upside down|no building|no structure|tilted|contradict|sections were found",
+        True,
+        new_way=True,
+    ),
     Case("reversed", ordered(lambda p: p[::-1]), side=other_hand),
     Case(
-        "reversed, side as it was", ordered(lambda p: p[::-1]), "contradict|not on the|side|heights|reference|rest says"
+        "reversed, side as it was",
+        ordered(lambda p: p[::-1]),
+        "contradict|not on the|side|heights|sections were found|reference|rest says",
     ),
-    Case("mirrored", of(lambda p: p[:, ::-1]), "contradict|heights|reference|rest says|residual", new_way=True),
+    Case(
+        "mirrored",
+        of(lambda p: p[:, ::-1]),
+        "contradict|heights|sections were found|reference|rest says|residual",
+        new_way=True,
+    ),
     Case("there and back", ordered(lambda p: [*p, *p[::-1]]), BACK),
     Case("there and a third back", ordered(lambda p: [*p, *p[::-1][: len(p) // 3]]), BACK),
     Case("there, round and back", ordered(u_turn), f"{BACK}|turned away"),
@@ -242,7 +255,7 @@ CASES = (
     Case("dark", of(lit(0.3, 3.0))),
     Case("tripod and logo", of(patched)),
     Case("lenses exposed differently", of(seamed)),
-    Case("the first half only", of(lambda p: p), "part|heights|sections|seen", part=(0.0, 0.5)),
+    Case("the first half only", of(lambda p: p), "part|heights|sections|seen|no such thing was found", part=(0.0, 0.5)),
     Case("VR180 side by side", of(eyes(np.pi, False)), "side by side"),
     Case("stereo side by side", of(eyes(2 * np.pi, False)), "side by side"),
     Case("stereo above one another", of(eyes(2 * np.pi, True)), "one eye above"),
@@ -346,7 +359,10 @@ def judged(case: Case, result: Mapping[str, Any]) -> str:
             return "SILENTLY WRONG"
         return "ok" if not case.words or case.either else "ok (right all the same)"
     if not case.words:
-        return "false alarm"
+        footage = result["ending"] == "refused" or any(
+            re.match("camera|motion", reason) for reason in result["reasons"]
+        )
+        return "false alarm" if footage else "doubted by others"
     return "ok" if re.search(case.words, " ".join(result["reasons"])) else "other reason"
 
 

@@ -89,17 +89,23 @@ class ProcessExecutor:
             while self.suspects:
                 key = next(iter(self.suspects))
                 alone = {key: self.suspects.pop(key)}
-                yield from self._run(alone, 1)
+                while alone:
+                    yield from self._run(alone, 1)
 
     def _run(self, waiting: dict[Hashable, Task], processes: int) -> Iterator[tuple[Any, Any]]:
-        """Run what is waiting until it is done or a process ends; at most `processes` tasks are under way."""
+        """Run what is waiting until it is done or a process ends (then some may still wait); at most `processes` tasks are under way."""
         with _pool(processes, self.timeout_s, self.shown if self.monitor else None) as (pool, board):
             under_way: dict[Future[Any], tuple[Hashable, Task]] = {}
             while waiting or under_way:
                 while waiting and len(under_way) < processes:
-                    key = next(iter(waiting))
-                    function, arguments = waiting.pop(key)
-                    under_way[pool.submit(_call, str(key), function, *arguments)] = (key, (function, arguments))
+                    key, (function, arguments) = next(iter(waiting.items()))
+                    try:
+                        future = pool.submit(_call, str(key), function, *arguments)
+                    except BrokenProcessPool:  # a process ended after its last result was taken, or before it is
+                        break
+                    under_way[future] = (key, waiting.pop(key))
+                if not under_way:
+                    return
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     key, task = under_way.pop(future)
                     error = future.exception()

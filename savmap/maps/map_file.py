@@ -17,8 +17,10 @@ from savmap.files.atomic import read_json, write_text
 from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
+from savmap.maps.joint_covariance import joint_entry, joint_of
 from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
+    Alignment,
     Attribute,
     CrossRowMatch,
     Doubt,
@@ -29,6 +31,7 @@ from savmap.types import (
     ReferenceUse,
     RowMap,
     SiteMap,
+    Solid,
     Structure,
     Trajectory,
     Verdict,
@@ -79,6 +82,8 @@ def map_text(site: SiteMap) -> str:
         content["placed"] = {name: _placement_entry(placement) for name, placement in site.placements.items()}
     if site.matches:
         content["ties"] = [_match_entry(match) for match in site.matches]
+    if site.alignment:
+        content["aligned"] = _alignment_entry(site.alignment)
     try:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:
@@ -88,6 +93,7 @@ def map_text(site: SiteMap) -> str:
 
 def _row_entry(row: RowMap) -> Entry:
     judged = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
+    joint = {"joint": joint_entry(row.joint)} if row.joint else {}
     return {
         "trajectory": _trajectory_entries(row.frames, row.trajectory),
         "views": {name: _view_entry(spec) for name, spec in row.views.items()},
@@ -95,6 +101,7 @@ def _row_entry(row: RowMap) -> Entry:
         "references": [_reference_entry(use) for use in row.references],
         "report": {name: _plain(value) for name, value in row.report.items()},
         **judged,
+        **joint,
     }
 
 
@@ -147,13 +154,20 @@ def _view_entry(spec: ViewSpec) -> Entry:
 
 def _structure_entry(structure: Structure) -> Entry:
     vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True)
+    solid = {"solid": _solid_entry(structure.solid)} if structure.solid else {}
     return {
         "id": structure.id,
         "label": structure.label,
         "vertices": [_vertex_entry(*vertex) for vertex in vertices],
         "edges": [[int(end) for end in edge] for edge in structure.edges],
         "attributes": {name: _attribute_entry(value) for name, value in structure.attributes.items()},
+        **solid,
     }
+
+
+def _solid_entry(solid: Solid) -> Entry:
+    outline, depth = [_rounded(corner, COORDINATE) for corner in solid.outline], _rounded(solid.depth, COORDINATE)
+    return {"outline_m": outline, "depth_m": depth, "assumed": solid.assumed, "ifc_class": solid.ifc_class}
 
 
 def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
@@ -176,6 +190,12 @@ def _reference_entry(use: ReferenceUse) -> Entry:
 def _placement_entry(placement: Placement) -> Entry:
     x, z, heading = _rounded((placement.x_m, placement.z_m, placement.heading_deg), FIGURE)
     return {"x_m": x, "z_m": z, "heading_deg": heading, "covariance": _upper_triangle(placement.covariance)}
+
+
+def _alignment_entry(alignment: Alignment) -> Entry:
+    x, y, z, heading = _rounded((alignment.x_m, alignment.y_m, alignment.z_m, alignment.heading_deg), FIGURE)
+    place = {"x_m": x, "y_m": y, "z_m": z, "heading_deg": heading, "covariance": _upper_triangle(alignment.covariance)}
+    return {**place, "anchor_lat_lon_deg": alignment.anchor and _rounded(alignment.anchor, QUATERNION)}
 
 
 def _match_entry(match: CrossRowMatch) -> Entry:
@@ -226,9 +246,10 @@ def _site_map(content: object, path: str) -> SiteMap:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
         placements = {name: _placement(placement) for name, placement in entry.placed.items()}
         matches = tuple(_match(match) for match in entry.ties)
+        alignment = _alignment(entry.aligned)
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
-    return SiteMap(rows, entry.made_by, entry.failed, placements, matches)
+    return SiteMap(rows, entry.made_by, entry.failed, placements, matches, alignment)
 
 
 def _row_map(name: str, row: schema.RowEntry) -> RowMap:
@@ -241,6 +262,7 @@ def _row_map(name: str, row: schema.RowEntry) -> RowMap:
         references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
         report=row.report,
         verdict=_verdict(row.verdict),
+        joint=joint_of(row),
     )
 
 
@@ -277,11 +299,27 @@ def _structure(entry: schema.StructureEntry) -> Structure:
         vertex_labels=tuple(vertex.label for vertex in entry.vertices),
         edges=np.array(entry.edges, dtype=np.int64).reshape(-1, 2),
         attributes={name: _attribute(value) for name, value in entry.attributes.items()},
+        solid=_solid(entry.solid),
+    )
+
+
+def _solid(entry: schema.SolidEntry | None) -> Solid | None:
+    if entry is None:
+        return None
+    return Solid(
+        np.array(entry.outline_m, np.float64), np.array(entry.depth_m, np.float64), entry.assumed, entry.ifc_class
     )
 
 
 def _placement(entry: schema.PlacementEntry) -> Placement:
     return Placement(entry.x_m, entry.z_m, entry.heading_deg, _symmetric(entry.covariance))
+
+
+def _alignment(entry: schema.AlignmentEntry | None) -> Alignment | None:
+    if entry is None:
+        return None
+    place = entry.x_m, entry.y_m, entry.heading_deg, _symmetric(entry.covariance)
+    return Alignment(*place, entry.z_m, entry.anchor_lat_lon_deg)
 
 
 def _match(entry: schema.MatchEntry) -> CrossRowMatch:

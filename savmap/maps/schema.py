@@ -43,6 +43,7 @@ UpperTriangle = Annotated[
     Field(description="covariance xx, xy, xz, yy, yz, zz, m^2"),
     AfterValidator(_variances),
 ]
+Slot = Annotated[int, Field(ge=-1)]
 Value = Number | Annotated[int, Field(ge=-LARGEST, le=LARGEST)] | str
 
 
@@ -66,6 +67,18 @@ class MeasuredEntry(_Part):
     sigma: float = Field(ge=0, le=LARGEST)
 
 
+class SolidEntry(_Part):
+    """The space that a structure fills: a flat outline, corners in order, pushed along `depth_m`. `assumed`: the depth was neither
+    measured nor given."""
+
+    outline_m: Annotated[list[Vector], Field(min_length=3, max_length=1000)]
+    depth_m: Vector
+    assumed: bool
+    ifc_class: Annotated[
+        str, Field(pattern="^Ifc[A-Za-z0-9]+$", max_length=80, description="its class in building models")
+    ]
+
+
 class StructureEntry(_Part):
     """One mapped structure. Edges join vertices by their number in `vertices`, from 0."""
 
@@ -74,6 +87,7 @@ class StructureEntry(_Part):
     vertices: list[VertexEntry]
     edges: list[tuple[int, int]]
     attributes: dict[str, Value | MeasuredEntry]
+    solid: SolidEntry | None = None
 
 
 class FrameEntry(_Part):
@@ -126,6 +140,16 @@ class VerdictEntry(_Part):
     doubts: list[DoubtEntry]
 
 
+class JointEntry(_Part):
+    """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z, the number of its coordinate
+    from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex has its variance. `covariance_m2`: the upper triangle of
+    the covariance of these `size` coordinates, row by row, 32-bit floats, the least significant byte first, in base64."""
+
+    size: Annotated[int, Field(ge=1, le=20000)]
+    coordinates: dict[str, dict[str, list[tuple[Slot, Slot, Slot]]]]
+    covariance_m2: str
+
+
 class RowEntry(_Part):
     """One row in its own frame: x along the aisle from the first element's outer edge, y up from the floor, z towards
     the camera, face at z = 0. Structures by plugin."""
@@ -136,6 +160,7 @@ class RowEntry(_Part):
     references: list[ReferenceEntry]
     report: dict[str, Value]
     verdict: VerdictEntry | None = None
+    joint: JointEntry | None = None
 
 
 class PlacementEntry(_Part):
@@ -159,6 +184,19 @@ class MatchEntry(_Part):
     sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
 
 
+class AlignmentEntry(_Part):
+    """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from the world's x axis."""
+
+    x_m: Metres
+    y_m: Metres
+    z_m: Metres = 0.0
+    heading_deg: Degrees
+    covariance: UpperTriangle
+    anchor_lat_lon_deg: (
+        tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None
+    ) = None
+
+
 class MapFile(_Part):
     """A savmap map: metres and seconds."""
 
@@ -170,6 +208,7 @@ class MapFile(_Part):
     failed: dict[str, str] = Field(default={}, description="rows that could not be mapped, and why")
     placed: dict[str, PlacementEntry] = Field(default={}, description="placements of rows in the site's frame")
     ties: list[MatchEntry] = Field(default=[], description="what neighbouring rows have in common")
+    aligned: AlignmentEntry | None = Field(default=None, description="where the site stands in the user's world")
 
 
 def schema_text() -> str:

@@ -1,5 +1,6 @@
 """What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it finds."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from savmap.types import (
     Measured,
     PlanePatch,
     RowFacts,
+    Solid,
     Structure,
     Track,
     Trajectory,
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 MOST_CELLS = 20_000_000
 FARTHEST_M = 1e5
 """No vertex is further from its row's origin: a site file's places are bounded alike."""
+IFC_CLASS = "Ifc[A-Za-z0-9]{1,77}"
 ROUNDING = 1e-6
 """Of a covariance's largest variance: what solving and rounding to six digits leave."""
 
@@ -134,6 +137,8 @@ def check_structures(structures: Sequence[Structure]) -> None:
         require(all(_is_written(text) for text in texts), f"{where}: its id or a label holds half a character")
         _require_positions(structure, where)
         _require_edges(structure, where)
+        if structure.solid is not None:
+            _require_solid(structure.solid, where)
         for name, value in structure.attributes.items():
             _require_attribute(name, value, where)
 
@@ -234,6 +239,19 @@ def _require_edges(structure: Structure, where: str) -> None:
     require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
     inside = (edges >= 0) & (edges < len(structure.vertices))
     require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
+
+
+def _require_solid(solid: Solid, where: str) -> None:
+    for what, numbers in (("outline", solid.outline), ("depth", solid.depth)):
+        require(_finite(numbers), f"{where}: the {what} of its solid is not finite")
+        require(
+            bool((np.abs(numbers) <= FARTHEST_M).all()),
+            f"{where}: the {what} of its solid is more than {FARTHEST_M:g} m",
+        )
+    require(
+        bool(re.fullmatch(IFC_CLASS, solid.ifc_class)),
+        f"{where}: {solid.ifc_class!r} is no class of IFC, such as IfcBeam",
+    )
 
 
 def _require_attribute(name: object, value: object, where: str) -> None:

@@ -78,6 +78,6 @@ def draw(
 @hookimpl(trylast=True)
 def exporters() -> Mapping[str, Exporter]:
     """The formats that come with savmap."""
-    from savmap.maps.exports import write_csv, write_ply
+    from savmap.maps.exports import core_exporters
 
-    return {"csv": write_csv, "ply": write_ply}
+    return core_exporters()

@@ -28,7 +28,7 @@ from savmap.site.job import Job, plugins_for, prepare
 from savmap.site.locations import SourceMap, explained
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.video.clip import VideoInfo, time_range
-from savmap.video.reader import expected_frames, probe
+from savmap.video.reader import check_camera, expected_frames, probe
 from savmap.vision.markers import MarkerTracker
 
 
@@ -197,9 +197,11 @@ def footage(job: Job) -> Iterator[SavmapError | Footage]:
 
 def _probed(video: Path) -> VideoInfo | VideoError:
     try:
-        return probe(video)
+        info = probe(video)
+        check_camera(info)
     except VideoError as error:
         return error
+    return info
 
 
 def _footage(job: Job, part: Footage) -> SavmapError | Footage:

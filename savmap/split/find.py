@@ -6,6 +6,7 @@ from pathlib import Path
 
 from savmap.errors import StructureError, VideoError
 from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps, write_picture
+from savmap.split.cuts import CutWatch, cuts
 from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.split.passes import find_passes
 from savmap.split.records import DetectedPass, SplitResult, SplitSettings
@@ -56,15 +57,18 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
     if info.codec == "images":
         raise VideoError(f"{recording}: is a folder of pictures; only a video is split into passes")
     report, monitor = DecodeReport(), monitor or SilentMonitor()
-    motions = _motions(info, coarse_stamps(info, settings.every_s), settings, report, monitor, "looking for passes")
+    watch = CutWatch(settings)
+    coarse_s = coarse_stamps(info, settings.every_s)
+    motions = _motions(info, coarse_s, settings, report, monitor, "looking for passes", watch)
     if len(motions) < 2:
         raise VideoError(
             f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged"
         )
-    coarse = find_passes(motions, settings)
+    cuts_s = cuts(info, watch.suspects, settings)
+    coarse = find_passes(motions, settings, cuts_s)
     closer = _closer_stamps(coarse.passes, motions, settings)
     motions += _motions(info, closer, settings, report, monitor, "looking closer at their ends")
-    result = find_passes(_in_order(motions), settings)
+    result = find_passes(_in_order(motions), settings, cuts_s)
     if not result.passes:
         raise StructureError(
             f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more with "
@@ -81,8 +85,10 @@ def _motions(
     report: DecodeReport,
     monitor: Monitor,
     doing: str,
+    watch: CutWatch | None = None,
 ) -> list[Motion]:
     pairs = frame_pairs(info, stamps_s, settings, report)
+    pairs = pairs if watch is None else watch.over(pairs)
     return [motion_of(pair) for pair in monitor.each(pairs, doing, len(stamps_s))]
 
 

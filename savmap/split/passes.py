@@ -31,10 +31,10 @@ class _Candidate:
     stood_s: float
 
 
-def find_passes(motions: Sequence[Motion], settings: SplitSettings) -> SplitResult:
-    """The passes of a recording from the motions of its frame pairs, in order."""
+def find_passes(motions: Sequence[Motion], settings: SplitSettings, cuts_s: Sequence[float] = ()) -> SplitResult:
+    """The passes of a recording from the motions of its frame pairs, in order, and the times at which it was cut, s."""
     rig = headings(motions)
-    lines = straights(motions, rig, settings)
+    lines = straights(motions, rig, settings, cuts_s)
     candidates = [candidate for line in lines for candidate in _along(motions, rig, line, settings)]
     squared = _squared([candidate.straight.travel for candidate in candidates])
     kept = _plausible(candidates, squared, settings)

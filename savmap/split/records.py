@@ -16,6 +16,8 @@ class SplitSettings:
     - Sampling: a pair of frames every `every_s` seconds, and every `closer_s` where passes begin and end; the two are at least
       `apart_s` apart, and are shrunk to `width` pixels.
     - Straights: the rig turns slower than `turn_deg_s`; a straight goes on while its direction of travel stays within `bend_deg`.
+    - Cuts: two pictures in a row that are alike by less than `suspect`, 0 to 1, once motion is allowed for, are looked at again every
+      `closer_s`; where two of these are alike by less than `cut`, the recording was cut.
     - Nearness: what is abeam passes at `near` or more of the rate of what passes fastest around; gaps of up to `gap_s` do not end a
       pass.
     - Structure: a side passes at `aside` or more of the rate of the other side, and its texture is `texture` or more of the richer
@@ -30,6 +32,8 @@ class SplitSettings:
     width: int = 512
     turn_deg_s: float = 8.0
     bend_deg: float = 30.0
+    suspect: float = 0.45
+    cut: float = 0.3
     near: float = 0.42
     gap_s: float = 8.0
     aside: float = 0.25

@@ -10,6 +10,7 @@ end of a row is abeam shows as a step.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -45,11 +46,22 @@ def headings(motions: Sequence[Motion]) -> Floats:
     return np.concatenate([[0.0], np.cumsum(np.diff(stamps) * (turns[1:] + turns[:-1]) / 2)])
 
 
-def straights(motions: Sequence[Motion], rig: Floats, settings: SplitSettings) -> list[Straight]:
-    """The straights of a recording in order, `rig` as from `headings`; those in which nothing moved are left out."""
-    calm = np.array([abs(motion.turn) < settings.turn_deg_s for motion in motions])
+def straights(
+    motions: Sequence[Motion], rig: Floats, settings: SplitSettings, cuts_s: Sequence[float] = ()
+) -> list[Straight]:
+    """The straights of a recording in order, `rig` as from `headings`; those in which nothing moved are left out, and none goes on over
+    a cut (times, ascending, s)."""
+    stamps = np.array([motion.stamp_s for motion in motions])
+    bounds = [0, *np.searchsorted(stamps, cuts_s).tolist(), len(motions)]
+    parts = (slice(first, end) for first, end in pairwise(bounds) if end > first)
+    return [straight for part in parts for straight in _uncut(motions, rig, settings, part)]
+
+
+def _uncut(motions: Sequence[Motion], rig: Floats, settings: SplitSettings, uncut: slice) -> list[Straight]:
+    """The straights of a part of a recording without a cut."""
+    calm = np.array([abs(motion.turn) < settings.turn_deg_s for motion in motions[uncut]])
     found: list[Straight] = []
-    for first, last in runs(calm):
+    for first, last in ((first + uncut.start, last + uncut.start) for first, last in runs(calm)):
         for part in _one_way(motions, first, last):
             straight = _straight(motions, rig, *part)
             if straight is None:
@@ -57,7 +69,7 @@ def straights(motions: Sequence[Motion], rig: Floats, settings: SplitSettings) -
             if found and _same(found[-1], straight, rig, settings.bend_deg):
                 straight = _straight(motions, rig, found.pop().first, straight.last) or straight
             found.append(straight)
-    return _extended(found, rig, settings.bend_deg)
+    return _extended(found, rig, settings.bend_deg, uncut)
 
 
 def runs(flags: Bools) -> list[tuple[int, int]]:
@@ -104,12 +116,12 @@ def _same(first: Straight, second: Straight, rig: Floats, bend_deg: float) -> bo
     return not back and abs(second.travel - first.travel) < bend_deg and bool((np.abs(between) < bend_deg).all())
 
 
-def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float) -> list[Straight]:
+def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float, part: slice) -> list[Straight]:
     """The straights, each extended into the turns at its ends while the direction of travel is nearly its own."""
     wider = []
     for number, straight in enumerate(found):
-        low = found[number - 1].last + 1 if number else 0
-        high = found[number + 1].first - 1 if number + 1 < len(found) else len(rig) - 1
+        low = found[number - 1].last + 1 if number else part.start
+        high = found[number + 1].first - 1 if number + 1 < len(found) else part.stop - 1
         alike = np.abs(rig + straight.way - straight.travel) < bend_deg
         first, last = straight.first, straight.last
         while first > low and alike[first - 1]:

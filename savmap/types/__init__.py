@@ -8,7 +8,18 @@ at integer coordinates.
 from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, Place, array_record
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
-from savmap.types.maps import CrossRowLandmark, CrossRowMatch, Placement, ReferenceUse, RowMap, SiteMap, Structure
+from savmap.types.maps import (
+    Alignment,
+    CrossRowLandmark,
+    CrossRowMatch,
+    JointCovariance,
+    Placement,
+    ReferenceUse,
+    RowMap,
+    SiteMap,
+    Solid,
+    Structure,
+)
 from savmap.types.orthophotos import Orthophoto, RowStrips, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
@@ -17,6 +28,7 @@ from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
 from savmap.types.verdicts import Doubt, Verdict
 
 __all__ = [
+    "Alignment",
     "Attribute",
     "Axis",
     "Bools",
@@ -34,6 +46,7 @@ __all__ = [
     "Flow",
     "FrameTable",
     "Ints",
+    "JointCovariance",
     "Kind",
     "Measured",
     "Orthophoto",
@@ -51,6 +64,7 @@ __all__ = [
     "RowStrips",
     "Score",
     "SiteMap",
+    "Solid",
     "Strip",
     "Structure",
     "Survey",

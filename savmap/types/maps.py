@@ -18,9 +18,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class Solid:
+    """The space that a structure fills: a flat outline (n, 3) m in the row's frame, corners in order, pushed along `depth` (3,) m.
+
+    `assumed`: the depth was neither measured nor given. `ifc_class`: what the structure is in a building model, such as IfcBeam.
+    """
+
+    outline: Floats
+    depth: Floats
+    assumed: bool
+    ifc_class: str = "IfcBuildingElementProxy"
+
+    def __post_init__(self) -> None:
+        require(self.outline.shape == (len(self.outline), 3) and len(self.outline) >= 3, self, "outline (n, 3), n >= 3")
+        require(self.depth.shape == (3,) and bool(np.linalg.norm(self.depth) > 0), self, "depth (3,), not zero")
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class Structure:
-    """A mapped structure: vertices (n, 3) m in the row's frame with covariances (n, 3, 3) m^2 and labels (n), and edges (m, 2),
-    pairs of vertex numbers from 0."""
+    """A mapped structure: vertices (n, 3) m in the row's frame with covariances (n, 3, 3) m^2 and labels (n), edges (m, 2),
+    pairs of vertex numbers from 0, and the space that it fills, where its plugin knows that (None: it is lines alone)."""
 
     id: str
     label: str
@@ -29,6 +47,7 @@ class Structure:
     vertex_labels: tuple[str, ...]
     edges: Ints
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
+    solid: Solid | None = None
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
@@ -75,9 +94,40 @@ class ReferenceUse:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class JointCovariance:
+    """How the errors of a row's vertices go together: what two of them share does not count in the distance between them.
+
+    `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that it is, -1 where it shares
+    its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
+    """
+
+    coordinates: Mapping[str, Mapping[str, Ints]]
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (len(self.covariance),) * 2, self, "covariance must be (n, n)")
+
+    def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
+        """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the vertex's number."""
+        numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
+        own = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
+        solved = numbers >= 0
+        whole = np.diag(np.where(solved, 0.0, own))
+        whole[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
+        apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
+        return apart
+
+    def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
+        known = self.coordinates.get(plugin, {}).get(structure.id)
+        return np.full(3, -1) if known is None else known[vertex]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class RowMap:
     """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
-    metres, that is the row's face where a plugin says so (which map files do not hold), and the verdict (None: nobody judged)."""
+    metres, that is the row's face where a plugin says so (which map files do not hold), the verdict (None: nobody judged), and how the errors of the
+    vertices go together (None: not known)."""
 
     name: str
     frames: FrameTable
@@ -88,6 +138,7 @@ class RowMap:
     report: Mapping[str, float | int | str] = field(default_factory=dict)
     face: PlanePatch | None = None
     verdict: Verdict | None = None
+    joint: JointCovariance | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +182,43 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class Alignment:
+    """Where the site stands in the user's world (z up, metres): the site's x axis points `heading_deg` counter-clockwise from the world's,
+    its origin is at (x, y, z). `covariance` (3, 3) of x m, y m and heading in degrees. `anchor`: latitude and longitude, degrees (WGS 84), of
+    the world's origin, if its x axis points east and its y axis north."""
+
+    x_m: float
+    y_m: float
+    heading_deg: float
+    covariance: Floats
+    z_m: float = 0.0
+    anchor: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")
+
+    @property
+    def world_from_level(self) -> Floats:
+        """Transform (4, 4) from the site's frame, turned so that z points up, to the world's."""
+        turn = np.deg2rad(self.heading_deg)
+        cos, sin = np.cos(turn), np.sin(turn)
+        transform: Floats = np.array(
+            [[cos, -sin, 0, self.x_m], [sin, cos, 0, self.y_m], [0, 0, 1, self.z_m], [0, 0, 0, 1]]
+        )
+        return transform
+
+    def covariances(self, points: Floats) -> Floats:
+        """Covariances (n, 3, 3) m^2 that the alignment's own gives points (n, 3) of the world."""
+        arm = np.deg2rad(points - np.array([self.x_m, self.y_m, self.z_m]))
+        slopes = np.zeros((len(points), 3, 3))
+        slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 1, 2] = -arm[:, 1], arm[:, 0]
+        whole: Floats = slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
+        return whole
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class CrossRowMatch:
     """A structure, or a stretch of frames, that two rows have in common, by its id in either row.
 
@@ -153,6 +241,7 @@ class SiteMap:
 
     `rows`: the mapped rows by name. `made_by`: versions of software and models. `failed`: rows that could not be mapped, and why.
     `placements`: where rows stand in the site's frame, as far as that is known. `matches`: what neighbouring rows have in common.
+    `alignment`: where the site stands in the user's world, where that is known.
     """
 
     rows: Mapping[str, RowMap]
@@ -160,6 +249,7 @@ class SiteMap:
     failed: Mapping[str, str] = field(default_factory=dict)
     placements: Mapping[str, Placement] = field(default_factory=dict)
     matches: tuple[CrossRowMatch, ...] = ()
+    alignment: Alignment | None = None
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and

@@ -13,11 +13,24 @@ from savmap.types import Floats, Panorama, Planes, panorama_of
 from savmap.video.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
 from savmap.video.container import exact_key_times, probe_file
 from savmap.video.decode import decode_at, decode_file
+from savmap.video.footage.small import small_grey
 from savmap.video.image_folder import probe_folder, read_at, read_folder
 
-__all__ = ["Clip", "DecodeReport", "VideoInfo", "expected_frames", "panoramas", "preview_frames", "probe"]
+__all__ = [
+    "Clip",
+    "DecodeReport",
+    "VideoInfo",
+    "check_camera",
+    "expected_frames",
+    "panoramas",
+    "preview_frames",
+    "probe",
+]
 
+Pairs = tuple[tuple[Panorama, Panorama], ...]
 TICK_TOLERANCE = 0.2
+WIDER = (2, 4, 8)
+STILL_WIDTH, STILL = 256, 0.7
 
 
 def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
@@ -31,6 +44,12 @@ def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
     if path.stat().st_size == 0:
         raise VideoError(f"{path}: the file is empty")
     return probe_file(path)
+
+
+def check_camera(info: VideoInfo) -> None:
+    """Raise VideoError where a video file says of itself, beside its first frame, that it holds no upright panoramas."""
+    if info.codec != "images":
+        next(decode_at(info, [0.0]), None)
 
 
 def expected_frames(clip: Clip, info: VideoInfo) -> int:
@@ -86,34 +105,64 @@ def preview_frames(
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for planning views.
 
-    They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Pictures higher than
-    `max_height` are shrunk by a whole factor. Raises VideoError as `panoramas` does.
+    They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Where the camera stands
+    in all pairs, or frames are repeated, pairs further apart are taken. Pictures higher than `max_height` are shrunk by a whole
+    factor. Raises VideoError as `panoramas` does.
     """
     info = probe(clip.path, clip.images_fps)
-    start, end = time_range(clip, info.duration_s)
     step = 1 / min(clip.fps, info.rate_fps or clip.fps)
+    times, second = _preview_times(clip, info, keys, pairs)
+    spacing = min(np.diff(times), default=0.0)
+    wider = [factor * step for factor in WIDER if 1.8 * factor * step < spacing]
+    looks = (_look(clip, info, times, second, apart, max_height) for apart in (step, *wider))
+    first = next(looks)
+    found, close = first if _moves(first[1]) else next((look for look in looks if _moves(look[1])), first)
+    if not found:
+        raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
+    followers = {id(b) for _, b in close}
+    return tuple(panorama for panorama in found if id(panorama) not in followers), close
+
+
+def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[list[float], list[int]]:
+    """Times of a clip's preview, at key frames of the video where these are near, and the numbers of those that begin a pair."""
+    start, end = time_range(clip, info.duration_s)
     last = min(end, info.duration_s)
     times = start + (last - start) * (np.arange(keys) + 0.5) / keys
     if info.codec != "images":
         key_times = exact_key_times(info)
         times = _at_keys(times, key_times[(key_times >= start) & (key_times < last)], (last - start) / keys / 2)
-    second = {round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]}
-    wanted = sorted([*times, *(times[i] + step for i in second)])
+    return times.tolist(), sorted({round(i) for i in np.linspace(0, keys - 1, pairs + 2)[1:-1]})
+
+
+def _small(clip: Clip, info: VideoInfo, times: list[float], max_height: int) -> list[Panorama]:
+    """Panoramas at these times, or at the clip's start where there are none. Each is shrunk before the next is read: full size they
+    would fill the memory."""
     read = read_at if info.codec == "images" else decode_at
+    start = clip.start_s or 0.0
+    found = [
+        panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+        for stamp, picture in read(info, times)
+    ]
+    return found if found or times == [start] else _small(clip, info, [start], max_height)
 
-    def small(times: list[float]) -> list[Panorama]:
-        """Each is shrunk before the next is read: full size they would fill the memory."""
-        return [
-            panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
-            for stamp, picture in read(info, times)
-        ]
 
-    found = small(wanted) or small([start])
-    if not found:
-        raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
-    close = tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * step)
-    followers = {id(b) for _, b in close}
-    return tuple(panorama for panorama in found if id(panorama) not in followers), close
+def _look(
+    clip: Clip, info: VideoInfo, times: list[float], second: list[int], apart: float, max_height: int
+) -> tuple[list[Panorama], Pairs]:
+    """Panoramas at all times, and those `apart` seconds after the `second` ones; and which of them are pairs."""
+    found = _small(clip, info, sorted([*times, *(times[i] + apart for i in second)]), max_height)
+    return found, tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * apart)
+
+
+def _moves(pairs: Pairs) -> bool:
+    """Whether anything moves in a pair, or there is none to see it in."""
+    return not pairs or any(_differ(*pair) for pair in pairs)
+
+
+def _differ(first: Panorama, second: Panorama) -> bool:
+    """Whether two panoramas differ by more than noise."""
+    a, b = (small_grey(panorama, STILL_WIDTH).astype(np.float64) for panorama in (first, second))
+    return bool(np.abs(a - b).mean() > STILL)
 
 
 def _at_keys(times: Floats, keys_s: Floats, within_s: float) -> Floats:

@@ -27,6 +27,7 @@ from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
 
 from ..video.made_up_video import evenly, write_video
+from ..video.spherical_boxes import insert, stereo
 
 GOOD = """\
 plugins:
@@ -133,6 +134,14 @@ def test_each_kind_of_problem_has_its_place_and_code(folder: Path, old: str, new
     lines, found = checked(folder, GOOD.replace(old, new))
     assert found == code
     assert [one for one in lines if one.startswith(line)], lines
+
+
+def test_what_a_file_says_of_its_camera_is_told(folder: Path, video: Path) -> None:
+    (folder / "eyes.mp4").write_bytes(video.read_bytes())
+    insert(folder / "eyes.mp4", stereo(2))
+    lines, code = checked(folder, GOOD.replace("a.mp4", "eyes.mp4"))
+    assert code == 4
+    assert lines[0].startswith("site.yaml:8: eyes.mp4: is stereo by its metadata (left and right eye side by side)")
 
 
 def test_a_survey_that_plugins_cannot_read(folder: Path) -> None:

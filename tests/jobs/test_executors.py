@@ -2,6 +2,7 @@
 
 import operator
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,9 @@ from savmap.types.progress import SilentMonitor
 
 DIES_ONCE = """
 __import__("os").path.exists(mark) and "second time" or (open(mark, "w").close(), __import__("os")._exit(1))
+""".strip()
+ENDS_LATER = """
+__import__("threading").Timer(0.3, __import__("os")._exit, [1]).start() or "done"
 """.strip()
 
 
@@ -47,3 +51,14 @@ def test_work_that_was_only_near_is_done_again(tmp_path: Path) -> None:
     executor.submit("near", eval, DIES_ONCE, {"mark": str(tmp_path / "mark")})
     executor.submit("other", operator.mul, 2, 4)
     assert dict(executor.results()) == {"near": "second time", "other": 8}
+
+
+def test_process_that_ends_between_tasks_costs_no_task() -> None:
+    executor = ProcessExecutor(1)
+    executor.submit("ends later", eval, ENDS_LATER, {})
+    executor.submit("next", operator.mul, 2, 4)
+    found = {}
+    for key, result in executor.results():
+        found[key] = result
+        time.sleep(1.0)
+    assert found == {"ends later": "done", "next": 8}

@@ -19,6 +19,7 @@ from savmap.types import (
     Drawing,
     Feature,
     Score,
+    Solid,
     Structure,
     Track,
     ViewPlan,
@@ -77,6 +78,7 @@ SOUND: dict[str, Any] = {
     "evaluate": Score(deviations={"thing 1": float("inf")}),
     "draw": (Drawing("point", np.zeros((1, 3)), "mapped", "fixture", "things"),),
 }
+SOLID = Solid(np.eye(3), np.ones(3), assumed=True, ifc_class="IfcBeam")
 FAULTS: list[tuple[str, Any, str]] = [
     ("render_views", ViewPlan((SPEC, SPEC)), "2 views with the name `view`"),
     ("render_views", ViewPlan((ViewSpec("up", NAN),)), "view `up`: an angle is not finite"),
@@ -115,6 +117,12 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("describe", [replace(THING, covariances=-np.eye(3)[None])], "a variance is negative"),
     ("describe", [replace(THING, edges=np.array([[0, 1]]))], "an edge joins a vertex that is not there"),
     ("describe", [replace(THING, vertices=np.full((1, 3), 1e200))], "a vertex is more than 100000 m away"),
+    (
+        "describe",
+        [replace(THING, solid=replace(SOLID, outline=np.full((3, 3), NAN)))],
+        "outline of its solid is not finite",
+    ),
+    ("describe", [replace(THING, solid=replace(SOLID, ifc_class="Beam"))], "'Beam' is no class of IFC"),
     ("describe", [replace(THING, vertices=np.full((1, 3), 1j))], "a vertex is not finite"),
     ("describe", [replace(THING, covariances=np.full((1, 3, 3), 1e200))], "a standard deviation is more than 100000 m"),
     ("describe", [replace(THING, covariances=SKEW[None])], "a covariance is not symmetric"),

@@ -102,6 +102,11 @@ def _picture(faces: list[Face], origin: np.ndarray, turn: np.ndarray, pattern: n
 def recording(folder: Path, faces: list[Face], one: Cart, key_every: int = 8) -> tuple[Path, Drive]:
     """A video of the drive, and the drive."""
     path = drive(one, 1)
+    return filmed(folder, faces, one, path, key_every), path
+
+
+def filmed(folder: Path, faces: list[Face], one: Cart, path: Drive, key_every: int = 8) -> Path:
+    """A video of a path, at the cart's rate."""
     file = folder / "recording.mp4"
     with av.open(str(file), "w") as container:
         stream = container.add_stream("libx264", rate=Fraction(8), options={"g": str(key_every), "preset": "veryfast"})
@@ -109,7 +114,7 @@ def recording(folder: Path, faces: list[Face], one: Cart, key_every: int = 8) ->
         for image in pictures(faces, path, one.width):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="gray8")))
         container.mux(stream.encode())
-    return file, path
+    return file
 
 
 def alongside(path: Drive, length: float = 8.0) -> list[tuple[float, float]]:

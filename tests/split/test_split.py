@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from drawn import Face, Woven, aisles, alongside, block, cart, pictures, recording
+from drawn import Face, Woven, aisles, alongside, block, cart, filmed, pictures, recording
 
 from savmap.cli.app import main
 from savmap.errors import OutputError, SiteError, StructureError, VideoError
@@ -67,6 +67,20 @@ def test_going_back_in_an_aisle_begins_another_pass() -> None:
     found = looked(aisles(1), cart([(-2, 1.5), (6.5, 1.5), (1.0, 1.5), (11.0, 1.5)])).passes
     assert [one.heading_deg for one in found] == [0.0, 180.0, 0.0]
     assert all(one.sides == ("left", "right") for one in found)
+
+
+def test_a_cut_to_another_aisle_begins_another_pass(tmp_path: Path) -> None:
+    """Half of the first aisle, and then at once half of the second, in the same direction."""
+    one, two = (drive(cart([(-2.0, z), (16.0, z)]), 1) for z in (1.5, 6.1))
+    half = len(one.stamps_s) // 2
+    parts = [
+        np.concatenate([a[:half], b[half:]])
+        for a, b in ((one.origins, two.origins), (one.world_from_rig, two.world_from_rig))
+    ]
+    file = filmed(tmp_path, aisles(2, 14.0), cart([(-2.0, 1.5), (16.0, 1.5)]), type(one)(one.stamps_s, *parts))
+    first, second = find(file).passes
+    assert first.end_s == pytest.approx(half / 8, abs=0.8)
+    assert second.start_s == pytest.approx(half / 8, abs=0.8)
 
 
 def test_a_bare_wall_is_no_structure() -> None:

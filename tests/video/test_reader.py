@@ -249,3 +249,22 @@ def test_scouting_decodes_key_frames_alone_where_they_are_close(
     assert [b.stamp_s - a.stamp_s for a, b in pairs] == pytest.approx([1 / 15] * 3, abs=0.01)
     assert len(decoded) == 9 + 2 * 3
     assert sum(map(len, packets)) <= len(decoded) + 1
+
+
+def test_pairs_of_repeated_frames_are_taken_further_apart(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index in range(60):
+        cv2.imwrite(str(folder / f"{index:04}.png"), cv2.cvtColor(picture(index - index % 4), cv2.COLOR_RGB2BGR))
+    _, pairs = preview_frames(Clip(folder, images_fps=15.0))
+    assert any(np.abs(b.image.astype(int) - a.image).mean() > 1 for a, b in pairs)
+
+
+def test_frames_that_never_differ_are_previewed_all_the_same(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index in range(60):
+        cv2.imwrite(str(folder / f"{index:04}.png"), picture(0))
+    keys, pairs = preview_frames(Clip(folder, images_fps=15.0))
+    assert len(keys) == 9
+    assert len(pairs) == 3

@@ -134,3 +134,13 @@ def test_a_network_with_broken_metadata_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.onnx").write_bytes(content)
     with pytest.raises(ModelError, match="a text in it is not UTF-8"):
         Segmenter(tmp_path / "a.onnx")
+
+
+@pytest.mark.parametrize("sides", [(0, 640), (480, 1 << 40), (1, 1)])
+def test_a_network_of_absurd_pictures_is_one_line(tmp_path: Path, sides: tuple[int, int]) -> None:
+    model = onnx.load_from_string(stub_network("post", "1"))
+    for dim, side in zip(model.graph.input[0].type.tensor_type.shape.dim[2:], sides, strict=True):
+        dim.dim_value = side
+    (tmp_path / "a.onnx").write_bytes(model.SerializeToString())
+    with pytest.raises(ModelError, match=rf"takes pictures of {sides[1]}x{sides[0]}; sides are 8 to 8192 pixels"):
+        Segmenter(tmp_path / "a.onnx")

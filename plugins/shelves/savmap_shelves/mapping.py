@@ -1,31 +1,44 @@
 """The solved grid as structures: uprights and beams with their vertices, widths and standard deviations, and what is read off them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from savmap.errors import OutputError
 from savmap.graph import Landmark, Solution
-from savmap.types import CrossRowLandmark, Floats, Structure, Track
+from savmap.types import CrossRowLandmark, Floats, Solid, Structure, Track
 from savmap_shelves.constraints.track_grid import TrackGrid, corner_column, grid_of
 
 FLOOR_SIGMA_M, TOP_SIGMA_M = 0.05, 0.3
 DEEPEST_RACK_M = 1.6
 FRAME_SIGMA_M = 0.005
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+AROUND = [0, 1, 3, 2]  # the corners in order
+USUAL_RACK_DEPTH_M, USUAL_BEAM_DEPTH_M = 1.1, 0.05  # for pallets of 1.2 m, which stand out by 5 cm on either side
 BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
 UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
 
 
-def describe(tracks: Sequence[Track], solution: Solution, plugin: str = "shelves") -> list[Structure]:
+def describe(
+    tracks: Sequence[Track], solution: Solution, plugin: str = "shelves", depth_m: float | None = None
+) -> list[Structure]:
     """Uprights, then beams, from left to right and from the bottom up.
 
-    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured.
+    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured. As a solid it is its
+    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual).
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
-    return [*_uprights(grid, landmarks, solution, plugin), *_beams(grid, landmarks, solution, plugin)]
+    structures = [*_uprights(grid, landmarks, solution, plugin), *_beams(grid, landmarks, solution, plugin)]
+    return [replace(structure, solid=_solid(structure, depth_m)) for structure in structures]
+
+
+def _solid(structure: Structure, depth_m: float | None) -> Solid:
+    frame = structure.label == "upright"
+    depth = (depth_m or USUAL_RACK_DEPTH_M) if frame else USUAL_BEAM_DEPTH_M
+    outline, back = structure.vertices[AROUND], np.array([0.0, 0.0, -depth])
+    return Solid(outline, back, assumed=not frame or depth_m is None, ifc_class="IfcColumn" if frame else "IfcBeam")
 
 
 def _uprights(

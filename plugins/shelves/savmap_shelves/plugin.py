@@ -113,7 +113,7 @@ class Shelves:
     def describe(self, tracks: Sequence[Track], solution: "Solution") -> list[Structure]:
         from savmap_shelves.mapping import describe
 
-        return describe(tracks, solution, plugin=self.name)
+        return describe(tracks, solution, plugin=self.name, depth_m=self.config.depth_m)
 
     @hookimpl
     def doubt(self, structures: Sequence[Structure]) -> list[Doubt]:

@@ -19,13 +19,14 @@ from savmap.graph import (
     rectangle,
     sight_lines,
 )
-from savmap.types import Axis, Floats, RowFacts, Structure, Track, Trajectory
+from savmap.types import Axis, Floats, RowFacts, Solid, Structure, Track, Trajectory
 from savmap_signs.features import PARTS
 from savmap_signs.settings import Settings
 
 NEAR_SIZE_SHARE, NEAR_PLANE_DEG = 0.15, 15.0  # of known sizes and planes, for a sign to have them
 NORMALS: Mapping[str, Axis] = {"face": "z", "across": "x", "floor": "y"}
 LOST_M = 0.5  # standard deviation of a corner that the solve did not determine
+THICKNESS_M = 0.002  # of a plate; assumed
 RING = np.array([[0, 1], [1, 2], [2, 3], [3, 0]], dtype=np.int64)
 SECTION = "section"
 AT_FACE_M, BESIDE_M = 0.6, 0.4  # of a sign's middle: before or behind the face; left or right of a section
@@ -96,11 +97,17 @@ def _size(quad: Floats) -> tuple[float, float]:
 
 def _parallel_axes(quad: Floats, planes: Sequence[str]) -> Iterator[Axis]:
     """The normals of those of the planes that corners (4, 3) m are nearly parallel to."""
-    normal = np.cross(quad[2] - quad[0], quad[3] - quad[1])
-    normal /= np.linalg.norm(normal)
+    normal = _normal(quad)
     for plane in planes:
         if abs(normal["xyz".index(NORMALS[plane])]) > np.cos(np.radians(NEAR_PLANE_DEG)):
             yield NORMALS[plane]
+
+
+def _normal(quad: Floats) -> Floats:
+    """The unit normal (3,) of corners (4, 3) in order."""
+    normal = np.cross(quad[2] - quad[0], quad[3] - quad[1])
+    unit: Floats = normal / np.linalg.norm(normal)
+    return unit
 
 
 def describe(tracks: Sequence[Track], solution: Solution, plugin: str) -> list[Structure]:
@@ -132,6 +139,7 @@ def _structure(number: int, tracks: Sequence[Track], solution: Solution, plugin:
             "height_m": round(height, 4),
             "observations": sum(landmark.observations for landmark in landmarks),
         },
+        solid=Solid(vertices, THICKNESS_M * _normal(vertices), assumed=True, ifc_class="IfcSign"),
     )
 
 

@@ -78,7 +78,7 @@ def contradiction(course: Course, side: str | None) -> str:
         return f"{_turning(course, backwards[0][0])}: {SPLIT}"
     wanted = HANDS.get(side or "", 0)
     if wanted and course.towards and course.towards != wanted:
-        return f"the face that was found is not on the {side} as one drives along: correct the side, or give the view's angles"
+        return f"the face that was looked at is not on the {side} as one drives along: correct the side, or give the view's angles"
     return ""
 
 

@@ -74,7 +74,7 @@ class PassWatch:
         """Where a frame is like neither of its neighbours, and these are alike, it is a smeared one, and no break."""
         if len(self._likeness) >= 2 and max(self._likeness[-2:]) < UNALIKE:
             strip = strip_flow(_pair(self._stamps[-2], stamp_s, self._last[0], picture))
-            if _likeness(strip) > SAME_PLACE:
+            if likeness(strip) > SAME_PLACE:
                 self._likeness[-2:] = [UNALIKE, UNALIKE]
 
     def _step(
@@ -83,10 +83,10 @@ class PassWatch:
         """Motion and likeness. Where the search for the motion went astray, it begins again from the motion before."""
         pair = _pair(first_s, second_s, first, second)
         strip = strip_flow(pair)
-        alike = _likeness(strip)
+        alike = likeness(strip)
         if alike < UNALIKE and self._strip is not None:
             again = strip_flow(pair, self._strip)
-            strip, alike = max((strip, alike), (again, _likeness(again)), key=lambda tried: tried[1])
+            strip, alike = max((strip, alike), (again, likeness(again)), key=lambda tried: tried[1])
         if alike >= UNALIKE:
             self._strip = strip
         return motion_of(pair, strip), alike
@@ -98,10 +98,10 @@ class PassWatch:
 
 
 def _pair(first_s: float, second_s: float, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> FramePair:
-    return FramePair(first_s, max(second_s - first_s, 1e-3), first, _exposed_as(second, first))
+    return FramePair(first_s, max(second_s - first_s, 1e-3), first, exposed_as(second, first))
 
 
-def _exposed_as(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def exposed_as(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A picture with the mean and the spread of another's grey values."""
     (mean, spread), (wanted, wide) = ((float(one.mean()), float(one.std())) for one in (picture, other))
     if min(spread, wide) < DARKEST_SPREAD:
@@ -109,7 +109,7 @@ def _exposed_as(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray
     return np.asarray(np.clip((picture - mean) * (wide / spread) + wanted, 0, 255), np.uint8)
 
 
-def _likeness(strip: StripFlow) -> float:
+def likeness(strip: StripFlow) -> float:
     """The correlation of the details of the first picture with those that its pixels go to in the second; 1 where there are none."""
     y, x = np.mgrid[0 : strip.first.shape[0], 0 : strip.first.shape[1]].astype(np.float32)
     moved = cv2.remap(strip.second.astype(np.float32), x + strip.flow[..., 0], y + strip.flow[..., 1], cv2.INTER_LINEAR)

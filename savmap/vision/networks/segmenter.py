@@ -20,6 +20,10 @@ from savmap.vision.networks.session import OpenNetwork, open_network
 __all__ = ["Probabilities", "Segmentation", "Segmenter", "network_input", "regions"]
 
 
+LEAST_SIDE, MOST_SIDE = 8, 8192
+"""Of a network's picture, pixels."""
+
+
 class Segmenter:
     """A network ready to run, whatever its kind.
 
@@ -67,6 +71,11 @@ class Segmenter:
 def adapter_for(network: OpenNetwork) -> Adapter:
     """The adapter for a network's kind. Raises ModelError where there is none, or where the file breaks its kind's contract."""
     signature, run = network.signature, network.run
+    size = signature.input_size if signature.takes_picture else None
+    if size is not None and not all(LEAST_SIDE <= side <= MOST_SIDE for side in size):
+        raise ModelError(
+            f"{signature.path}: takes pictures of {size[0]}x{size[1]}; sides are {LEAST_SIDE} to {MOST_SIDE} pixels"
+        )
     if semantic.accepts(signature):
         return semantic.Semantic(signature, run)
     if yolo.accepts(signature):

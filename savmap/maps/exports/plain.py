@@ -5,17 +5,16 @@ Rows that are placed are given in the site's frame, others in their own.
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from savmap.errors import OutputError, PluginError, SavmapError, SiteError, format_error, visible
-from savmap.files.atomic import write_bytes, write_text, write_with
-from savmap.types import Placement, SiteMap, Structure
+from savmap.errors import visible
+from savmap.files.atomic import write_bytes, write_text
+from savmap.maps.exports.frames import in_site, require_one_frame
+from savmap.types import SiteMap, Structure
 
-Exporter = Callable[[SiteMap, Path], None]
 FORMULAS = tuple("=+-@")
 COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
 COLUMNS = [
@@ -53,11 +52,8 @@ def write_csv(site: SiteMap, path: Path) -> None:
 def write_ply(site: SiteMap, path: Path) -> None:
     """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also if there are several
     rows and one of them is not placed, because its frame is another one."""
+    require_one_frame(site)
     apart = [name for name in site.rows if name not in site.placements]
-    if apart and len(site.rows) > 1:
-        raise OutputError(
-            f"{path}: PLY holds one frame, and rows {', '.join(apart)} have no place in the site's; choose with --row"
-        )
     what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
     structures = [
         in_site(structure, site.placements.get(row.name))
@@ -73,14 +69,6 @@ def cell(text: str) -> str:
     """A text as a cell of CSV: on one line, and with an apostrophe before what a spreadsheet would take for a formula."""
     shown = visible(text)
     return f"'{shown}" if shown.lstrip()[:1] in FORMULAS else shown
-
-
-def in_site(structure: Structure, placement: Placement | None) -> Structure:
-    """A row's structure in the site's frame, the placement's covariance added; unchanged where the row is not placed."""
-    if placement is None:
-        return structure
-    covariances = placement.covariances(structure.vertices, structure.covariances)
-    return replace(structure, vertices=placement.points(structure.vertices), covariances=covariances)
 
 
 def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
@@ -111,16 +99,3 @@ def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
 
 def _spaced(colour: tuple[int, int, int]) -> str:
     return " ".join(map(str, colour))
-
-
-def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "") -> None:
-    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError for an exporter
-    that fails, OutputError. `remark`: what to add where the format is unknown."""
-    if name not in formats:
-        raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
-    try:
-        write_with(lambda part: formats[name](site_map, part), path)
-    except SavmapError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error

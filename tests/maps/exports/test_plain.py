@@ -68,7 +68,7 @@ def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
 
 
 def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"rows A, B have no place in the site's; choose with --row"):
+    with pytest.raises(OutputError, match=r"rows A, B have no place in the site's frame; choose one with --row"):
         export(two, "ply", tmp_path / "map.ply")
     export(two, "ply", tmp_path / "map.ply", row="B")
     assert "row B" in (tmp_path / "map.ply").read_text(encoding="ascii")
@@ -119,7 +119,7 @@ def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match="format obj: known formats are csv, ply"):
+    with pytest.raises(SiteError, match="format obj: known formats are colmap, csv, "):
         export(one, "obj", tmp_path / "map.obj")
 
 

@@ -1,0 +1,62 @@
+"""A map in formats that other programs read.
+
+A format is a function `(SiteMap, Path)` in a module of this package, named in `FORMATS`. Libraries that one format alone needs are imported
+by its function, and are extras.
+"""
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+
+from savmap.errors import OutputError, PluginError, SavmapError, SiteError, format_error
+from savmap.files.atomic import write_with
+from savmap.types import SiteMap
+
+Exporter = Callable[[SiteMap, Path], None]
+
+FORMATS = {
+    "csv": "plain:write_csv",
+    "ply": "plain:write_ply",
+    "tum": "trajectories.text:write_tum",
+    "colmap": "trajectories.text:write_colmap",
+    "nerfstudio": "trajectories.text:write_nerfstudio",
+    "mcap": "trajectories.foxglove:write_mcap",
+    "rosbag2": "trajectories.ros:write_rosbag2",
+    "rrd": "trajectories.rerun:write_rerun",
+}
+"""Formats that come with savmap, by name: the module and the function."""
+
+
+def core_exporters() -> dict[str, Exporter]:
+    """The formats that come with savmap, by name. A module is imported when its format is written."""
+    return {name: _exporter(place) for name, place in FORMATS.items()}
+
+
+def _exporter(place: str) -> Exporter:
+    module, _, function = place.partition(":")
+
+    def write(site: SiteMap, path: Path) -> None:
+        getattr(import_module(f"{__name__}.{module}"), function)(site, path)
+
+    return write
+
+
+def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "") -> None:
+    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError for an exporter
+    that fails, OutputError. `remark`: what to add where the format is unknown."""
+    if name not in formats:
+        raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
+    try:
+        write_with(lambda part: formats[name](site_map, part), path)
+    except SavmapError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"exporter `{name}` failed: {format_error(error)}") from error
+
+
+def require_library(module: str, extra: str) -> None:
+    """Raise OutputError where a library that a format needs is not installed. `extra`: the extra of savmap that has it."""
+    try:
+        import_module(module)
+    except ImportError as error:
+        raise OutputError(f"this format needs {module}: pip install 'savmap[{extra}]'") from error

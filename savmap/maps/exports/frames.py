@@ -1,0 +1,112 @@
+"""The frames that maps are exported in: the rows' own, the site's (y up), and the world's, whose z axis points up."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.errors import OutputError
+from savmap.types import Alignment, Floats, Placement, RowMap, SiteMap, Solid, Structure, array_record
+
+Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+"""world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along z goes down along y."""
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """A structure in the world's frame, with its row and its plugin."""
+
+    row: str
+    plugin: str
+    structure: Structure
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Drive:
+    """A row's trajectory in the world's frame: numbers (n) of the located frames, times (n) s, passes (n), world_from_rig (n, 4, 4). The rig's
+    axes are the camera's: x right, y down, z ahead."""
+
+    row: str
+    frames: Floats
+    stamps_s: Floats
+    passes: tuple[str, ...]
+    world_from_rig: Floats
+
+
+def elements(site: SiteMap) -> list[Element]:
+    """All structures in the world's frame: metres, right-handed, z up, floor at z = 0 unless the alignment says otherwise. Covariances hold
+    the rows' placements and the site's alignment, too. Raises OutputError where rows have no common frame."""
+    require_one_frame(site)
+    return [
+        Element(row.name, plugin, in_world(in_site(structure, site.placements.get(row.name)), site.alignment))
+        for row in site.rows.values()
+        for plugin, structures in row.structures.items()
+        for structure in structures
+    ]
+
+
+def drives(site: SiteMap) -> list[Drive]:
+    """The trajectories of all rows in the world's frame. Raises OutputError as `elements` does."""
+    require_one_frame(site)
+    return [_drive(row, world_from_row(site, row.name)) for row in site.rows.values()]
+
+
+def world_from_row(site: SiteMap, row: str) -> Floats:
+    """Transform (4, 4) from a row's frame to the world's."""
+    placement = site.placements.get(row)
+    whole: Floats = world_from_site(site.alignment) @ (np.eye(4) if placement is None else placement.site_from_row)
+    return whole
+
+
+def world_from_site(alignment: Alignment | None) -> Floats:
+    """Transform (4, 4) from the site's frame to the world's; `Z_UP` where the site is not aligned."""
+    transform = np.eye(4)
+    transform[:3, :3] = Z_UP
+    return transform if alignment is None else alignment.world_from_level @ transform
+
+
+def require_one_frame(site: SiteMap) -> None:
+    """Raise OutputError where there are several rows and one of them is not placed, because its frame is another one."""
+    apart = [name for name in site.rows if name not in site.placements]
+    if apart and len(site.rows) > 1:
+        raise OutputError(f"rows {', '.join(apart)} have no place in the site's frame; choose one with --row")
+
+
+def in_site(structure: Structure, placement: Placement | None) -> Structure:
+    """A row's structure in the site's frame, the placement's covariance added; unchanged where the row is not placed."""
+    if placement is None:
+        return structure
+    covariances = placement.covariances(structure.vertices, structure.covariances)
+    return _moved(structure, placement.site_from_row, covariances)
+
+
+def in_world(structure: Structure, alignment: Alignment | None) -> Structure:
+    """A structure of the site's frame in the world's, the alignment's covariance added."""
+    transform = world_from_site(alignment)
+    turn = transform[:3, :3]
+    moved = _moved(structure, transform, turn @ structure.covariances @ turn.T)
+    if alignment is None:
+        return moved
+    return replace(moved, covariances=moved.covariances + alignment.covariances(moved.vertices))
+
+
+def _moved(structure: Structure, transform: Floats, covariances: Floats) -> Structure:
+    solid = structure.solid and _moved_solid(structure.solid, transform)
+    return replace(structure, vertices=_points(structure.vertices, transform), covariances=covariances, solid=solid)
+
+
+def _moved_solid(solid: Solid, transform: Floats) -> Solid:
+    return replace(solid, outline=_points(solid.outline, transform), depth=transform[:3, :3] @ solid.depth)
+
+
+def _points(points: Floats, transform: Floats) -> Floats:
+    moved: Floats = points @ transform[:3, :3].T + transform[:3, 3]
+    return moved
+
+
+def _drive(row: RowMap, world_from_row: Floats) -> Drive:
+    located = row.trajectory.frames.astype(int)
+    passes = tuple(row.frames.passes[frame] for frame in located)
+    return Drive(
+        row.name, located, row.frames.stamps_s[located], passes, world_from_row @ row.trajectory.world_from_rig
+    )
