@@ -10,6 +10,7 @@ from savmap.graph.solver.redundancy import left_of
 from savmap.types import Bools, Floats, Ints
 
 MEDIAN_CHI2 = 0.55
+LOWER, LOWER_CHI2, SUSPECT = 0.2, 0.13, 1.5
 LEAST_ROBUST, LEAST_SCALE = 0.5, 0.2
 SURE = 10.0
 """A class's scale is taken for 1 with the weight of so many equations."""
@@ -43,7 +44,7 @@ def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: floa
     errors = problem.residuals(estimate.poses, estimate.points)
     squared = (errors**2).sum(axis=1)
     worth, classes = problem.measurements.dof, problem.measurements.classes
-    robust = np.maximum(LEAST_ROBUST, np.sqrt(_medians(squared / worth, classes, used) / MEDIAN_CHI2))[classes]
+    robust = np.maximum(LEAST_ROBUST, _robust(squared / worth, classes, used))[classes]
     kept = squared < (reject_sigma * robust) ** 2
     freedom = np.bincount(classes[kept], worth[kept], len(problem.measurements.class_names)).astype(np.float64)
     spare = freedom * left_of(problem, estimate, kept, freedom)
@@ -53,12 +54,21 @@ def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: floa
     return Fit(errors, kept, scale, scales, _own(problem, squared / (worth * scales**2)))
 
 
-def _medians(values: Floats, groups: Ints, used: Bools) -> Floats:
-    """The median of the used values of each group; of all, where a group has none."""
+def _robust(squared: Floats, classes: Ints, used: Bools) -> Floats:
+    """Scale (c,) of each class's errors by the median of those used; by their lower fifth where that says that most are outliers."""
+    median, lower = (
+        np.sqrt(_quantiles(squared, classes, used, share) / usual)
+        for share, usual in ((0.5, MEDIAN_CHI2), (LOWER, LOWER_CHI2))
+    )
+    return np.where(median > SUSPECT, np.clip(lower, SUSPECT, np.maximum(median, SUSPECT)), median)
+
+
+def _quantiles(values: Floats, groups: Ints, used: Bools, share: float) -> Floats:
+    """A quantile of the used values of each group; of all, where a group has none."""
     every = used if used.any() else np.ones_like(used)
-    of_all = float(np.median(values[every]))
+    of_all = float(np.quantile(values[every], share))
     present = (values[used & (groups == group)] for group in range(int(groups.max()) + 1))
-    return np.array([float(np.median(group)) if len(group) else of_all for group in present])
+    return np.array([float(np.quantile(group, share)) if len(group) else of_all for group in present])
 
 
 def _own(problem: Problem, squared: Floats) -> Floats:

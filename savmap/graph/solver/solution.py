@@ -136,16 +136,15 @@ def build_solution(
 
 
 def _misfits(problem: Problem, fit: Fit) -> Iterator[Doubt]:
-    """A doubt about each class of measurements that hardly agree with one another: their sigmas are wide then, but errors of this size
-    are none of measuring."""
+    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
+    however wide their sigmas are."""
     for number, name in enumerate(problem.measurements.class_names):
-        of_class = fit.scales[problem.measurements.classes == number]
-        if len(of_class) and of_class[0] > MISFIT:
-            times = f"{of_class[0]:.0f} times as far as they should be"
-            yield Doubt(
-                "residuals",
-                f"what was measured of `{name}` does not fit together: pixels are {times} from where it was mapped",
-            )
+        of_class = problem.measurements.classes == number
+        rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
+        times = float(fit.scales[of_class].max(initial=0.0))
+        if rejected > MANY_REJECTED or times > MISFIT:
+            how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
+            yield Doubt("residuals", f"what was measured of `{name}` does not fit together: {how}")
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
