@@ -70,19 +70,26 @@ class Iterate:
     first_scale: float = 0.0
 
     @property
-    def inflation(self) -> float:
-        """The factor by which measurements' variances are larger than given, in the solve and its tests."""
-        return self.fit.scale**2 * self.persistence.solved
+    def inflation(self) -> Floats:
+        """The factors (n,) by which measurements' variances are larger than given, in the solve and its tests."""
+        return np.asarray(self.fit.scales**2 * self.persistence.solved)
+
+    @property
+    def huber(self) -> Floats:
+        """Where (n,) Huber's loss of them turns from squares: persisting errors are not the more often outliers for that."""
+        return np.asarray(HUBER / np.sqrt(self.persistence.solved))
 
     @property
     def reported(self) -> "Iterate":
-        """With the factor for the standard deviations that are reported instead."""
-        return replace(self, persistence=replace(self.persistence, solved=self.persistence.reported))
+        """With the factors for the standard deviations that are reported instead."""
+        scales = self.fit.scales * self.fit.own
+        persisting = replace(self.persistence, solved=self.persistence.reported)
+        return replace(self, fit=replace(self.fit, scales=scales), persistence=persisting)
 
     @property
     def kept(self) -> ImageMeasurements:
-        """The measurements that fit."""
-        return self.problem.measurements.take(self.fit.kept)
+        """The measurements that fit, with the variances that they have."""
+        return self.problem.measurements.inflated(self.inflation).take(self.fit.kept)
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -161,7 +168,7 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     term = iterate.problem.camera.calibration
     calibration = calibration_report(term, iterate.bias, joint.reported, iterate.first_scale, iterate.fit.scale)
     notes = (*iterate.notes, *calibration.notes)
-    inflation = iterate.reported.inflation
+    inflation = _by_class(iterate.problem.measurements, iterate.reported.inflation)
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit, judgement.mistaken)
@@ -175,7 +182,7 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     if len(begins) == 1:
         return begins[0]
     firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]
-    inflation = min(iterate.inflation for iterate in firsts)
+    inflation = np.minimum.reduce([iterate.inflation for iterate in firsts])
     costs = [
         _cost(iterate, inflation) + OUTLIER_COST * len(start.refuted)
         for iterate, start in zip(firsts, begins, strict=True)
@@ -190,9 +197,20 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     return begins[best]
 
 
-def _cost(iterate: Iterate, inflation: float) -> float:
+def _by_class(measurements: ImageMeasurements, inflation: Floats) -> dict[str, float]:
+    """The usual factor (n,) of each class of measurements, and of all."""
+    if not len(inflation):
+        return {}
+    names = enumerate(measurements.class_names)
+    of_class = {name: inflation[measurements.classes == number] for number, name in names}
+    usual = {f"variance_inflation, {name}": float(np.median(own)) for name, own in of_class.items() if len(own)}
+    return {"variance_inflation": float(np.median(inflation)), **usual}
+
+
+def _cost(iterate: Iterate, inflation: Floats) -> float:
     """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's loss."""
-    graph = whole_graph(iterate.problem, iterate.estimate, iterate.problem.measurements, inflation, HUBER)
+    measurements = iterate.problem.measurements.inflated(inflation)
+    graph = whole_graph(iterate.problem, iterate.estimate, measurements, HUBER)
     return float(graph.error(values_of(iterate.problem, iterate.estimate)))
 
 
@@ -201,17 +219,18 @@ def _rounds(
 ) -> Iterator[Iterate]:
     """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases. With what is
     `begun` with other references, the measurements that fitted there come first."""
-    huber = None if options.loss == "none" else HUBER
+    huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.measurements), dtype=bool)
-    bias, weight, first_scale = np.zeros(len(problem.measurements.biases.prior)), 1.0, 0.0
+    bias, weight, first_scale = np.zeros(len(problem.measurements.biases.prior)), np.ones(len(kept)), 0.0
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
-        huber = _loosened(huber, begun)
+        huber = None if huber is None else begun.huber
     row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):
         near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
-        graph = whole_graph(corrected, estimate, corrected.measurements.take(kept), weight, huber)
+        weighed = corrected.measurements.inflated(weight).take(kept)
+        graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
         settings = LevenbergMarquardt(
             row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if near else ROUGH
         )
@@ -223,19 +242,14 @@ def _rounds(
         iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit), first_scale=first_scale)
         weight = iterate.inflation
         yield iterate
-        huber = _loosened(huber, iterate)
+        huber = None if huber is None else iterate.huber
         step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
         if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
 
 
-def _loosened(huber: float | None, iterate: Iterate) -> float | None:
-    """The bound of Huber's loss for variances as large as an iterate found them."""
-    return None if huber is None else HUBER / float(np.sqrt(iterate.persistence.solved))
-
-
-def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
+def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
     """The step that brings the free biases (k,) to their optimum; zeros where that is near."""
     if not iterate.problem.measurements.biases.free.any():
         return np.zeros(len(iterate.bias))
@@ -244,30 +258,33 @@ def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
     return np.zeros(len(iterate.bias)) if near.all() else joint.step
 
 
-def _covariance(iterate: Iterate, huber: float | None, only: Collection[int] | None = None) -> Covariance:
-    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, iterate.inflation, huber)
+def _covariance(iterate: Iterate, huber: Floats | None, only: Collection[int] | None = None) -> Covariance:
+    loss = None if huber is None else huber[iterate.fit.kept]
+    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, loss)
     used = iterate.problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     values = values_of(iterate.problem, iterate.estimate)
     return covariance(graph, values, frames, centres, bias_unknowns(iterate, huber), only)
 
 
-def bias_unknowns(iterate: Iterate, huber: float | None) -> SharedUnknowns:
+def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
     """The biases of the kept measurements."""
-    inflation = iterate.inflation
-    errors = iterate.fit.errors[iterate.fit.kept] / np.sqrt(inflation)
-    columns = _bias_columns(iterate.kept, errors, inflation, huber)
+    kept, measurements = iterate.fit.kept, iterate.kept
+    errors = iterate.fit.errors[kept] / np.sqrt(iterate.inflation[kept])[:, None]
+    slopes = measurements.biases.scaled(iterate.fit.scales[kept])
+    columns = _bias_columns(measurements, slopes, errors, None if huber is None else huber[kept])
     biases = iterate.problem.measurements.biases
     return SharedUnknowns(columns, iterate.bias, biases.prior, biases.free)
 
 
-def _bias_columns(measurements: ImageMeasurements, errors: Floats, inflation: float, huber: float | None) -> csc_array:
-    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
-    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * measurements.covariances)), 1, 2)
+def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, by which pixels move with `slopes` (n, 2, s), weighted as Huber's
+    loss weighs those."""
+    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
     biases = measurements.biases
-    values = np.sqrt(weight)[:, None, None] * (whiten @ biases.slopes)
+    values = np.sqrt(weight)[:, None, None] * (whiten @ slopes)
     rows = np.broadcast_to(np.arange(2 * len(values)).reshape(-1, 2, 1), values.shape)
     columns = np.broadcast_to(biases.indices[:, None, :], values.shape)
     shape = (2 * len(values), len(biases.prior))

@@ -20,6 +20,7 @@ VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 LEAST_APART_M = 0.01
+MISFIT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ def build_solution(
     estimate: Estimate,
     fit: Fit,
     covariances: Covariances,
-    inflation: float,
+    inflation: Mapping[str, float],
     bias: Floats,
     notes: tuple[str, ...] = (),
     figures: Mapping[str, float | str] | None = None,
@@ -115,7 +116,7 @@ def build_solution(
             "rejected_share": share,
             "residual_scale": fit.scale,
             "scale_sigma": scale_sigma,
-            "variance_inflation": inflation,
+            **inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
             **dict(_biases(problem, bias, covariance)),
@@ -125,7 +126,20 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
+        doubts=tuple(_misfits(problem, fit)),
     )
+
+
+def _misfits(problem: Problem, fit: Fit) -> Iterator[Doubt]:
+    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
+    however wide their sigmas are."""
+    for number, name in enumerate(problem.measurements.class_names):
+        of_class = problem.measurements.classes == number
+        rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
+        times = float(fit.scales[of_class].max(initial=0.0))
+        if rejected > MANY_REJECTED or times > MISFIT:
+            how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
+            yield Doubt("residuals", f"what was measured of `{name}` does not fit together: {how}")
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
