@@ -144,6 +144,11 @@ def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasur
     return measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
 
 
+def frames_bound(problem: Problem) -> Ints:
+    """Numbers (k,) of the frames that plugins' factors bind."""
+    return _frames_of(problem.parts)
+
+
 def first_poses(problem: Problem) -> Floats:
     """Given poses (f, 4, 4) of the used frames: the fixed ones, or the start's."""
     given = problem.camera.fixed or problem.camera.start

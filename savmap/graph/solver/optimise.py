@@ -18,6 +18,7 @@ from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.astray import frames_astray, without_frames
 from savmap.graph.solver.contradictions import Judgement, judged
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
@@ -131,8 +132,20 @@ def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Float
 
 
 def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
-    """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
+    """The optimum, from the measurements that fit it; without the frames that are astray. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
+    iterate = _converged(problem, chosen)
+    astray = frames_astray(iterate.problem, iterate.estimate.poses, iterate.estimate.points)
+    left = without_frames(problem, astray) if len(astray) else problem
+    if left is problem:
+        return iterate
+    again = _converged(left, chosen)
+    numbers = ", ".join(map(str, astray.tolist()))
+    note = f"frame {numbers} is left out: too little was seen in it to tell where the camera was"
+    return replace(again, notes=(*again.notes, note))
+
+
+def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     begin = _likeliest(starts(problem, chosen.start), chosen)
     found, estimate, soft = _judged(begin, chosen)
     *_, last = _rounds(found.problem, estimate, chosen, soft)

@@ -141,7 +141,7 @@ def test_every_object_has_an_outline() -> None:
     assert np.ptp(objects[4].outline, axis=0) == pytest.approx([2.6, 0.12, 0.0])
 
 
-RED, GREY, WOOD = (200, 40, 30), (120, 125, 120), (190, 150, 100)
+RED, GREY, WOOD, DARK = (200, 40, 30), (120, 125, 120), (190, 150, 100), (30, 8, 6)
 
 
 def painted(evidence: PlaneEvidence, *stripes: tuple[tuple[float, float], tuple[int, int, int]]) -> PlaneEvidence:
@@ -194,6 +194,13 @@ def test_a_level_below_guarded_feet_is_told_by_paint(colour: tuple[int, int, int
     evidence = seen(*[(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()])
     found = expected_grid(painted(evidence, ((0.4, 0.52), colour)), tracked)
     assert is_whole(found) if believed else found is None
+
+
+@pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])
+def test_paint_says_nothing_where_the_network_is_sure(value: float, believed: bool) -> None:
+    evidence = painted(seen_as(seen(), (0.4, 0.52), value), ((0.4, 0.52), DARK))
+    found = expected_grid(evidence, WHOLE)
+    assert found is None if believed else found is not None and [len(levels) for levels in found.sections] == [2] * 3
 
 
 def behind(height: float, share: float) -> PlaneEvidence:
