@@ -42,11 +42,13 @@ api.Init().then(() => {
     if (!shapes) console.log("no shape was read");
 });
 """
+ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json"}
+"""Of files of formats that are not called by theirs."""
 Validator = Callable[[Path], list[str]]
-"""What it finds wrong with a file, a line each. Raises `Missing` where it is not installed."""
+"""What it finds wrong with a file, a line each. Raises `NotInstalledError` where it is not installed."""
 
 
-class Missing(Exception):
+class NotInstalledError(Exception):
     """A validator is not installed."""
 
 
@@ -75,9 +77,9 @@ def in_node(script: str, module: str, path: Path) -> list[str]:
     """What a script prints of a file."""
     node = shutil.which("node")
     if node is None:
-        raise Missing
+        raise NotInstalledError
     if subprocess.run([node, "-e", f"require.resolve('{module}')"], capture_output=True).returncode:
-        raise Missing
+        raise NotInstalledError
     return printed([node, "-e", script, str(path.resolve())])
 
 
@@ -92,7 +94,7 @@ def usd_validation(path: Path) -> list[str]:
     try:
         from pxr import Usd, UsdValidation
     except ImportError as error:
-        raise Missing from error
+        raise NotInstalledError from error
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     return [str(error.GetMessage()) for error in errors]
@@ -102,7 +104,7 @@ def nvidia_validation(path: Path) -> list[str]:
     """NVIDIA's validator of what Omniverse reads, by its command, which may lie in an environment of its own."""
     command = os.environ.get("NVIDIA_USD_VALIDATE") or shutil.which("nvidia_usd_validate")
     if command is None:
-        raise Missing
+        raise NotInstalledError
     done = subprocess.run([command, str(path)], capture_output=True, text=True)
     lines = (done.stdout + done.stderr).splitlines()
     return [] if any("No issues found" in line for line in lines) else lines[-20:]
@@ -113,7 +115,7 @@ def ifc_validation(path: Path) -> list[str]:
     try:
         import ifcopenshell.validate as validate
     except ImportError as error:
-        raise Missing from error
+        raise NotInstalledError from error
     log = validate.json_logger()
     validate.validate(str(path), log, express_rules=True)
     return [str(statement) for statement in log.statements]
@@ -124,7 +126,7 @@ def dxf_audit(path: Path) -> list[str]:
     try:
         import ezdxf
     except ImportError as error:
-        raise Missing from error
+        raise NotInstalledError from error
     auditor = ezdxf.readfile(path).audit()
     return [str(entry.message) for entry in (*auditor.errors, *auditor.fixes)]
 
@@ -134,7 +136,7 @@ def gdal(path: Path) -> list[str]:
     try:
         import pyogrio
     except ImportError as error:
-        raise Missing from error
+        raise NotInstalledError from error
     return [] if pyogrio.read_info(path, force_feature_count=True)["features"] else ["no shape was read"]
 
 
@@ -151,7 +153,7 @@ VALIDATORS: Mapping[str, Mapping[str, Validator]] = {
 
 def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
     """A format, written into a folder and validated."""
-    path = folder / f"map-{name}.{name.removesuffix('4x3')}"
+    path = folder / f"map-{name}.{ENDINGS.get(name, name)}"
     begin = time.perf_counter()
     core_exporters()[name](site, path)
     seconds = time.perf_counter() - begin
@@ -160,7 +162,7 @@ def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
         begin = time.perf_counter()
         try:
             faults[validator] = check(path)
-        except Missing:
+        except NotInstalledError:
             faults[validator] = None
         took[validator] = time.perf_counter() - begin
     return Result(name, seconds, path.stat().st_size, faults, took)

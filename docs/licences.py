@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "licences.md"
-TOOLS = ("test", "docs", "browser", "dev")
+TOOLS = ("test", "docs", "browser", "validators", "dev")
 """Extras of those who work on savmap; their dependencies' own dependencies are not listed."""
 UNSAID: Mapping[str, str] = {
     "bpy": "GPL-3.0-or-later",

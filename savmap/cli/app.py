@@ -18,6 +18,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "report": results.report,
     "export": results.export,
     "find": results.find,
+    "measure": results.measure,
     "plugins": installation.plugins,
     "split": sources.split,
     "schema": installation.schema,

@@ -17,6 +17,7 @@ from savmap.files.atomic import read_json, write_text
 from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
+from savmap.maps.joint_covariance import joint_entry, joint_of
 from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
     Alignment,
@@ -92,6 +93,7 @@ def map_text(site: SiteMap) -> str:
 
 def _row_entry(row: RowMap) -> Entry:
     judged = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
+    joint = {"joint": joint_entry(row.joint)} if row.joint else {}
     return {
         "trajectory": _trajectory_entries(row.frames, row.trajectory),
         "views": {name: _view_entry(spec) for name, spec in row.views.items()},
@@ -99,6 +101,7 @@ def _row_entry(row: RowMap) -> Entry:
         "references": [_reference_entry(use) for use in row.references],
         "report": {name: _plain(value) for name, value in row.report.items()},
         **judged,
+        **joint,
     }
 
 
@@ -259,6 +262,7 @@ def _row_map(name: str, row: schema.RowEntry) -> RowMap:
         references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
         report=row.report,
         verdict=_verdict(row.verdict),
+        joint=joint_of(row),
     )
 
 

@@ -43,6 +43,7 @@ UpperTriangle = Annotated[
     Field(description="covariance xx, xy, xz, yy, yz, zz, m^2"),
     AfterValidator(_variances),
 ]
+Slot = Annotated[int, Field(ge=-1)]
 Value = Number | Annotated[int, Field(ge=-LARGEST, le=LARGEST)] | str
 
 
@@ -139,6 +140,16 @@ class VerdictEntry(_Part):
     doubts: list[DoubtEntry]
 
 
+class JointEntry(_Part):
+    """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z, the number of its coordinate
+    from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex has its variance. `covariance_m2`: the upper triangle of
+    the covariance of these `size` coordinates, row by row, 32-bit floats, the least significant byte first, in base64."""
+
+    size: Annotated[int, Field(ge=1, le=20000)]
+    coordinates: dict[str, dict[str, list[tuple[Slot, Slot, Slot]]]]
+    covariance_m2: str
+
+
 class RowEntry(_Part):
     """One row in its own frame: x along the aisle from the first element's outer edge, y up from the floor, z towards
     the camera, face at z = 0. Structures by plugin."""
@@ -149,6 +160,7 @@ class RowEntry(_Part):
     references: list[ReferenceEntry]
     report: dict[str, Value]
     verdict: VerdictEntry | None = None
+    joint: JointEntry | None = None
 
 
 class PlacementEntry(_Part):

@@ -9,6 +9,7 @@ from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
 from savmap.pipeline.initial_poses import first_poses, initial_attitudes
+from savmap.pipeline.joint_covariance import joint_covariance
 from savmap.pipeline.measure import RowMeasurements, measure_row
 from savmap.pipeline.records import (
     DescribedRow,
@@ -179,6 +180,7 @@ def collect(row: DescribedRow) -> RowMap:
         },
         face=row.face,
         verdict=verdict,
+        joint=joint_covariance(structures, solution),
     )
 
 

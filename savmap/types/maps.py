@@ -94,9 +94,40 @@ class ReferenceUse:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class JointCovariance:
+    """How the errors of a row's vertices go together: what two of them share does not count in the distance between them.
+
+    `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that it is, -1 where it shares
+    its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
+    """
+
+    coordinates: Mapping[str, Mapping[str, Ints]]
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (len(self.covariance),) * 2, self, "covariance must be (n, n)")
+
+    def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
+        """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the vertex's number."""
+        numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
+        own = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
+        solved = numbers >= 0
+        whole = np.diag(np.where(solved, 0.0, own))
+        whole[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
+        apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
+        return apart
+
+    def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
+        known = self.coordinates.get(plugin, {}).get(structure.id)
+        return np.full(3, -1) if known is None else known[vertex]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class RowMap:
     """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
-    metres, that is the row's face where a plugin says so (which map files do not hold), and the verdict (None: nobody judged)."""
+    metres, that is the row's face where a plugin says so (which map files do not hold), the verdict (None: nobody judged), and how the errors of the
+    vertices go together (None: not known)."""
 
     name: str
     frames: FrameTable
@@ -107,6 +138,7 @@ class RowMap:
     report: Mapping[str, float | int | str] = field(default_factory=dict)
     face: PlanePatch | None = None
     verdict: Verdict | None = None
+    joint: JointCovariance | None = None
 
 
 @dataclass(frozen=True, eq=False)

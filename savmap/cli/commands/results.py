@@ -74,3 +74,15 @@ def find(
 
     for hit in find_structures(read_map(map_file), name):
         say(hit)
+
+
+def measure(
+    first: Annotated[str, typer.Argument(metavar="FROM", help="A vertex, such as 'upright 1 / right / bottom'.")],
+    second: Annotated[str, typer.Argument(metavar="TO", help="Another; 'A: ...' says the row.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+) -> None:
+    """Say how far two vertices of a map are apart, and how sure that is."""
+    from savmap.maps.distance import vertex_distance
+    from savmap.maps.map_file import read_map
+
+    say(vertex_distance(read_map(map_file), first, second))

@@ -23,6 +23,12 @@ FORMATS = {
     "ifc": "models.ifc:write_ifc4",
     "ifc4x3": "models.ifc:write_ifc4x3",
     "dxf": "models.dxf:write_dxf",
+    "tum": "trajectories.text:write_tum",
+    "colmap": "trajectories.text:write_colmap",
+    "nerfstudio": "trajectories.text:write_nerfstudio",
+    "mcap": "trajectories.foxglove:write_mcap",
+    "rosbag2": "trajectories.ros:write_rosbag2",
+    "rrd": "trajectories.rerun:write_rerun",
 }
 """Formats that come with savmap, by name: the module and the function."""
 
