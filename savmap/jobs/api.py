@@ -81,7 +81,7 @@ def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
 
 
 def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format: "csv", "ply", or a format of an installed plugin; default: by the path's ending.
+    """Write a map in another format, such as "glb" (docs/exports.md), or one of an installed plugin; default: by the path's ending.
 
     Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
     """

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.features import extract_features
+from savmap_lights.solids import with_solids
 from savmap_lights.tracking import track_lamps
 
 LOST_M = 1.0  # a lamp whose place is not known better is left out
@@ -110,8 +111,9 @@ class Lights:
 
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
-        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre"."""
-        return door.point_structures(tracks, landmarks, LOST_M)
+        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre", and with the space that it
+        fills by an assumed width and height."""
+        return with_solids(door.point_structures(tracks, landmarks, LOST_M))
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

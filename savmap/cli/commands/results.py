@@ -44,7 +44,12 @@ def report(
 
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    name: Annotated[
+        str,
+        typer.Option(
+            "--format", help="csv, ply, glb, usda, ifc, dxf, ... (docs/exports.md), or a format of an installed plugin."
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:
