@@ -49,7 +49,7 @@ SHORT: Sequence[tuple[str, str]] = (
 HEAD = """# Dependencies and their licences
 
 savmap is under the Apache License 2.0 (the file `LICENSE`). This page is made by `python docs/licences.py --write` from `pyproject.toml`
-and from what the packages say of themselves; a test holds it. None is shipped with savmap: `pip` installs them from where their authors
+and from what the packages say of themselves; a test holds it. None is shipped with savmap, but for three.js in the viewer: `pip` installs them from where their authors
 publish them.
 
 A package in italics is one that another one needs. What has several licences is listed by one of them. Binary packages carry libraries with
@@ -61,6 +61,7 @@ licences of their own, which lie in their folders:
 - `ifcopenshell`, which only the format IFC needs (extra `bim`), is under the LGPL-3.0 or later: savmap calls it, and ships none of it.
 - `usd-core`, which only binary USD needs (extra `usd`), is under the Tomorrow Open Source Technology License 1.0, which is the Apache License 2.0
   with another clause on trademarks.
+- The [viewer](viewer.md)'s script has three.js (MIT) in it, the one library that savmap ships; its licence stands at the script's head.
 - `bpy`, which only the extra `blender` needs to render pictures, is under the GPL-3.0 or later.
 """
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from savmap.assembly import site_lines
+from savmap.assembly import alignment_lines, site_lines
 from savmap.cli.console import Console
 from savmap.cli.speech import say, say_all
 from savmap.jobs.cache import locked
@@ -28,7 +28,7 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
             say(f"wrote {file}")
         if run.evaluation is not None:
             say_all(as_table(run.evaluation))
-        for line in (*site_lines(run.site_map), *verdict_lines(run.site_map)):
+        for line in (*site_lines(run.site_map), *alignment_lines(run.site_map), *verdict_lines(run.site_map)):
             say(line)
         run.raise_if_incomplete(job)
 
