@@ -46,7 +46,7 @@ def report_for(
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
-    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills or {})
+    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
 
 
 def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
