@@ -48,10 +48,10 @@ api.Init().then(() => {
 ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json", "nav2": "zip", "imdf": "zip"}
 """Of files of formats that are not called by theirs."""
 Validator = Callable[[Path], list[str]]
-"""What it finds wrong with a file, a line each. Raises `NotInstalledError` where it is not installed."""
+"""What it finds wrong with a file, a line each. Raises `MissingError` where it is not installed."""
 
 
-class NotInstalledError(Exception):
+class MissingError(Exception):
     """A validator is not installed."""
 
 
@@ -80,9 +80,9 @@ def in_node(script: str, module: str, path: Path) -> list[str]:
     """What a script prints of a file."""
     node = shutil.which("node")
     if node is None:
-        raise NotInstalledError
+        raise MissingError
     if subprocess.run([node, "-e", f"require.resolve('{module}')"], capture_output=True).returncode:
-        raise NotInstalledError
+        raise MissingError
     return printed([node, "-e", script, str(path.resolve())])
 
 
@@ -97,7 +97,7 @@ def usd_validation(path: Path) -> list[str]:
     try:
         from pxr import Usd, UsdValidation
     except ImportError as error:
-        raise NotInstalledError from error
+        raise MissingError from error
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     return [str(error.GetMessage()) for error in errors]
@@ -107,7 +107,7 @@ def nvidia_validation(path: Path) -> list[str]:
     """NVIDIA's validator of what Omniverse reads, by its command, which may lie in an environment of its own."""
     command = os.environ.get("NVIDIA_USD_VALIDATE") or shutil.which("nvidia_usd_validate")
     if command is None:
-        raise NotInstalledError
+        raise MissingError
     done = subprocess.run([command, str(path)], capture_output=True, text=True)
     lines = (done.stdout + done.stderr).splitlines()
     return [] if any("No issues found" in line for line in lines) else lines[-20:]
@@ -118,7 +118,7 @@ def ifc_validation(path: Path) -> list[str]:
     try:
         import ifcopenshell.validate as validate
     except ImportError as error:
-        raise NotInstalledError from error
+        raise MissingError from error
     log = validate.json_logger()
     validate.validate(str(path), log, express_rules=True)
     return [str(statement) for statement in log.statements]
@@ -129,7 +129,7 @@ def dxf_audit(path: Path) -> list[str]:
     try:
         import ezdxf
     except ImportError as error:
-        raise NotInstalledError from error
+        raise MissingError from error
     auditor = ezdxf.readfile(path).audit()
     return [str(entry.message) for entry in (*auditor.errors, *auditor.fixes)]
 
@@ -139,7 +139,7 @@ def gdal(path: Path) -> list[str]:
     try:
         import pyogrio
     except ImportError as error:
-        raise NotInstalledError from error
+        raise MissingError from error
     return [] if pyogrio.read_info(path, force_feature_count=True)["features"] else ["no shape was read"]
 
 
@@ -166,7 +166,7 @@ def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
         begin = time.perf_counter()
         try:
             faults[validator] = check(path)
-        except NotInstalledError:
+        except MissingError:
             faults[validator] = None
         took[validator] = time.perf_counter() - begin
     return Result(name, seconds, path.stat().st_size, faults, took)

@@ -1,6 +1,6 @@
 """All plugins' constraints and the user's references in one problem: names resolved, arrays laid out."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -131,7 +131,7 @@ def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> P
     if not len(measurements) and not len(_frames_of(kept)):
         raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
     structure = tuple(relation for part in parts for relation in part.relations)
-    references = _reference_relations(camera, parts, structure, partial)
+    references = _told_apart(_reference_relations(camera, parts, structure, partial))
     return Problem(camera, kept, (*structure, *references), measurements, partial)
 
 
@@ -187,6 +187,14 @@ def _reference_relations(
     for point in camera.references.points:
         if not partial or point.name in known:
             yield from _point(point, parts, row)
+
+
+def _told_apart(relations: Iterable[Relation]) -> Iterator[Relation]:
+    """References with names of their own: what is given twice is two references, either of which may be wrong."""
+    seen: dict[str, int] = {}
+    for relation in relations:
+        seen[relation.name] = count = seen.get(relation.name, 0) + 1
+        yield replace(relation, name=f"{relation.name} (given again, {count})") if count > 1 else relation
 
 
 def _length(length: KnownLength, parts: tuple[Constraints, ...], structure: tuple[Relation, ...], row: str) -> Relation:

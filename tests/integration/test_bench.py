@@ -135,3 +135,14 @@ def test_formats_are_timed_and_faults_end_with_1(
     assert exports.main(arguments) == 1
     assert "mine: 1 faults" in capsys.readouterr().out
     assert set(exports.VALIDATORS) <= set(exports.FORMATS)
+
+
+def test_lamps_count_as_a_rows_elements() -> None:
+    from rows import is_whole
+
+    whole = {"missing": {"beam": 0}, "spurious": {"beam": 0}}
+    lamps = {"missing": 0, "spurious": 0}
+    assert is_whole(whole)
+    assert is_whole({**whole, "lights": lamps})
+    assert not is_whole({**whole, "lights": {**lamps, "missing": 1}})
+    assert not is_whole({**whole, "lights": {**lamps, "spurious": 1}})

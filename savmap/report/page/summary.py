@@ -91,6 +91,7 @@ class Summary:
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
             (skipped, f"{skipped} frames skipped"),
+            *((True, note) for note in (self.row.verdict.notes if self.row and self.row.verdict else ())),
         )
         return tuple(text for applies, text in remarks if applies)
 

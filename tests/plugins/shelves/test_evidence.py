@@ -18,6 +18,7 @@ WHOLE = Grid(POSTS, [LEVELS] * 3)
 def seen(*changes: tuple[int, tuple[float, float], tuple[float, float], float]) -> PlaneEvidence:
     """Evidence of the whole grid, changed within rectangles (class, x, y) to values."""
     patch = face_patch(WHOLE)
+    assert patch is not None
     mean = np.zeros((2, *patch.shape), np.float32)
     x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
     posts = [(0, (low, high), (0.0, 4.0), 0.9) for low, high in POSTS.tolist()]
@@ -37,6 +38,12 @@ def is_whole(grid: Grid | None) -> bool:
     return grid.posts.mean(axis=1) == pytest.approx(posts, abs=0.03) and all(
         own.mean(axis=1) == pytest.approx(levels, abs=0.03) for own in grid.sections
     )
+
+
+def test_a_grid_that_makes_no_sense_has_no_patch() -> None:
+    assert face_patch(Grid(1000 * WHOLE.posts, [1000 * levels for levels in WHOLE.sections])) is not None
+    thin = [np.array([[0.3, 0.3001], [90.0, 90.0001]]) for _ in WHOLE.sections]
+    assert face_patch(Grid(WHOLE.posts, thin)) is None
 
 
 def test_evidence_of_what_was_tracked_changes_nothing() -> None:
