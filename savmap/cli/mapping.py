@@ -34,11 +34,12 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
 
 
 def verdict_lines(site_map: SiteMap) -> Iterator[str]:
-    """A line for each row's verdict, and one for each doubt."""
+    """A line for each row's verdict, and one for each doubt and each note."""
     for row in site_map.rows.values():
         if row.verdict:
             yield f"row {row.name}: {row.verdict.grade}"
             yield from (f"  {doubt.kind}: {doubt.what}" for doubt in row.verdict.doubts)
+            yield from (f"  note: {note}" for note in row.verdict.notes)
 
 
 def preview_and_print(job: Job) -> None:

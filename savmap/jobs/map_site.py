@@ -1,7 +1,7 @@
 """A job from its footage to a site map with its scores, and the files that are written of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,7 +22,8 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import PluginsByRow, evaluation_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, report_for
+from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
@@ -79,7 +80,7 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     """Map a job that is known to be ready, and write all its results into its output folder, which is there.
 
     What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
-    solved: map.json, run.json, report.html, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
+    solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
     return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
 
@@ -145,7 +146,9 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
     if job.note:
         monitor.note(job.note)
-    mapped = map_rows_of(job, options, monitor, cache, orthophotos=write and job.site.orthophotos)
+    mapped = map_rows_of(
+        job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)
+    )
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
@@ -166,14 +169,16 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
 def _write_results(
     job: Job, site_map: SiteMap, mapped: MappedRows, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
-    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, its orthophoto if there is one, and
+    """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
     the box plot where there is a survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
     write_log(mapped.log, job.output / "run.json")
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
-    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
+    photos, stills = mapped.orthophotos, mapped.stills
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
+    report = replace(report, viewer=VIEW)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
@@ -184,7 +189,9 @@ def _write_results(
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
-    files.append(job.output / "report.html")
+    view = View(site_map, report.evaluation, report.title, mapped.orthophotos, mapped.stills)
+    write_view(view, job.output / VIEW)
+    files += [job.output / "report.html", job.output / VIEW]
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)

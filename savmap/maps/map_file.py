@@ -107,7 +107,8 @@ def _row_entry(row: RowMap) -> Entry:
 
 
 def _verdict_entry(verdict: Verdict) -> Entry:
-    return {"grade": verdict.grade, "doubts": [_doubt_entry(doubt) for doubt in verdict.doubts]}
+    doubts = [_doubt_entry(doubt) for doubt in verdict.doubts]
+    return {"grade": verdict.grade, "doubts": doubts, "notes": list(verdict.notes)}
 
 
 def _doubt_entry(doubt: Doubt) -> Entry:
@@ -119,7 +120,8 @@ def _doubt_entry(doubt: Doubt) -> Entry:
 def _verdict(entry: schema.VerdictEntry | None) -> Verdict | None:
     if entry is None:
         return None
-    return Verdict(tuple(Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts))
+    doubts = (Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts)
+    return Verdict(tuple(doubts), tuple(entry.notes))
 
 
 def _quaternion(rotation: Floats) -> list[float]:

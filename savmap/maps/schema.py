@@ -137,10 +137,11 @@ class DoubtEntry(_Part):
 
 
 class VerdictEntry(_Part):
-    """Whether a row's map may be used as it is."""
+    """Whether a row's map may be used as it is, and what that rests on that nothing checks."""
 
     grade: Literal["trusted", "check"]
     doubts: list[DoubtEntry]
+    notes: list[str] = []
 
 
 class JointEntry(_Part):

@@ -65,7 +65,15 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
     walked = measure_row(
-        row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance, row.strips
+        row.name,
+        row.passes,
+        row.plugins,
+        monitor,
+        initial_attitudes(row.path),
+        markers,
+        row.appearance,
+        row.strips,
+        row.stills,
     )
     return MeasuredRow(row, look_again(row, walked, monitor), strips=walked.strips)
 

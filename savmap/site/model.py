@@ -132,6 +132,8 @@ class Site(Strict):
     """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
     orthophotos: bool = True
     """Whether a picture of each row's face, without perspective, is made of all frames."""
+    panoramas: bool = True
+    """Whether some of each row's panoramas are kept, 2048 pixels wide, to be looked at in the viewer."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None

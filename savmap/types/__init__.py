@@ -21,7 +21,7 @@ from savmap.types.maps import (
     Solid,
     Structure,
 )
-from savmap.types.orthophotos import Orthophoto, RowStrips, Strip
+from savmap.types.orthophotos import Orthophoto, RowStrips, Still, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
@@ -67,6 +67,7 @@ __all__ = [
     "Score",
     "SiteMap",
     "Solid",
+    "Still",
     "Strip",
     "Structure",
     "Survey",

@@ -44,6 +44,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
         (["report", "none.json"], 9, "none.json: cannot be read"),
+        (["view", "none.json", "--no-open"], 9, "none.json: cannot be read"),
         (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
         (["simulate", "broken.yaml"], 3, "broken.yaml:2: cannot be read as a scene file"),
         (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),

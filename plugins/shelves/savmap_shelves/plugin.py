@@ -94,7 +94,8 @@ class Shelves:
         from savmap_shelves.evidence import face_patch, tracked_grid
 
         grid = tracked_grid(points)
-        return [face_patch(grid)] if grid else []
+        patch = face_patch(grid) if grid else None
+        return [patch] if patch else []
 
     @hookimpl
     def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:

@@ -42,6 +42,38 @@ def report(
     say(f"wrote {output}")
 
 
+def view(
+    source: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a map, or its map.json.")] = Path(
+        "out"
+    ),
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Serve it to this machine's browser until Ctrl+C, for large sites.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port of --serve (0: one that is free).")] = 0,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Write the page anew.")] = False,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
+) -> None:
+    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where there is none."""
+    import webbrowser
+
+    from savmap.report.site_report import viewed
+    from savmap.report.viewer.serve import ViewServer
+
+    page, written = viewed(source, survey, fresh)
+    if written:
+        say(f"wrote {page}")
+    if not serve:
+        if show:
+            webbrowser.open(page.resolve().as_uri())
+        return
+    with ViewServer(page, port) as server:
+        say(f"{server.address} shows {page}; Ctrl+C ends it")
+        if show:
+            webbrowser.open(server.address)
+        server.run()
+
+
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
     name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
