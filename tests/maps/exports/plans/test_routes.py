@@ -27,7 +27,7 @@ def length(graph: RouteGraph) -> float:
     return float(sum(np.linalg.norm(graph.nodes[a] - graph.nodes[b]) for a, b in graph.edges))
 
 
-def test_two_drives_along_one_aisle_are_one_and_join_where_they_part() -> None:
+def test_drives_along_one_aisle_are_one_and_join_where_they_part() -> None:
     graph = route_graph(hall())
     assert components(graph) == 1
     across = 4.0 + 3.0 - 1.6 + 1.6 - 1.4
@@ -36,7 +36,7 @@ def test_two_drives_along_one_aisle_are_one_and_join_where_they_part() -> None:
     assert max(np.linalg.norm(graph.nodes[a] - graph.nodes[b]) for a, b in graph.edges) < 3.6
 
 
-def test_ends_of_rows_are_nodes_left_and_right_of_who_faces_them() -> None:
+def test_ends_of_rows_are_nodes_to_the_left_and_right() -> None:
     graph = route_graph(hall())
     left, right = graph.ends["A"]
     np.testing.assert_allclose(graph.nodes[left], world(-1.0, 1.5), atol=1e-4)
