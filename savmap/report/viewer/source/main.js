@@ -223,6 +223,7 @@ class Viewer {
       if (!byId("pano").hidden) this.visit(elements);
       const hash = `#${encodeURI(address ?? elements[0].key)}`;
       if (location.hash !== hash) location.replace(hash);
+      this.written = location.hash; // its event comes later, when something else may be selected
     }
     this.redraw();
   }
@@ -240,13 +241,15 @@ class Viewer {
   }
 
   followAddress() {
+    if (location.hash === this.written) return;
+    this.written = location.hash;
     let address = location.hash.slice(1);
     try {
       address = decodeURIComponent(address);
     } catch {
       return;
     }
-    if (address && address !== this.address && address !== this.selected[0]?.key) this.openAddress(address);
+    if (address) this.openAddress(address);
   }
 
   openDoubt(doubt) {
