@@ -45,8 +45,10 @@ function byVerdict() {
 }
 
 function byError(site) {
+  // beyond 5 cm it is wrong, however much
   const finite = (one) => (typeof one.off === "number" ? Math.min(one.off, OFF_M) : null);
-  const ramp = byNumber(site, finite, (value) => `${Math.round(1000 * value)} mm`, [0, OFF_M]);
+  const most = Math.max(1e-3, ...site.elements.map(finite));
+  const ramp = byNumber(site, finite, (value) => `${(1000 * value).toFixed(most < 0.01 ? 1 : 0)} mm`, [0, most]);
   const of = (one) => (one.off === "spurious" ? CHECK : ramp.of(one));
   return { of, ramp: ramp.ramp, legend: [[CHECK, text.spurious], [GREY, text.notCompared]] };
 }
