@@ -106,7 +106,8 @@ function centreOf(positions, first, count) {
 }
 
 export function boxOf(positions) {
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  const low = [Infinity, Infinity, Infinity],
+    high = [-Infinity, -Infinity, -Infinity];
   positions.forEach((value, k) => {
     low[k % 3] = Math.min(low[k % 3], value);
     high[k % 3] = Math.max(high[k % 3], value);
@@ -142,12 +143,15 @@ function placeOthers(rows) {
 
 // Rows of a 4 by 4 matrix, as Placement.site_from_row in savmap/types/maps.py.
 function transformOf([x, z, heading]) {
-  const turn = (heading * Math.PI) / 180, cos = Math.cos(turn), sin = Math.sin(turn);
+  const turn = (heading * Math.PI) / 180,
+    cos = Math.cos(turn),
+    sin = Math.sin(turn);
   return [cos, 0, sin, x, 0, 1, 0, 0, -sin, 0, cos, z, 0, 0, 0, 1];
 }
 
 export function toSite(row, point) {
-  const m = row.siteFromRow, [x, y, z] = point;
+  const m = row.siteFromRow,
+    [x, y, z] = point;
   return [0, 4, 8].map((k) => m[k] * x + m[k + 1] * y + m[k + 2] * z + m[k + 3]);
 }
 
@@ -159,9 +163,13 @@ export function linesOf(one) {
   const ends = [];
   for (let k = one.first; k < one.first + one.count; k++)
     for (let axis = 0; axis < 3; axis++)
-      for (const by of [-CROSS_M, CROSS_M]) ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
+      for (const by of [-CROSS_M, CROSS_M])
+        ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
   return ends;
 }
+
+// How many ends `linesOf` gives.
+export const endsOf = (one) => one.edges.length || 6 * one.count;
 
 export function elementOfVertex(row, vertex) {
   return row.elements.find((one) => vertex >= one.first && vertex < one.first + one.count);
