@@ -163,7 +163,7 @@ def _write_results(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
-    report = replace(report, viewer=VIEW)
+    report = replace(report, viewer=VIEW, stills=mapped.stills)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
