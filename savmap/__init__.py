@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError
-    from savmap.jobs.api import evaluate, export, load_map, map_site, map_video
+    from savmap.jobs.api import align, evaluate, export, load_map, map_site, map_video
     from savmap.maps.map_file import write_map
     from savmap.plugin.hookspecs import hookimpl
     from savmap.plugin.protocol import Plugin
@@ -63,6 +63,7 @@ __all__ = [
     "View",
     "ViewPlan",
     "ViewSpec",
+    "align",
     "evaluate",
     "export",
     "hookimpl",
@@ -77,7 +78,7 @@ _MODULES = {
     "write_map": "savmap.maps.map_file",
     "hookimpl": "savmap.plugin.hookspecs",
     "Plugin": "savmap.plugin.protocol",
-    **dict.fromkeys(("evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
+    **dict.fromkeys(("align", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
 }
 
 

@@ -18,6 +18,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "report": results.report,
     "view": results.view,
     "export": results.export,
+    "align": results.align,
     "find": results.find,
     "measure": results.measure,
     "plugins": installation.plugins,

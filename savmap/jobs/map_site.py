@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from savmap.assembly import assembled
+from savmap.assembly import aligned, assembled
 from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
 from savmap.files.texts import json_visible
@@ -26,6 +26,7 @@ from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, report_
 from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
+from savmap.site.load import KnownAlignment
 from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
@@ -99,6 +100,18 @@ def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[Si
     return result.site_map, tuple(result.notes)
 
 
+def in_users_world(job: Job, site_map: SiteMap) -> tuple[SiteMap, tuple[str, ...]]:
+    """The map with its place in the user's world where the site file tells, and a line for each thing the user should know. What does not
+    fit the map costs the alignment, not the map."""
+    if job.site.align is None:
+        return site_map, ()
+    try:
+        result = aligned(site_map, KnownAlignment(job.site.align, job.places))
+    except SavmapError as error:
+        return site_map, (f"the site is not aligned: {error}; after mending it run `savmap align`",)
+    return result.site_map, result.notes
+
+
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
@@ -140,8 +153,9 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
     with failures_gathered() as failures, warnings_as_notes(monitor):
-        site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
-        for note in notes:
+        placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
+        site_map, further = in_users_world(job, placed)
+        for note in (*notes, *further):
             monitor.note(note)
         if write:
             evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache)
@@ -162,8 +176,9 @@ def _write_results(
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
-    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
-    report = replace(report, viewer=VIEW, stills=mapped.stills)
+    photos, stills = mapped.orthophotos, mapped.stills
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
+    report = replace(report, viewer=VIEW)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None

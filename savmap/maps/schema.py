@@ -11,6 +11,8 @@ VERSION = 1
 
 FARTHEST_M = 1e6
 """No number of metres is larger: what is drawn, squared and summed stays within a float's bounds."""
+FARTHEST_WORLD_M = 1e7
+"""Of the site's origin in the user's world: northings of UTM reach that."""
 LARGEST = 1e12
 
 
@@ -27,6 +29,7 @@ def _variances(upper: tuple[float, ...]) -> tuple[float, ...]:
 
 
 Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+WorldMetres = Annotated[float, Field(ge=-FARTHEST_WORLD_M, le=FARTHEST_WORLD_M)]
 Deviation = Annotated[float, Field(ge=0, le=FARTHEST_M)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -134,10 +137,11 @@ class DoubtEntry(_Part):
 
 
 class VerdictEntry(_Part):
-    """Whether a row's map may be used as it is."""
+    """Whether a row's map may be used as it is, and what that rests on that nothing checks."""
 
     grade: Literal["trusted", "check"]
     doubts: list[DoubtEntry]
+    notes: list[str] = []
 
 
 class JointEntry(_Part):
@@ -184,14 +188,30 @@ class MatchEntry(_Part):
     sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
 
 
+class AlignmentResidualEntry(_Part):
+    """A place of the map that the user knows: where it is given less where the map has it, null along axes that are not given; of a line,
+    across it. `deviation`: in standard deviations."""
+
+    row: str
+    at: str
+    residual_m: tuple[Metres | None, Metres | None, Metres | None]
+    sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
+    deviation: Annotated[float, Field(ge=0, le=LARGEST)]
+    used: bool
+
+
 class AlignmentEntry(_Part):
     """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from the world's x axis."""
 
-    x_m: Metres
-    y_m: Metres
+    x_m: WorldMetres
+    y_m: WorldMetres
     z_m: Metres = 0.0
     heading_deg: Degrees
-    covariance: UpperTriangle
+    covariance: UpperTriangle = Field(description="xx, xy, xh, yy, yh, hh of x m, y m, heading degrees")
+    residuals: list[AlignmentResidualEntry] = Field(default=[], description="of the places that it was solved from")
+    scale: MeasuredEntry | None = Field(
+        default=None, description="user's distances over the map's, which stay as they are"
+    )
     anchor_lat_lon_deg: (
         tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None
     ) = None

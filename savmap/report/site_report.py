@@ -1,6 +1,6 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.viewer import View, write_view
-from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Survey
+from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
@@ -29,9 +29,10 @@ def report_for(
     log: RunLog | None = None,
     title: str = "Site map",
     photos: Mapping[str, Orthophoto] | None = None,
+    stills: Mapping[str, Sequence[Still]] | None = None,
 ) -> Report:
-    """The report of a map, with the run that made it, against a survey, and with orthophotos by row where they are given. `plugins`: the opened
-    plugins of each row.
+    """The report of a map, with the run that made it, against a survey, and with orthophotos and stills by row where they are given. `plugins`: the
+    opened plugins of each row.
 
     Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where a
     plugin fails.
@@ -45,7 +46,7 @@ def report_for(
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
-    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {})
+    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
 
 
 def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:

@@ -10,6 +10,7 @@ from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
 from savmap.types.maps import (
     Alignment,
+    AlignmentResidual,
     CrossRowLandmark,
     CrossRowMatch,
     JointCovariance,
@@ -29,6 +30,7 @@ from savmap.types.verdicts import Doubt, Verdict
 
 __all__ = [
     "Alignment",
+    "AlignmentResidual",
     "Attribute",
     "Axis",
     "Bools",

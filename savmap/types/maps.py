@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.types.common import Attribute, Axis, Floats, Ints, array_record, require
+from savmap.types.common import Attribute, Axis, Floats, Ints, Measured, array_record, require
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
@@ -171,13 +171,35 @@ class Placement:
 
     def covariances(self, points: Floats, covariances: Floats) -> Floats:
         """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame; the placement's own covariance is added."""
-        turn = self.site_from_row[:3, :3]
-        arm = points @ turn.T
-        slopes = np.zeros((len(points), 3, 3))
-        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
-        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        turn, slopes = self.site_from_row[:3, :3], self.slopes(points)
         whole: Floats = turn @ covariances @ turn.T + slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
         return whole
+
+    def slopes(self, points: Floats) -> Floats:
+        """Derivatives (n, 3, 3) of points (n, 3) of the row, in the site's frame, by x m, z m and heading in degrees."""
+        arm = points @ self.site_from_row[:3, :3].T
+        slopes: Floats = np.zeros((len(points), 3, 3))
+        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        return slopes
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class AlignmentResidual:
+    """How far a place of the map is from where the user knows it, after the alignment: `residual_m` (3,) is the given place less the map's, in
+    the world's axes, `sigma_m` (3,) its standard deviation; of a line, across it. Both are NaN along axes that were not given. `deviation` is
+    the residual in standard deviations. `used`: whether the alignment rests on it, too."""
+
+    row: str
+    at: str
+    residual_m: Floats
+    sigma_m: Floats
+    deviation: float
+    used: bool = True
+
+    def __post_init__(self) -> None:
+        require(self.residual_m.shape == (3,) and self.sigma_m.shape == (3,), self, "residual_m (3,), sigma_m (3,)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +207,8 @@ class Placement:
 class Alignment:
     """Where the site stands in the user's world (z up, metres): the site's x axis points `heading_deg` counter-clockwise from the world's,
     its origin is at (x, y, z). `covariance` (3, 3) of x m, y m and heading in degrees. `anchor`: latitude and longitude, degrees (WGS 84), of
-    the world's origin, if its x axis points east and its y axis north."""
+    the world's origin, if its x axis points east and its y axis north. `residuals`: of the places that it was solved from. `scale`: how much
+    longer the user's distances between them are than the map's, which stays as it is (None: they do not tell)."""
 
     x_m: float
     y_m: float
@@ -193,6 +216,8 @@ class Alignment:
     covariance: Floats
     z_m: float = 0.0
     anchor: tuple[float, float] | None = None
+    residuals: tuple[AlignmentResidual, ...] = ()
+    scale: Measured | None = None
 
     def __post_init__(self) -> None:
         require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")

@@ -16,6 +16,7 @@ from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
 from savmap.types import (
     Alignment,
+    AlignmentResidual,
     CrossRowMatch,
     FrameTable,
     JointCovariance,
@@ -64,7 +65,9 @@ def site() -> SiteMap:
     lamp = CrossRowMatch(
         "A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan])
     )
-    aligned = Alignment(100.25, -3.5, 12.5, np.diag([1e-4, 4e-4, 0.01]), 0.125, (48.137, 11.575))
+    residual = AlignmentResidual("A", "a", np.array([0.01, -0.02, np.nan]), np.array([0.03, 0.02, np.nan]), 1.25, False)
+    covariance = np.diag([1e-4, 4e-4, 0.01])
+    aligned = Alignment(100.25, -3.5, 12.5, covariance, 0.125, (48.137, 11.575), (residual,), Measured(1.001, 0.0005))
     return SiteMap(
         {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,), aligned
     )
@@ -100,6 +103,10 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (read.solid.depth.tolist(), read.solid.assumed, read.solid.ifc_class) == ([0, 0, -0.5], True, "IfcBeam")
     assert found.alignment is not None
     assert (found.alignment.x_m, found.alignment.z_m, found.alignment.anchor) == (100.25, 0.125, (48.137, 11.575))
+    (residual,) = found.alignment.residuals
+    assert (residual.row, residual.at, residual.deviation, residual.used) == ("A", "a", 1.25, False)
+    np.testing.assert_allclose(residual.residual_m, [0.01, -0.02, np.nan])
+    assert found.alignment.scale == Measured(1.001, 0.0005)
     assert found.failed == made.failed
     np.testing.assert_allclose(found.placements["A"].site_from_row, made.placements["A"].site_from_row, atol=1e-6)
     np.testing.assert_allclose(found.matches[0].residual_m, made.matches[0].residual_m)

@@ -1,93 +1,108 @@
-"""Footage with the wireframe over it: the worst places, seen from the nearest still, with lines where the footage shows the things."""
+"""Footage with the wireframe over it: the right place of the right frame, and lines where the map has them."""
 
 import base64
+import re
 from dataclasses import replace
 
 import cv2
 import numpy as np
-import pytest
-from made_up_map import row
-from made_up_page import report
 
-from savmap.geometry import sphere
-from savmap.report.page import page_text
-from savmap.report.page.footage import HEIGHT, WIDTH, WORST, aimed, footage_views
-from savmap.types import Doubt, Floats, RowMap, Score, Still, Trajectory, Verdict
+from savmap.geometry.sphere import panorama_pixels_from_rays
+from savmap.report.footage import DOUBTED, HEIGHT_PX, SHOWN, WIDTH_PX, footage_views, looking_at
+from savmap.report.page import Report, page_text
+from savmap.types import Doubt, Floats, FrameTable, RowMap, SiteMap, Still, Structure, Trajectory, Verdict
 
-BAR = "section 1 / bar 2"
-COS, SIN = np.cos(0.45), np.sin(0.45)
-TURN = np.array([[COS, 0, SIN], [0, -1, 0], [SIN, 0, -COS]])
-
-
-def facing() -> RowMap:
-    """A row whose camera looks at it, upright, a little askew."""
-    known = row()
-    poses = known.trajectory.world_from_rig.copy()
-    poses[:, :3, :3] = TURN
-    return replace(known, trajectory=Trajectory(known.trajectory.frames, poses))
+HEIGHT = 512
+BAR = np.array([[-1.0, 2, 0], [1, 2, 0]])
+POST = np.array([[3.0, 0.5, 0], [3, 3.5, 0]])
+FACING = np.diag([1.0, -1.0, -1.0])
+"""world_from_rig of a camera that looks at the face, upright."""
 
 
-def panorama(own: RowMap, frame: int, height: int = 256) -> Still:
-    """What the camera sees there: the bar white, all else dark."""
-    pose = own.trajectory.world_from_rig[frame]
-    columns, rows = np.meshgrid(np.arange(2 * height), np.arange(height))
-    world = sphere.rays_from_panorama_pixels(np.stack([columns, rows], -1).astype(float), height) @ pose[:3, :3].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = pose[:2, 3] - world[..., :2] * (pose[2, 3] / world[..., 2])[..., None]
-    bar = (world[..., 2] < 0) & (abs(at[..., 0] - 1.45) < 1.35) & (abs(at[..., 1] - 4.05) < 0.15)
-    image = np.where(bar[..., None], 250, 20).astype(np.uint8).repeat(3, axis=2)
-    return Still(frame, np.asarray(cv2.imencode(".png", image)[1], np.uint8).ravel())
+def structure(name: str, ends: Floats, support: float) -> Structure:
+    labels = (f"{name} / a", f"{name} / b")
+    return Structure(
+        name, "bar", ends, np.tile(1e-6 * np.eye(3), (2, 1, 1)), labels, np.array([[0, 1]]), {"support": support}
+    )
 
 
-def test_lines_lie_over_what_the_footage_shows() -> None:
-    own = facing()
-    (figure,) = footage_views(own, [panorama(own, frame) for frame in (0, 10, 19)], None, "row-A")
-    assert figure.backdrop is not None
-    shown = base64.b64decode(figure.backdrop.href.split(",")[1])
-    image = cv2.imdecode(np.frombuffer(shown, np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert image.shape == (HEIGHT, WIDTH)
-    rows, columns = np.nonzero(image > 128)
-    assert abs(columns.mean() - WIDTH / 2) < 15
-    assert abs(rows.mean() - HEIGHT / 2) < 15
-    (worst,) = next(layer for layer in figure.layers if layer.style == WORST).shapes
-    assert worst.hint == BAR
-    starts = [part.split("l")[0].split("h")[0].split("v")[0].split() for part in worst.path.split("M")[1:]]
-    corners = np.array(starts, float)
-    assert abs(corners[:, 0].min() - columns.min()) < 8
-    assert abs(corners[:, 1].mean() - rows.mean()) < 8
+def row(verdict: Verdict) -> RowMap:
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, :3] = FACING
+    poses[:, :3, 3] = [[0, 2, 2], [3, 2, 2]]
+    things = (structure("bar", BAR, 0.9), structure("post", POST, 0.4))
+    table = FrameTable(np.array([0.0, 1.5]), ("there", "there"))
+    return RowMap("A", table, {}, Trajectory(np.arange(2), poses), {"things": things}, (), verdict=verdict)
 
 
-def test_worst_places_are_doubts_then_errors_then_support() -> None:
-    own = facing()
-    stills = [panorama(own, 10)]
-
-    def why(of: RowMap, score: Score | None = None) -> list[str]:
-        return [figure.note for figure in footage_views(of, stills, score, "a")]
-
-    named = Verdict(tuple(Doubt("shape", "odd", (name,)) for name in ("post 1", "post 2", BAR)))
-    assert why(replace(own, verdict=named)) == ["shape: odd", "shape: odd"]
-    trusted = replace(own, verdict=Verdict())
-    assert why(trusted, Score(deviations={"post 1": 0.01, BAR: 0.02})) == ["the furthest off the survey: 2.00 cm"]
-    assert why(trusted, Score(deviations={"post 1": np.inf})) == ["the furthest off the survey: not in it at all"]
-    assert why(trusted) == ["seen by the fewest of the frames that should show it: 80 %"]
-    assert why(replace(trusted, structures={})) == []
-    assert not list(footage_views(own, [], None, "a"))
+def still(frame: int, grey: int) -> Still:
+    panorama = np.full((HEIGHT, 2 * HEIGHT, 3), grey, np.uint8)
+    return Still(frame, cv2.imencode(".jpg", panorama)[1].ravel())
 
 
-@pytest.mark.parametrize("target", [(0.0, 1.5, 0.0), (3.0, 4.0, 0.0), (0.0, 9.0, 1.6)])
-def test_views_are_aimed_and_upright(target: tuple[float, float, float]) -> None:
-    pose: Floats = facing().trajectory.world_from_rig[0]
-    spec = aimed(pose, np.array(target))
-    ahead = spec.rig_from_view[:, 2] @ pose[:3, :3].T
-    assert np.allclose(np.cross(ahead, np.array(target) - pose[:3, 3]), 0, atol=1e-9)
-    right = spec.rig_from_view[:, 0] @ pose[:3, :3].T
-    assert abs(right[1]) < 1e-9
+STILLS = (still(0, 60), still(1, 200))
 
 
-def test_page_shows_them_and_links_to_the_viewer() -> None:
-    own = facing()
-    shown = replace(report(["A", "B"], placed=False), stills={"A": (panorama(own, 10),)})
-    shown = replace(shown, site_map=replace(shown.site_map, rows={"A": own}), drawings={"A": []}, viewer="view.html")
-    text = page_text(shown)
-    assert "footage at " in text
-    assert '<a href="view.html">Viewer</a>' in text
+def picture(uri: str) -> np.ndarray:
+    coded = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
+    return cv2.cvtColor(cv2.imdecode(coded, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def reddish(seen: np.ndarray) -> np.ndarray:
+    """Where the marked line is."""
+    return seen[..., 0].astype(int) - seen[..., 2] > (DOUBTED[0] - DOUBTED[2]) / 3
+
+
+def test_doubt_is_shown_in_the_nearest_frame_with_its_structure_marked() -> None:
+    (view, weakest) = footage_views(row(Verdict((Doubt("shape", "post is too thin", ("post",)),))), STILLS)
+    assert (view.what, view.place) == ("post is too thin", "there, 1.5 s, frame 1")
+    assert weakest.what == "bar: supported by 90% of the frames"
+    seen = picture(view.picture)
+    assert seen.shape == (HEIGHT_PX, WIDTH_PX, 3)
+    assert abs(int(np.median(seen)) - 200) < 5, "the second still"
+    marked = reddish(seen)
+    rows, columns = np.nonzero(marked)
+    assert abs(columns.mean() - WIDTH_PX / 2) < 3, "the post stands in the middle"
+    assert np.ptp(columns) < 6
+    assert np.ptp(rows) > HEIGHT_PX / 2
+
+
+def test_picture_shows_the_panorama_that_way() -> None:
+    """A spot of the panorama is where the camera's pose says."""
+    spot = np.array([0.4, 2.3, 0.0])
+    panorama = np.zeros((HEIGHT, 2 * HEIGHT, 3), np.uint8)
+    u, v = panorama_pixels_from_rays(FACING.T @ (spot - [0, 2, 2]), HEIGHT)
+    cv2.circle(panorama, (round(float(u)), round(float(v))), 3, (255, 255, 255), -1)
+    made = Still(0, cv2.imencode(".png", panorama)[1].ravel())
+    plain = row(Verdict((Doubt("motion", "look here", (), (0.4, 2.3, 0.0)),)))
+    (view, *_) = footage_views(replace(plain, structures={"things": ()}), (made,))
+    rows, columns = np.nonzero(picture(view.picture).sum(axis=2) > 380)
+    assert (abs(columns.mean() - (WIDTH_PX - 1) / 2), abs(rows.mean() - (HEIGHT_PX - 1) / 2)) < (2, 2)
+
+
+def test_trusted_rows_show_their_weakest_structures() -> None:
+    views = footage_views(row(Verdict()), STILLS)
+    assert [view.what.partition(":")[0] for view in views] == ["post", "bar"]
+    shown = reddish(picture(views[1].picture))
+    assert shown.sum() > 50
+    assert tuple(SHOWN) != tuple(DOUBTED)
+
+
+def test_rows_without_stills_have_no_footage() -> None:
+    assert footage_views(row(Verdict()), ()) == ()
+    assert footage_views(row(Verdict()), (Still(7, STILLS[0].picture),)) == (), "a frame that was not located"
+
+
+def test_view_straight_up_has_axes() -> None:
+    for target in ([0.0, 9, 0], [0, -9, 0], [1, 2, -3]):
+        turn = looking_at(np.zeros(3), np.array(target, float))
+        np.testing.assert_allclose(turn.T @ turn, np.eye(3), atol=1e-12)
+        assert np.linalg.det(turn) > 0
+
+
+def test_page_shows_footage_and_escapes_what_it_is_about() -> None:
+    verdict = Verdict((Doubt("shape", 'post "<b>" is thin', ("post",)),))
+    site = SiteMap({"A": row(verdict)}, {})
+    page = page_text(Report(site, {"A": ()}, stills={"A": STILLS}))
+    assert len(re.findall(r'<img src="data:image/jpeg', page)) == 2
+    assert "<b>" not in page

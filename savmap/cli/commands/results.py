@@ -76,7 +76,7 @@ def view(
 
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:
@@ -94,6 +94,26 @@ def export(
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
     export_map(site_map, name, output, exporters(), broken)
     say(f"wrote {output}")
+
+
+def align(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    known: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map.json to write.")],
+) -> None:
+    """Say where a finished map stands in your own world, from places that are known in both."""
+    from savmap.assembly import alignment_lines
+    from savmap.jobs.api import align as align_map
+    from savmap.maps.map_file import read_map, write_map
+
+    notes: list[str] = []
+    site_map = align_map(read_map(map_file), known, notes.append)
+    write_map(site_map, output)
+    say(f"wrote {output}")
+    for line in (*alignment_lines(site_map), *(f"note: {note}" for note in notes)):
+        say(line)
 
 
 def find(

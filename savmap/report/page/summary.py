@@ -34,7 +34,7 @@ class Report:
 @dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its camera's path."""
+    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its frames."""
 
     name: str
     anchor: str
@@ -91,6 +91,7 @@ class Summary:
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
             (skipped, f"{skipped} frames skipped"),
+            *((True, note) for note in (self.row.verdict.notes if self.row and self.row.verdict else ())),
         )
         return tuple(text for applies, text in remarks if applies)
 

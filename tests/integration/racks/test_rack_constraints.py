@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError, StructureError
+from savmap.graph import SolveOptions
 from savmap.pipeline.joint_covariance import joint_covariance
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.sharing import share_edges
@@ -53,7 +54,9 @@ def test_beams_may_stand_back(small: made.World) -> None:
     """Beams 1 cm behind the uprights: on one plane (as published) their heights are stretched, else it is found out."""
     set_back = made.world(8, sections=3, frames=40, bridge=1, setback_m=0.01)
     published, told, found = (
-        np.abs(made.errors(set_back, made.solved(set_back, setback=setback))[1]).mean()
+        np.abs(
+            made.errors(set_back, made.solved(set_back, setback=setback, options=SolveOptions(judge=False)))[1]
+        ).mean()
         for setback in ((0.0, 0.0), (0.01, 0.0), (0.0, 0.01))
     )
     assert told < 0.004
