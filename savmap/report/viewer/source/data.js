@@ -168,9 +168,6 @@ export function linesOf(one) {
   return ends;
 }
 
-// How many ends `linesOf` gives.
-export const endsOf = (one) => one.edges.length || 6 * one.count;
-
 export function elementOfVertex(row, vertex) {
   return row.elements.find((one) => vertex >= one.first && vertex < one.first + one.count);
 }

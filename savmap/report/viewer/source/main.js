@@ -25,7 +25,9 @@ import { ModelView, frontInSite, planInSite, pick, pickPlace, pickVertex, points
 const GROUND = new Color("#fbfcfd"),
   NIGHT = new Color("#eef1f4"),
   CLICK_PX = 5,
-  MOST_PHOTO_ROWS = 6;
+  MOST_PHOTO_ROWS = 6,
+  MOVING_MS = 300,
+  SLOW_MS = 45;
 
 class Viewer {
   constructor(site) {
@@ -42,6 +44,7 @@ class Viewer {
     this.selected = [];
     this.points = null; // picked corners while measuring
     this.labels = true;
+    Object.assign(this, { drawn: 0, pace: 0, slow: false });
     this.row = site.rows[0];
     this.modes = modesOf(site);
   }
@@ -91,6 +94,7 @@ class Viewer {
 
   draw() {
     this.asked = false;
+    this.keepPace();
     const panorama = !byId("pano").hidden;
     for (const { row, lines } of this.model.rows)
       for (const line of lines.slice(1)) line.visible = row === this.panorama.row;
@@ -107,6 +111,20 @@ class Viewer {
       );
     if (panorama) this.drawOn(byId("pano-area"), this.panorama.camera, NIGHT);
     this.placeDistance();
+  }
+
+  // Where frames follow one another too slowly, draw less while something moves, and all of it as soon as it rests.
+  keepPace() {
+    const now = performance.now(),
+      gap = now - this.drawn;
+    this.drawn = now;
+    const moving = gap < MOVING_MS;
+    if (moving) this.pace = 0.7 * this.pace + 0.3 * gap;
+    this.slow ||= this.pace > SLOW_MS;
+    if (!this.slow) return;
+    this.model.setCoarse(moving);
+    clearTimeout(this.rest);
+    if (moving) this.rest = setTimeout(() => this.redraw(), MOVING_MS + 50);
   }
 
   drawOn(area, camera, ground) {

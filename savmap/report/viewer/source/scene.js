@@ -26,7 +26,7 @@ import {
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
-import { endsOf, linesOf, toSite, vertexOf } from "./data.js";
+import { linesOf, toSite, vertexOf } from "./data.js";
 import { ownCovariance } from "./measure.js";
 import { picture } from "./pictures.js";
 
@@ -83,7 +83,7 @@ export class Model {
   colour(of) {
     this.colourOf = of;
     for (const objects of this.rows) {
-      objects.colours = coloursOf(objects.row, of);
+      objects.colours = coloursOf(objects.owners, of);
       this.drawLines(objects);
       if (objects.solids) this.drawSolids(objects);
     }
@@ -94,6 +94,18 @@ export class Model {
     this.focused = row;
     for (const one of [before, row]) if (one && this.colourOf) this.drawLines(this.rows[one.index]);
     this.update();
+  }
+
+  // Of thin lines draw only the longest of each element: for machines that draw slowly, while something moves.
+  setCoarse(coarse) {
+    for (const { row, lines, path, coarse: count } of this.rows) {
+      if (lines.length === 1) lines[0].geometry.setDrawRange(0, coarse ? 2 * count : Infinity);
+      if (!this.allThick) path.visible = this.pathShown && (!coarse || row === this.focused);
+    }
+  }
+
+  get pathShown() {
+    return this.shown.path && this.kind !== "face";
   }
 
   drawLines(objects) {
@@ -111,7 +123,7 @@ export class Model {
     for (const objects of this.rows) {
       const here = few || objects.row === this.focused;
       objects.group.visible = kind !== "face" || objects.row === this.focused;
-      objects.path.visible = this.shown.path && kind !== "face";
+      objects.path.visible = this.pathShown;
       if (this.shown.solids && !objects.solids) this.drawSolids(objects);
       if (objects.solids) objects.solids.visible = this.shown.solids;
       if (objects.ellipsoids) dispose(objects.ellipsoids);
@@ -175,20 +187,39 @@ function rowObjects(row) {
   const group = new Group();
   group.matrixAutoUpdate = false;
   group.matrix.set(...row.siteFromRow);
-  const ends = new Float32Array(row.elements.flatMap((one) => linesOf(one).flat()));
+  const { segments, coarse } = segmentsOf(row);
+  const ends = new Float32Array(segments.flatMap(({ from, to }) => [...from, ...to]));
+  const owners = segments.map(({ one }) => one);
   const path = pathLine(row);
   group.add(path);
-  return { row, group, ends, path, lines: [], photoSize: -1, solids: null, photo: null, ellipsoids: null };
+  const made = { solids: null, photo: null, ellipsoids: null, photoSize: -1, lines: [] };
+  return { row, group, ends, owners, coarse, path, ...made };
 }
 
-function coloursOf(row, of) {
-  const values = [],
-    colour = new Color();
+// The lines of a row's elements, the longest of each first: `coarse` of them show what is where.
+function segmentsOf(row) {
+  const longest = [],
+    others = [];
   for (const one of row.elements) {
-    colour.set(of(one));
-    for (let k = endsOf(one); k > 0; k--) values.push(colour.r, colour.g, colour.b);
+    const ends = linesOf(one),
+      own = [];
+    for (let k = 0; k < ends.length; k += 2) own.push({ one, from: ends[k], to: ends[k + 1] });
+    const length = ({ from, to }) => Math.hypot(...to.map((value, k) => value - from[k]));
+    own.sort((a, b) => length(b) - length(a));
+    longest.push(...own.slice(0, 1));
+    others.push(...own.slice(1));
   }
-  return new Float32Array(values);
+  return { segments: [...longest, ...others], coarse: longest.length };
+}
+
+function coloursOf(owners, of) {
+  const values = new Float32Array(6 * owners.length),
+    colour = new Color();
+  owners.forEach((one, k) => {
+    colour.set(of(one));
+    values.set([colour.r, colour.g, colour.b, colour.r, colour.g, colour.b], 6 * k);
+  });
+  return values;
 }
 
 function thinLines({ ends, colours }) {
