@@ -261,6 +261,7 @@ def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
 def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     page = opened(one_row())
     assert page.input_value("#mode") == "verdict"
+    assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
     assert selected(page) == "section 1 / bar 2"
 

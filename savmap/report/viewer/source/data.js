@@ -30,6 +30,7 @@ function rowOf(site, entry, names) {
     placementCovariance: entry.placement_covariance,
     grade: entry.grade,
     doubts: entry.doubts,
+    remarks: entry.remarks,
     positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
     covariances: Float64Array.from(entry.covariances),
     joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },

@@ -156,7 +156,10 @@ class Viewer {
     shown.hidden = !this.result;
     if (!this.result) return;
     const [a, b] = this.points.map((one) => this.pixelOf(one.row, one.vertex));
-    shown.style.transform = `translate(-50%, -140%) translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
+    // beside an upright line, over a level one
+    const upright = Math.abs(a[1] - b[1]) > Math.abs(a[0] - b[0]);
+    const aside = upright ? "translate(14px, -50%)" : "translate(-50%, -140%)";
+    shown.style.transform = `${aside} translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
   }
 
   get rowsInView() {

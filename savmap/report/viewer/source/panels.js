@@ -104,7 +104,8 @@ export function showDoubts(row, open) {
   );
   const none = element("p", { className: "hint" }, text.noDoubts(row.grade));
   byId("doubt-count").textContent = row.doubts.length ? String(row.doubts.length) : "";
-  fill(byId("doubts"), row.doubts.length ? element("ul", { className: "list doubts" }, ...lines) : none);
+  const remarks = row.remarks.map((remark) => element("p", { className: "hint" }, remark));
+  fill(byId("doubts"), row.doubts.length ? element("ul", { className: "list doubts" }, ...lines) : none, ...remarks);
 }
 
 export function showLegend({ legend, ramp }) {
