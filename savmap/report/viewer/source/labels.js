@@ -52,15 +52,14 @@ function endsOf(...elements) {
   return [toSite(row, low), toSite(row, high)];
 }
 
-export function drawNames(layer, names, camera, width, height, focused) {
+export function drawNames(layer, names, camera, width, height, focused, taken) {
   const matrix = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse),
     place = new Vector4();
   const pixel = (point) => {
     place.set(...point, 1).applyMatrix4(matrix);
     return place.w > 0 ? [((place.x / place.w + 1) * width) / 2, ((1 - place.y / place.w) * height) / 2] : null;
   };
-  const taken = [],
-    made = [];
+  const made = [];
   for (const name of names) {
     if (made.length >= MOST) break;
     if (name.rank > 0 && name.row !== focused) continue;

@@ -99,7 +99,7 @@ class Viewer {
     for (const { row, lines } of this.model.rows)
       for (const line of lines.slice(1)) line.visible = row === this.panorama.row;
     this.drawOn(byId("view"), this.view.camera, GROUND);
-    this.view.camera.updateMatrixWorld();
+    const taken = this.placeDistance();
     if (this.labels)
       drawNames(
         byId("names"),
@@ -108,9 +108,9 @@ class Viewer {
         this.view.width,
         this.view.height,
         this.row,
+        taken,
       );
     if (panorama) this.drawOn(byId("pano-area"), this.panorama.camera, NIGHT);
-    this.placeDistance();
   }
 
   // Where frames follow one another too slowly, draw less while something moves, and all of it as soon as it rests.
@@ -151,15 +151,19 @@ class Viewer {
     if (this.mode) this.draw(); // at once, for a canvas of a new size is empty
   }
 
+  // Show the distance beside its line; the boxes (left, top, right, bottom) that it takes of the view.
   placeDistance() {
     const shown = byId("rule");
     shown.hidden = !this.result;
-    if (!this.result) return;
+    if (!this.result) return [];
     const [a, b] = this.points.map((one) => this.pixelOf(one.row, one.vertex));
     // beside an upright line, over a level one
     const upright = Math.abs(a[1] - b[1]) > Math.abs(a[0] - b[0]);
     const aside = upright ? "translate(14px, -50%)" : "translate(-50%, -140%)";
     shown.style.transform = `${aside} translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
+    const box = shown.getBoundingClientRect(),
+      view = byId("view").getBoundingClientRect();
+    return [[box.left - view.left, box.top - view.top, box.right - view.left, box.bottom - view.top]];
   }
 
   get rowsInView() {
