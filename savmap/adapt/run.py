@@ -29,7 +29,8 @@ from savmap.vision.views import Renderer
 
 FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
 SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png")
-"""What of the new map is copied beside the network."""
+VIEWED = ("view.html", "face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
+"""What of the new map is copied beside the network; the viewer keeps its scripts in folders."""
 
 
 @contextmanager
@@ -189,9 +190,10 @@ def _copied(work: Adaptation, state: State) -> Iterator[Path]:
     """The best network's files and its map's, copied to where they are looked for."""
     for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
         yield _copy(source, work.folder)
-    for pattern in SHOWN:
-        for source in sorted(state.map_file.parent.glob(pattern)):
-            yield _copy(source, work.folder)
+    shown = state.map_file.parent
+    for pattern in (*SHOWN, *VIEWED):
+        for source in sorted(shown.glob(pattern)):
+            yield _copy(source, work.folder / source.parent.relative_to(shown))
 
 
 def _copy(source: Path, folder: Path) -> Path:

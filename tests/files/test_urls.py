@@ -45,7 +45,7 @@ def test_a_map_from_url_to_url_is_that_from_path_to_path(tmp_path: Path) -> None
     for file in ("map.json", "stages/A/solved"):
         bodies = [place.joinpath(file).read_bytes() for place in (where(there), tmp_path / "out")]
         assert bodies[0].split(b"\n", 1)[1] == bodies[1].split(b"\n", 1)[1]
-    for file in ("face-A.png", "report.html", "savmap.log", "run.json"):
+    for file in ("face-A.png", "report.html", "view.html", "savmap.log", "run.json"):
         assert where(f"{there}/{file}").read_bytes()
     again = CliRunner().invoke(
         app, ["map", str(tmp_path / "url.yaml"), "-o", there, "--jobs", "0"], catch_exceptions=False

@@ -55,7 +55,7 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
         Trajectory(np.arange(20), poses),
         {"things": shapes, "spots": (point,)},
         (),
-        verdict=Verdict(doubts),
+        verdict=Verdict(doubts, ("nothing checks the length",)),
         joint=joint(shapes) if with_joint else None,
     )
 

@@ -3,16 +3,18 @@
 import json
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from made_up_map import EVIL, photo, row, site, stills
 
 from savmap.maps.distance import vertex_distance
 from savmap.report.viewer import View, write_view
 from savmap.report.viewer import beside as beside_module
-from savmap.types import SiteMap
+from savmap.types import SiteMap, Trajectory
 
 playwright = pytest.importorskip("playwright.sync_api")
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
@@ -40,7 +42,7 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
     heard: list[str] = []
     pages = []
 
-    def opened(view: View, address: str = "", width: int = 1200) -> Any:
+    def opened(view: View, address: str = "", width: int = 1200, ready: bool = True) -> Any:
         write_view(view, tmp_path / "view.html")
         page = browser.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
         page.on("console", lambda message: heard.append(message.text))
@@ -49,7 +51,7 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
         local = ("file:", "data:", "blob:")
         page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
         page.goto((tmp_path / "view.html").as_uri() + address)
-        page.wait_for_selector("html[data-ready=yes]")
+        page.wait_for_selector("html[data-ready=yes]" if ready else "#failure")
         pages.append(page)
         return page
 
@@ -259,6 +261,7 @@ def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
 def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     page = opened(one_row())
     assert page.input_value("#mode") == "verdict"
+    assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
     assert selected(page) == "section 1 / bar 2"
 
@@ -309,6 +312,15 @@ def test_print_shows_the_picture(opened: Open) -> None:
     page.emulate_media(media="print")
     assert page.locator("#printed").evaluate("(image) => image.naturalWidth") > 500
     assert page.locator("#search").is_hidden()
+
+
+def test_rows_without_structures_or_path_open(opened: Open) -> None:
+    nowhere = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    bare = replace(row(), structures={}, trajectory=nowhere, joint=None, verdict=None)
+    page = opened(View(SiteMap({"A": bare, "B": row("B")}, {})))
+    for key in "1234]sokm[":
+        page.keyboard.press(key)
+    assert "nothing to show" in opened(View(SiteMap({}, {})), ready=False).inner_text("#failure")
 
 
 def test_fits_a_phone(opened: Open) -> None:

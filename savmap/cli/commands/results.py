@@ -64,8 +64,8 @@ def view(
     if written:
         say(f"wrote {page}")
     if not serve:
-        if show:
-            webbrowser.open(page.resolve().as_uri())
+        if not show or not webbrowser.open(page.resolve().as_uri()):
+            say(f"open {page} in a browser")
         return
     with ViewServer(page, port) as server:
         say(f"{server.address} shows {page}; Ctrl+C ends it")

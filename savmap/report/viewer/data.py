@@ -57,6 +57,7 @@ def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
         "placement_covariance": placement and _digits(placement.covariance[UPPER]),
         "grade": row.verdict and row.verdict.grade,
         "doubts": [_doubt(doubt) for doubt in row.verdict.doubts] if row.verdict else [],
+        "remarks": [visible(note) for note in row.verdict.notes] if row.verdict else [],
         "positions": _units(_stacked([structure.vertices for structure in structures]), UNIT_M),
         "covariances": _digits(_stacked([structure.covariances[:, *UPPER] for structure in structures])),
         "joint": _joint(row, joint_path),

@@ -6,7 +6,9 @@ import { build } from "esbuild";
 
 const bundle = new URL("../viewer.js", import.meta.url);
 const licence = readFileSync(new URL("node_modules/three/LICENSE", import.meta.url), "utf8").trim();
-const names = readdirSync(new URL(".", import.meta.url)).filter((name) => /\.(m?js|json)$/.test(name)).sort();
+const names = readdirSync(new URL(".", import.meta.url))
+  .filter((name) => /\.(m?js|json)$/.test(name))
+  .sort();
 const sources = createHash("sha256");
 for (const name of names) sources.update(readFileSync(new URL(name, import.meta.url)));
 const result = await build({
@@ -18,7 +20,9 @@ const result = await build({
   charset: "ascii",
   legalComments: "none",
   write: false,
-  banner: { js: `/*! savmap viewer, Apache-2.0, of sources ${sources.digest("hex")}. With three.js:\n${licence}\n*/` },
+  banner: {
+    js: `/*! savmap viewer, Apache-2.0, of sources ${sources.digest("hex")}. With three.js:\n${licence}\n*/`,
+  },
 });
 const made = result.outputFiles[0].text.replaceAll("</", "<\\/").replaceAll("<!--", "<\\!--");
 if (process.argv.includes("--check")) {

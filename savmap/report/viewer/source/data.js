@@ -30,6 +30,7 @@ function rowOf(site, entry, names) {
     placementCovariance: entry.placement_covariance,
     grade: entry.grade,
     doubts: entry.doubts,
+    remarks: entry.remarks,
     positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
     covariances: Float64Array.from(entry.covariances),
     joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },
@@ -106,7 +107,8 @@ function centreOf(positions, first, count) {
 }
 
 export function boxOf(positions) {
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  const low = [Infinity, Infinity, Infinity],
+    high = [-Infinity, -Infinity, -Infinity];
   positions.forEach((value, k) => {
     low[k % 3] = Math.min(low[k % 3], value);
     high[k % 3] = Math.max(high[k % 3], value);
@@ -142,12 +144,15 @@ function placeOthers(rows) {
 
 // Rows of a 4 by 4 matrix, as Placement.site_from_row in savmap/types/maps.py.
 function transformOf([x, z, heading]) {
-  const turn = (heading * Math.PI) / 180, cos = Math.cos(turn), sin = Math.sin(turn);
+  const turn = (heading * Math.PI) / 180,
+    cos = Math.cos(turn),
+    sin = Math.sin(turn);
   return [cos, 0, sin, x, 0, 1, 0, 0, -sin, 0, cos, z, 0, 0, 0, 1];
 }
 
 export function toSite(row, point) {
-  const m = row.siteFromRow, [x, y, z] = point;
+  const m = row.siteFromRow,
+    [x, y, z] = point;
   return [0, 4, 8].map((k) => m[k] * x + m[k + 1] * y + m[k + 2] * z + m[k + 3]);
 }
 
@@ -159,7 +164,8 @@ export function linesOf(one) {
   const ends = [];
   for (let k = one.first; k < one.first + one.count; k++)
     for (let axis = 0; axis < 3; axis++)
-      for (const by of [-CROSS_M, CROSS_M]) ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
+      for (const by of [-CROSS_M, CROSS_M])
+        ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
   return ends;
 }
 

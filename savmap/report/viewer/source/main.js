@@ -7,13 +7,27 @@ import { drawNames, namesOf } from "./labels.js";
 import { comparable, measured, withJoint } from "./measure.js";
 import { Notes } from "./notes.js";
 import { PanoramaView } from "./panorama.js";
-import { distanceText, link, showDoubts, showHelp, showLegend, showMeasure, showNotes, showSelection } from "./panels.js";
+import {
+  distanceText,
+  link,
+  showDoubts,
+  showHelp,
+  showLegend,
+  showMeasure,
+  showNotes,
+  showSelection,
+} from "./panels.js";
 import { Model } from "./scene.js";
 import { named, search, searchIndex } from "./search.js";
 import { text } from "./text.js";
 import { ModelView, frontInSite, planInSite, pick, pickPlace, pickVertex, pointsOf, projected } from "./views.js";
 
-const GROUND = new Color("#fbfcfd"), NIGHT = new Color("#eef1f4"), CLICK_PX = 5, MOST_PHOTO_ROWS = 6;
+const GROUND = new Color("#fbfcfd"),
+  NIGHT = new Color("#eef1f4"),
+  CLICK_PX = 5,
+  MOST_PHOTO_ROWS = 6,
+  MOVING_MS = 300,
+  SLOW_MS = 45;
 
 class Viewer {
   constructor(site) {
@@ -30,6 +44,7 @@ class Viewer {
     this.selected = [];
     this.points = null; // picked corners while measuring
     this.labels = true;
+    Object.assign(this, { drawn: 0, pace: 0, slow: false });
     this.row = site.rows[0];
     this.modes = modesOf(site);
   }
@@ -54,9 +69,14 @@ class Viewer {
   // Frames a second while the model turns around once, and milliseconds of each that this script takes.
   async spin(frames = 60) {
     let own = 0;
-    const begin = performance.now(), { target } = this.view.controls, camera = this.view.camera;
+    const begin = performance.now(),
+      { target } = this.view.controls,
+      camera = this.view.camera;
     for (let k = 0; k < frames; k++) {
-      camera.position.sub(target).applyAxisAngle(camera.up, (2 * Math.PI) / frames).add(target);
+      camera.position
+        .sub(target)
+        .applyAxisAngle(camera.up, (2 * Math.PI) / frames)
+        .add(target);
       camera.lookAt(target);
       await new Promise(requestAnimationFrame);
       const since = performance.now();
@@ -74,17 +94,42 @@ class Viewer {
 
   draw() {
     this.asked = false;
+    this.keepPace();
     const panorama = !byId("pano").hidden;
-    for (const { row, lines } of this.model.rows) for (const line of lines.slice(1)) line.visible = row === this.panorama.row;
+    for (const { row, lines } of this.model.rows)
+      for (const line of lines.slice(1)) line.visible = row === this.panorama.row;
     this.drawOn(byId("view"), this.view.camera, GROUND);
-    this.view.camera.updateMatrixWorld();
-    if (this.labels) drawNames(byId("names"), this.view.kind === "face" ? this.names.filter((name) => name.row === this.row) : this.names, this.view.camera, this.view.width, this.view.height, this.row);
+    const taken = this.placeDistance();
+    if (this.labels)
+      drawNames(
+        byId("names"),
+        this.view.kind === "face" ? this.names.filter((name) => name.row === this.row) : this.names,
+        this.view.camera,
+        this.view.width,
+        this.view.height,
+        this.row,
+        taken,
+      );
     if (panorama) this.drawOn(byId("pano-area"), this.panorama.camera, NIGHT);
-    this.placeDistance();
+  }
+
+  // Where frames follow one another too slowly, draw less while something moves, and all of it as soon as it rests.
+  keepPace() {
+    const now = performance.now(),
+      gap = now - this.drawn;
+    this.drawn = now;
+    const moving = gap < MOVING_MS;
+    if (moving) this.pace = 0.7 * this.pace + 0.3 * gap;
+    this.slow ||= this.pace > SLOW_MS;
+    if (!this.slow) return;
+    this.model.setCoarse(moving);
+    clearTimeout(this.rest);
+    if (moving) this.rest = setTimeout(() => this.redraw(), MOVING_MS + 50);
   }
 
   drawOn(area, camera, ground) {
-    const part = area.getBoundingClientRect(), stage = byId("stage").getBoundingClientRect();
+    const part = area.getBoundingClientRect(),
+      stage = byId("stage").getBoundingClientRect();
     const frame = [part.left - stage.left, stage.bottom - part.bottom, part.width, part.height];
     this.renderer.setViewport(...frame);
     this.renderer.setScissor(...frame);
@@ -93,21 +138,32 @@ class Viewer {
   }
 
   resize() {
-    const stage = byId("stage").getBoundingClientRect(), size = `${stage.width} ${stage.height} ${byId("pano").hidden}`;
+    const stage = byId("stage").getBoundingClientRect(),
+      size = `${stage.width} ${stage.height} ${byId("pano").hidden}`;
     if (size === this.size) return;
     this.size = size;
     this.renderer.setSize(stage.width, stage.height, false);
-    for (const [part, area] of [[this.view, byId("view")], [this.panorama, byId("pano-area")]])
+    for (const [part, area] of [
+      [this.view, byId("view")],
+      [this.panorama, byId("pano-area")],
+    ])
       if (area.clientWidth && area.clientHeight) part.resize(area.clientWidth, area.clientHeight);
     if (this.mode) this.draw(); // at once, for a canvas of a new size is empty
   }
 
+  // Show the distance beside its line; the boxes (left, top, right, bottom) that it takes of the view.
   placeDistance() {
     const shown = byId("rule");
     shown.hidden = !this.result;
-    if (!this.result) return;
+    if (!this.result) return [];
     const [a, b] = this.points.map((one) => this.pixelOf(one.row, one.vertex));
-    shown.style.transform = `translate(-50%, -140%) translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
+    // beside an upright line, over a level one
+    const upright = Math.abs(a[1] - b[1]) > Math.abs(a[0] - b[0]);
+    const aside = upright ? "translate(14px, -50%)" : "translate(-50%, -140%)";
+    shown.style.transform = `${aside} translate(${(a[0] + b[0]) / 2}px, ${(a[1] + b[1]) / 2}px)`;
+    const box = shown.getBoundingClientRect(),
+      view = byId("view").getBoundingClientRect();
+    return [[box.left - view.left, box.top - view.top, box.right - view.left, box.bottom - view.top]];
   }
 
   get rowsInView() {
@@ -136,15 +192,18 @@ class Viewer {
     this.model.focus(row);
     showDoubts(row, (doubt) => this.openDoubt(doubt));
     this.hangPhotos();
-    if (!byId("pano").hidden && this.panorama.row !== row) this.lookFrom(Math.floor(this.panorama.placesOf(row).length / 2), row);
+    if (!byId("pano").hidden && this.panorama.row !== row)
+      this.lookFrom(Math.floor(this.panorama.placesOf(row).length / 2), row);
     if (this.view.kind === "face" && this.view.row !== row) this.setKind("face");
     this.redraw();
   }
 
   setKind(kind) {
-    for (const button of document.querySelectorAll("[data-kind]")) button.setAttribute("aria-pressed", String(button.dataset.kind === kind));
+    for (const button of document.querySelectorAll("[data-kind]"))
+      button.setAttribute("aria-pressed", String(button.dataset.kind === kind));
     this.model.floor.visible = kind !== "face";
-    const whole = kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(kind === "plan" ? planInSite : frontInSite);
+    const whole =
+      kind === "face" ? frontInSite(this.row) : this.site.rows.flatMap(kind === "plan" ? planInSite : frontInSite);
     this.view.look(kind, whole, this.row, this.site.rows.length);
     this.model.update(kind);
     this.hangPhotos();
@@ -155,7 +214,10 @@ class Viewer {
     const all = this.site.rows.length <= MOST_PHOTO_ROWS ? this.site.rows : [this.row];
     for (const row of all) {
       const fine = row === this.row && this.view.kind === "face";
-      this.model.hang(row, fine).then(() => this.redraw(), () => {});
+      this.model.hang(row, fine).then(
+        () => this.redraw(),
+        () => {},
+      );
     }
   }
 
@@ -204,9 +266,11 @@ class Viewer {
     const { places, place, row, centre } = this.panorama;
     if (!places?.length) return;
     this.model.drawPlace(centre);
-    const { index, path } = places[place], { passes, pass, stamp } = row.path;
+    const { index, path } = places[place],
+      { passes, pass, stamp } = row.path;
     Object.assign(byId("place"), { max: String(places.length - 1), value: String(place) });
-    byId("pano-what").textContent = `${this.site.rows.length > 1 ? `${text.row(row.name)}, ` : ""}${text.still(passes[pass[index]], stamp[index])}${path ? "" : `. ${text.noStill}`}`;
+    byId("pano-what").textContent =
+      `${this.site.rows.length > 1 ? `${text.row(row.name)}, ` : ""}${text.still(passes[pass[index]], stamp[index])}${path ? "" : `. ${text.noStill}`}`;
     this.redraw();
   }
 
@@ -223,6 +287,7 @@ class Viewer {
       if (!byId("pano").hidden) this.visit(elements);
       const hash = `#${encodeURI(address ?? elements[0].key)}`;
       if (location.hash !== hash) location.replace(hash);
+      this.written = location.hash; // its event comes later, when something else may be selected
     }
     this.redraw();
   }
@@ -240,24 +305,31 @@ class Viewer {
   }
 
   followAddress() {
+    if (location.hash === this.written) return;
+    this.written = location.hash;
     let address = location.hash.slice(1);
     try {
       address = decodeURIComponent(address);
     } catch {
       return;
     }
-    if (address && address !== this.address && address !== this.selected[0]?.key) this.openAddress(address);
+    if (address) this.openAddress(address);
   }
 
   openDoubt(doubt) {
-    const named = new Set(doubt.structures), elements = this.row.elements.filter((one) => named.has(one.id));
+    const named = new Set(doubt.structures),
+      elements = this.row.elements.filter((one) => named.has(one.id));
     if (elements.length) this.open(elements, elements[0].key, doubt.kind);
     else if (doubt.place) {
       const [x, y, z] = doubt.place;
-      this.view.fly([-0.8, 0.8].map((by) => toSite(this.row, [x + by, y + by, z])), 0.8);
+      this.view.fly(
+        [-0.8, 0.8].map((by) => toSite(this.row, [x + by, y + by, z])),
+        0.8,
+      );
     } else this.view.fly(frontInSite(this.row));
     if (doubt.frame !== null && !byId("pano").hidden) {
-      const places = this.panorama.placesOf(this.row), apart = ({ index }) => Math.abs(this.row.path.number[index] - doubt.frame);
+      const places = this.panorama.placesOf(this.row),
+        apart = ({ index }) => Math.abs(this.row.path.number[index] - doubt.frame);
       const best = places.reduce((least, place, k) => (apart(place) < apart(places[least]) ? k : least), 0);
       this.lookFrom(best, this.row);
       if (elements.length) this.panorama.face(pointsOf(elements)[0]);
@@ -265,11 +337,26 @@ class Viewer {
   }
 
   showResults() {
-    const query = byId("search").value, found = search(this.index, query);
-    const lines = found.map((one) => element("li", {}, link("", () => this.choose(one))));
+    const query = byId("search").value,
+      found = search(this.index, query);
+    const lines = found.map((one) =>
+      element(
+        "li",
+        {},
+        link("", () => this.choose(one)),
+      ),
+    );
     lines.forEach((line, k) => {
-      const one = found[k], kind = text.kinds[one.kind] ?? one.kind;
-      line.firstChild.append(element("b", {}, one.shown), element("span", {}, `${kind}, ${text.row(one.row.name)}${one.elements.length > 1 ? `, ${text.elements(one.elements.length)}` : ""}`));
+      const one = found[k],
+        kind = text.kinds[one.kind] ?? one.kind;
+      line.firstChild.append(
+        element("b", {}, one.shown),
+        element(
+          "span",
+          {},
+          `${kind}, ${text.row(one.row.name)}${one.elements.length > 1 ? `, ${text.elements(one.elements.length)}` : ""}`,
+        ),
+      );
     });
     const none = query.trim() && !found.length ? element("li", { className: "hint" }, text.noResult) : null;
     fill(byId("results"), ...lines, none);
@@ -285,7 +372,8 @@ class Viewer {
   }
 
   step(by) {
-    const all = this.row.elements, at = this.selected.length ? all.indexOf(this.selected[0]) : by > 0 ? -1 : 0;
+    const all = this.row.elements,
+      at = this.selected.length ? all.indexOf(this.selected[0]) : by > 0 ? -1 : 0;
     const next = all[(at + by + all.length) % all.length];
     if (next) this.open([next], next.key);
   }
@@ -304,7 +392,8 @@ class Viewer {
   }
 
   addPoint({ row, vertex }) {
-    const one = elementOfVertex(row, vertex), label = one.vertexLabels[vertex - one.first];
+    const one = elementOfVertex(row, vertex),
+      label = one.vertexLabels[vertex - one.first];
     const own = label.startsWith(one.id) ? label : `${one.id} / ${label}`;
     if (this.points.length === 2) this.points = [];
     this.points.push({ row, vertex, label: this.site.rows.length > 1 ? `${row.name}: ${own}` : own });
@@ -331,9 +420,16 @@ class Viewer {
     document.title = byId("title").textContent = this.site.title;
     byId("search").placeholder = text.search;
     byId("search").setAttribute("aria-label", text.search);
-    const kinds = Object.entries(text.views).map(([kind, label]) => element("button", { type: "button", "data-kind": kind, onclick: () => this.setKind(kind) }, label));
+    const kinds = Object.entries(text.views).map(([kind, label]) =>
+      element("button", { type: "button", "data-kind": kind, onclick: () => this.setKind(kind) }, label),
+    );
     fill(byId("kinds"), ...kinds);
-    const buttons = { panorama: () => this.togglePanorama(), measure: () => this.setMeasuring(this.points === null), fit: () => this.setKind(this.view.kind), print: () => print() };
+    const buttons = {
+      panorama: () => this.togglePanorama(),
+      measure: () => this.setMeasuring(this.points === null),
+      fit: () => this.setKind(this.view.kind),
+      print: () => print(),
+    };
     for (const [id, act] of Object.entries(buttons)) {
       byId(id).textContent = text[id];
       byId(id).addEventListener("click", act);
@@ -342,7 +438,12 @@ class Viewer {
     byId("help-button").setAttribute("aria-label", text.help);
     byId("help-button").addEventListener("click", showHelp);
     const picker = byId("row");
-    fill(picker, ...this.site.rows.map((row) => element("option", { value: String(row.index) }, `${text.row(row.name)}${row.doubts.length ? " !" : ""}`)));
+    fill(
+      picker,
+      ...this.site.rows.map((row) =>
+        element("option", { value: String(row.index) }, `${text.row(row.name)}${row.doubts.length ? " !" : ""}`),
+      ),
+    );
     picker.hidden = this.site.rows.length < 2;
     picker.setAttribute("aria-label", text.rows);
     picker.addEventListener("change", () => this.goToRow(this.site.rows[Number(picker.value)]));
@@ -355,17 +456,33 @@ class Viewer {
   }
 
   buildSide() {
-    for (const [id, title] of [["h-colour", text.colour], ["h-show", text.show], ["h-selection", text.selection], ["h-doubts", text.doubts], ["h-notes", text.notes]])
+    for (const [id, title] of [
+      ["h-colour", text.colour],
+      ["h-show", text.show],
+      ["h-selection", text.selection],
+      ["h-doubts", text.doubts],
+      ["h-notes", text.notes],
+    ])
       byId(id).textContent = title;
     fill(byId("mode"), ...this.modes.map((mode) => element("option", { value: mode }, text.modes[mode])));
     byId("mode").setAttribute("aria-label", text.colour);
     byId("mode").addEventListener("change", () => this.setMode(byId("mode").value));
     const on = { labels: true, path: true };
-    const has = { photos: this.site.rows.some((row) => row.face), solids: this.site.elements.some((one) => one.solid) };
-    const boxes = Object.entries(text.showing).filter(([name]) => has[name] ?? true).map(([name, label]) => {
-      const box = element("input", { type: "checkbox", id: `show-${name}`, checked: on[name] ?? false, onchange: () => this.toggle(name) });
-      return element("label", {}, box, label);
-    });
+    const has = {
+      photos: this.site.rows.some((row) => row.face),
+      solids: this.site.elements.some((one) => one.solid),
+    };
+    const boxes = Object.entries(text.showing)
+      .filter(([name]) => has[name] ?? true)
+      .map(([name, label]) => {
+        const box = element("input", {
+          type: "checkbox",
+          id: `show-${name}`,
+          checked: on[name] ?? false,
+          onchange: () => this.toggle(name),
+        });
+        return element("label", {}, box, label);
+      });
     fill(byId("showing"), ...boxes);
     const times = element("input", { type: "range", min: "0", max: "7", value: "3", id: "times" });
     const said = element("output", {}, text.exaggerated(this.model.exaggeration));
@@ -383,10 +500,15 @@ class Viewer {
   }
 
   buildNotes() {
-    const show = () => showNotes(this.notes, (place) => this.openAddress(place), (note) => {
-      this.notes.remove(note);
-      show();
-    });
+    const show = () =>
+      showNotes(
+        this.notes,
+        (place) => this.openAddress(place),
+        (note) => {
+          this.notes.remove(note);
+          show();
+        },
+      );
     byId("note").placeholder = text.noteHint;
     byId("note").setAttribute("aria-label", text.noteHint);
     byId("add-note").textContent = text.addNote;
@@ -413,7 +535,10 @@ class Viewer {
   }
 
   buildPanoramaBar() {
-    for (const [id, by, label] of [["before", -1, text.previous], ["after", 1, text.next]]) {
+    for (const [id, by, label] of [
+      ["before", -1, text.previous],
+      ["after", 1, text.next],
+    ]) {
       Object.assign(byId(id), { title: label });
       byId(id).addEventListener("click", () => this.lookFrom(this.panorama.place + by));
     }
@@ -433,27 +558,40 @@ class Viewer {
     byId("search").addEventListener("input", () => this.showResults());
     byId("search").addEventListener("focus", () => this.showResults());
     byId("search").addEventListener("keydown", (event) => {
-      if (event.key === "Enter") this.showResults().slice(0, 1).forEach((one) => this.choose(one));
+      if (event.key === "Enter")
+        this.showResults()
+          .slice(0, 1)
+          .forEach((one) => this.choose(one));
       if (event.key === "ArrowDown") byId("results").querySelector("button")?.focus();
     });
     addEventListener("pointerdown", (event) => {
       if (!event.target.closest?.("#finder")) byId("results").hidden = true;
     });
     this.listenOn(byId("view"), () => [this.view.camera, this.view.width, this.view.height, this.rowsInView]);
-    this.listenOn(byId("pano-area"), () => [this.panorama.camera, this.panorama.width, this.panorama.height, [this.panorama.row ?? this.row]]);
+    this.listenOn(byId("pano-area"), () => [
+      this.panorama.camera,
+      this.panorama.width,
+      this.panorama.height,
+      [this.panorama.row ?? this.row],
+    ]);
   }
 
   // Clicks and hovering on a part of the stage; `seen` gives its camera, size and the rows in it.
   listenOn(area, seen) {
-    let down = null, over = null;
+    let down = null,
+      over = null;
     const place = (event) => {
       const box = area.getBoundingClientRect();
       return [event.clientX - box.left, event.clientY - box.top];
     };
-    area.addEventListener("pointerdown", (event) => {
-      down = [event.clientX, event.clientY];
-      this.view.flight = null;
-    }, true);
+    area.addEventListener(
+      "pointerdown",
+      (event) => {
+        down = [event.clientX, event.clientY];
+        this.view.flight = null;
+      },
+      true,
+    );
     area.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > CLICK_PX) return;
       down = null;
@@ -461,10 +599,11 @@ class Viewer {
     });
     area.addEventListener("pointermove", (event) => {
       if (event.buttons || event.pointerType === "touch") return;
-      if (!over) requestAnimationFrame(() => {
-        this.hover(area, seen(), over);
-        over = null;
-      });
+      if (!over)
+        requestAnimationFrame(() => {
+          this.hover(area, seen(), over);
+          over = null;
+        });
       over = place(event);
     });
     area.addEventListener("pointerleave", () => (byId("tip").hidden = true));
@@ -477,7 +616,11 @@ class Viewer {
       return;
     }
     const found = pick(rows, camera, width, height, ...at, coarse ? 16 : 8);
-    const place = this.model.shown.path && camera === this.view.camera && this.view.kind !== "face" && pickPlace(rows, camera, width, height, ...at);
+    const place =
+      this.model.shown.path &&
+      camera === this.view.camera &&
+      this.view.kind !== "face" &&
+      pickPlace(rows, camera, width, height, ...at);
     if (place && !(found && this.near(found, camera, width, height, at))) return this.goToPlace(place);
     this.select(found ? [found] : [], found?.key);
   }
@@ -491,37 +634,64 @@ class Viewer {
   goToPlace({ row, index }) {
     if (row !== this.row) this.setRow(row);
     if (byId("pano").hidden) this.togglePanorama(true);
-    const places = this.panorama.placesOf(row), apart = (one) => Math.abs(one.index - index);
-    this.lookFrom(places.reduce((least, one, k) => (apart(one) < apart(places[least]) ? k : least), 0), row);
+    const places = this.panorama.placesOf(row),
+      apart = (one) => Math.abs(one.index - index);
+    this.lookFrom(
+      places.reduce((least, one, k) => (apart(one) < apart(places[least]) ? k : least), 0),
+      row,
+    );
   }
 
   hover(area, [camera, width, height, rows], at) {
-    const tip = byId("tip"), vertex = this.points && pickVertex(rows, camera, width, height, ...at);
+    const tip = byId("tip"),
+      vertex = this.points && pickVertex(rows, camera, width, height, ...at);
     const one = vertex ? elementOfVertex(vertex.row, vertex.vertex) : pick(rows, camera, width, height, ...at);
     tip.hidden = !one || (this.points !== null && !vertex);
     area.classList.toggle("over", !tip.hidden);
     if (tip.hidden) return;
-    tip.textContent = vertex ? one.vertexLabels[vertex.vertex - one.first] : [one.written[0], one.id].filter(Boolean).join(": ");
-    const box = area.getBoundingClientRect(), stage = byId("stage").getBoundingClientRect();
+    tip.textContent = vertex
+      ? one.vertexLabels[vertex.vertex - one.first]
+      : [one.written[0], one.id].filter(Boolean).join(": ");
+    const box = area.getBoundingClientRect(),
+      stage = byId("stage").getBoundingClientRect();
     tip.style.transform = `translate(${box.left - stage.left + at[0] + 14}px, ${box.top - stage.top + at[1] + 14}px)`;
   }
 
   key(event) {
-    if (event.target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog") || event.ctrlKey || event.metaKey || event.altKey) {
+    if (
+      event.target.closest?.("input:not([type=checkbox]):not([type=range]), select, textarea, dialog") ||
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey
+    ) {
       if (event.key === "Escape") event.target.blur?.();
       return;
     }
-    const rows = this.site.rows, next = (by) => this.goToRow(rows[(this.row.index + by + rows.length) % rows.length]);
+    const rows = this.site.rows,
+      next = (by) => this.goToRow(rows[(this.row.index + by + rows.length) % rows.length]);
     const acts = {
-      1: () => this.setKind("model"), 2: () => this.setKind("plan"), 3: () => this.setKind("face"),
-      4: () => this.togglePanorama(), p: () => this.togglePanorama(),
-      ",": () => this.lookFrom(this.panorama.place - 1), ".": () => this.lookFrom(this.panorama.place + 1),
-      "/": () => byId("search").focus(), m: () => this.setMeasuring(this.points === null), f: () => this.setKind(this.view.kind),
-      "[": () => next(-1), "]": () => next(1), ArrowLeft: () => this.step(-1), ArrowRight: () => this.step(1),
-      s: () => byId("show-solids") && this.toggle("solids"), o: () => byId("show-photos") && this.toggle("photos"), c: () => this.toggle("path"),
-      n: () => this.toggle("labels"), u: () => this.toggle("ellipsoids"),
+      1: () => this.setKind("model"),
+      2: () => this.setKind("plan"),
+      3: () => this.setKind("face"),
+      4: () => this.togglePanorama(),
+      p: () => this.togglePanorama(),
+      ",": () => this.lookFrom(this.panorama.place - 1),
+      ".": () => this.lookFrom(this.panorama.place + 1),
+      "/": () => byId("search").focus(),
+      m: () => this.setMeasuring(this.points === null),
+      f: () => this.setKind(this.view.kind),
+      "[": () => next(-1),
+      "]": () => next(1),
+      ArrowLeft: () => this.step(-1),
+      ArrowRight: () => this.step(1),
+      s: () => byId("show-solids") && this.toggle("solids"),
+      o: () => byId("show-photos") && this.toggle("photos"),
+      c: () => this.toggle("path"),
+      n: () => this.toggle("labels"),
+      u: () => this.toggle("ellipsoids"),
       k: () => this.setMode(this.modes[(this.modes.indexOf(this.mode) + 1) % this.modes.length]),
-      Escape: () => (this.points ? this.setMeasuring(false) : this.select([])), "?": showHelp,
+      Escape: () => (this.points ? this.setMeasuring(false) : this.select([])),
+      "?": showHelp,
     };
     if (!Object.hasOwn(acts, event.key)) return;
     event.preventDefault();
@@ -531,6 +701,7 @@ class Viewer {
 
 async function start() {
   const site = await readSite();
+  if (!site.rows.length) throw new Error(text.empty);
   if (!document.createElement("canvas").getContext("webgl2")) throw new Error(text.noWebgl);
   const viewer = new Viewer(site);
   window.savmapViewer = viewer;
@@ -539,6 +710,7 @@ async function start() {
 
 start().catch((error) => {
   byId("failure").hidden = false;
-  byId("failure").textContent = error.message === text.noWebgl ? error.message : `${text.damaged} (${error.message})`;
-  throw error;
+  const known = [text.noWebgl, text.empty].includes(error.message);
+  byId("failure").textContent = known ? error.message : `${text.damaged} (${error.message})`;
+  if (!known) throw error;
 });

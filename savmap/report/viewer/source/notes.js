@@ -1,6 +1,7 @@
 // Notes on elements, kept in a JSON file of the user's own: the page itself keeps nothing.
 
-const FORMAT = "savmap-notes", MOST = 5000;
+const FORMAT = "savmap-notes",
+  MOST = 5000;
 
 export class Notes {
   constructor() {
@@ -32,8 +33,14 @@ export class Notes {
   async load(file) {
     const content = JSON.parse(await file.text());
     if (content?.format !== FORMAT || !Array.isArray(content.notes)) throw new Error(FORMAT);
-    const texts = content.notes.slice(0, MOST).filter((one) => [one?.place, one?.note, one?.date].every((value) => typeof value === "string"));
+    const texts = content.notes
+      .slice(0, MOST)
+      .filter((one) => [one?.place, one?.note, one?.date].every((value) => typeof value === "string"));
     const known = new Set(this.list.map((one) => JSON.stringify(one)));
-    this.list.push(...texts.map(({ place, note, date }) => ({ place, note, date })).filter((one) => !known.has(JSON.stringify(one))));
+    this.list.push(
+      ...texts
+        .map(({ place, note, date }) => ({ place, note, date }))
+        .filter((one) => !known.has(JSON.stringify(one))),
+    );
   }
 }

@@ -1,17 +1,32 @@
 // What the camera saw from a place of its path, with the wireframe over it.
-import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Vector3 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  DoubleSide,
+  Mesh,
+  MeshBasicMaterial,
+  PerspectiveCamera,
+  Quaternion,
+  Vector3,
+} from "three";
 import { toSite, vertexOf } from "./data.js";
 import { picture } from "./pictures.js";
 import { PHOTO, textureOf } from "./scene.js";
 
-const COLUMNS = 64, LINES = 32, LEAST_FOV = 12, MOST_FOV = 110;
+const COLUMNS = 64,
+  LINES = 32,
+  LEAST_FOV = 12,
+  MOST_FOV = 110;
 
 export class PanoramaView {
   constructor(area, scene, changed) {
     Object.assign(this, { area, changed, row: null, place: 0, yaw: 0, pitch: 0, shows: false });
     this.camera = new PerspectiveCamera(75, 1, 0.02, 500);
     this.camera.layers.enable(PHOTO);
-    this.sphere = new Mesh(sphere(), new MeshBasicMaterial({ side: DoubleSide, depthTest: false, depthWrite: false }));
+    this.sphere = new Mesh(
+      sphere(),
+      new MeshBasicMaterial({ side: DoubleSide, depthTest: false, depthWrite: false }),
+    );
     this.sphere.layers.set(PHOTO);
     this.sphere.renderOrder = -5;
     this.sphere.frustumCulled = false;
@@ -32,7 +47,9 @@ export class PanoramaView {
     const { number } = row.path;
     if (row.stills.length) {
       const index = new Map(number.map((frame, k) => [frame, k]));
-      return row.stills.filter((one) => index.has(one.frame)).map((one) => ({ path: one.path, index: index.get(one.frame) }));
+      return row.stills
+        .filter((one) => index.has(one.frame))
+        .map((one) => ({ path: one.path, index: index.get(one.frame) }));
     }
     const every = Math.max(1, Math.round(number.length / 60));
     return number.map((_, k) => ({ path: null, index: k })).filter((one) => one.index % every === 0);
@@ -85,7 +102,8 @@ export class PanoramaView {
   visit(row, points) {
     const centre = [0, 1, 2].map((k) => points.reduce((sum, point) => sum + point[k] / points.length, 0));
     const places = row === this.row ? this.places : this.placesOf(row);
-    let best = 0, least = Infinity;
+    let best = 0,
+      least = Infinity;
     places.forEach(({ index }, k) => {
       const at = toSite(row, vertexOf(row.path, index));
       const apart = Math.hypot(...at.map((value, n) => value - centre[n]));
@@ -136,26 +154,37 @@ export class PanoramaView {
       this.pitch = Math.min(Math.max(this.pitch + (event.clientY - before[1]) * angle, -1.55), 1.55);
       this.aim();
     });
-    for (const kind of ["pointerup", "pointercancel"]) this.area.addEventListener(kind, (event) => down.delete(event.pointerId));
-    this.area.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.zoom(Math.exp(event.deltaY / 900));
-    }, { passive: false });
+    for (const kind of ["pointerup", "pointercancel"])
+      this.area.addEventListener(kind, (event) => down.delete(event.pointerId));
+    this.area.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        this.zoom(Math.exp(event.deltaY / 900));
+      },
+      { passive: false },
+    );
   }
 }
 
 // A sphere in the camera's frame (x right, y down, z towards the picture's middle) whose pixels lie as savmap/geometry/sphere.py has them.
 function sphere() {
-  const places = [], on = [], index = [];
+  const places = [],
+    on = [],
+    index = [];
   for (let line = 0; line <= LINES; line++)
     for (let column = 0; column <= COLUMNS; column++) {
-      const u = column / COLUMNS, v = line / LINES, lon = 2 * Math.PI * u - Math.PI, lat = Math.PI / 2 - Math.PI * v;
+      const u = column / COLUMNS,
+        v = line / LINES,
+        lon = 2 * Math.PI * u - Math.PI,
+        lat = Math.PI / 2 - Math.PI * v;
       places.push(Math.cos(lat) * Math.sin(lon), -Math.sin(lat), Math.cos(lat) * Math.cos(lon));
       on.push(u, 1 - v);
     }
   for (let line = 0; line < LINES; line++)
     for (let column = 0; column < COLUMNS; column++) {
-      const a = line * (COLUMNS + 1) + column, b = a + COLUMNS + 1;
+      const a = line * (COLUMNS + 1) + column,
+        b = a + COLUMNS + 1;
       index.push(a, b, a + 1, b, b + 1, a + 1);
     }
   const geometry = new BufferGeometry();

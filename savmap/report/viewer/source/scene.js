@@ -1,7 +1,27 @@
 // The three.js objects of a site: a group for each row in its own frame, with lines, solids, orthophoto, camera's path and ellipsoids.
 import {
-  BufferAttribute, BufferGeometry, Color, DoubleSide, GridHelper, Group, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  MeshBasicMaterial, PlaneGeometry, Points, PointsMaterial, Scene, ShapeUtils, SphereGeometry, SRGBColorSpace, Texture, Vector2, Vector3,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  DoubleSide,
+  GridHelper,
+  Group,
+  InstancedMesh,
+  LineBasicMaterial,
+  LineSegments,
+  Matrix4,
+  Mesh,
+  MeshBasicMaterial,
+  PlaneGeometry,
+  Points,
+  PointsMaterial,
+  Scene,
+  ShapeUtils,
+  SphereGeometry,
+  SRGBColorSpace,
+  Texture,
+  Vector2,
+  Vector3,
 } from "three";
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
@@ -10,9 +30,13 @@ import { linesOf, toSite, vertexOf } from "./data.js";
 import { ownCovariance } from "./measure.js";
 import { picture } from "./pictures.js";
 
-export const COMMON = 0, MODEL = 1, PHOTO = 2; // layers: seen everywhere, in the model alone, over panoramas alone
+export const COMMON = 0,
+  MODEL = 1,
+  PHOTO = 2; // layers: seen everywhere, in the model alone, over panoramas alone
 const MOST_THICK = 5000; // segments: beyond that only the row at hand has thick lines
-const SELECTED = "#e8007d", MEASURE = "#1b1f24", PATH = "#7b8794";
+const SELECTED = "#e8007d",
+  MEASURE = "#1b1f24",
+  PATH = "#7b8794";
 
 export class Model {
   constructor(site) {
@@ -32,7 +56,8 @@ export class Model {
   }
 
   get bounds() {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const low = [Infinity, Infinity, Infinity],
+      high = [-Infinity, -Infinity, -Infinity];
     for (const row of this.site.rows)
       for (const corner of cornersOf(row.box)) {
         toSite(row, corner).forEach((value, k) => {
@@ -44,7 +69,8 @@ export class Model {
   }
 
   addFloor() {
-    const { low, high } = this.bounds, size = 2 * Math.ceil(Math.max(high[0] - low[0], high[2] - low[2], 4) / 2 + 3);
+    const { low, high } = this.bounds,
+      size = 2 * Math.ceil(Math.max(high[0] - low[0], high[2] - low[2], 4) / 2 + 3);
     const floor = new GridHelper(size, size > 80 ? Math.round(size / 10) : size, "#dfe4ea", "#e9edf1");
     floor.position.set(Math.round((low[0] + high[0]) / 2), 0, Math.round((low[2] + high[2]) / 2));
     floor.layers.set(MODEL);
@@ -57,7 +83,7 @@ export class Model {
   colour(of) {
     this.colourOf = of;
     for (const objects of this.rows) {
-      objects.colours = coloursOf(objects.row, of);
+      objects.colours = coloursOf(objects.owners, of);
       this.drawLines(objects);
       if (objects.solids) this.drawSolids(objects);
     }
@@ -68,6 +94,18 @@ export class Model {
     this.focused = row;
     for (const one of [before, row]) if (one && this.colourOf) this.drawLines(this.rows[one.index]);
     this.update();
+  }
+
+  // Of thin lines draw only the longest of each element: for machines that draw slowly, while something moves.
+  setCoarse(coarse) {
+    for (const { row, lines, path, coarse: count } of this.rows) {
+      if (lines.length === 1) lines[0].geometry.setDrawRange(0, coarse ? 2 * count : Infinity);
+      if (!this.allThick) path.visible = this.pathShown && (!coarse || row === this.focused);
+    }
+  }
+
+  get pathShown() {
+    return this.shown.path && this.kind !== "face";
   }
 
   drawLines(objects) {
@@ -85,7 +123,7 @@ export class Model {
     for (const objects of this.rows) {
       const here = few || objects.row === this.focused;
       objects.group.visible = kind !== "face" || objects.row === this.focused;
-      objects.path.visible = this.shown.path && kind !== "face";
+      objects.path.visible = this.pathShown;
       if (this.shown.solids && !objects.solids) this.drawSolids(objects);
       if (objects.solids) objects.solids.visible = this.shown.solids;
       if (objects.ellipsoids) dispose(objects.ellipsoids);
@@ -103,7 +141,8 @@ export class Model {
 
   // The orthophoto of a row in the size that is wanted; resolves when it hangs there.
   async hang(row, fine) {
-    const objects = this.rows[row.index], face = row.face;
+    const objects = this.rows[row.index],
+      face = row.face;
     if (!face) return;
     const wanted = fine ? face.pictures.length - 1 : 0;
     if (objects.photoSize >= wanted) return;
@@ -128,7 +167,8 @@ export class Model {
 
   drawRule(points) {
     this.rule.children.slice().forEach(dispose);
-    if (points.length === 2) this.rule.add(fatLines(points.flat(), "#ffffff", 6), fatLines(points.flat(), MEASURE, 2.5));
+    if (points.length === 2)
+      this.rule.add(fatLines(points.flat(), "#ffffff", 6), fatLines(points.flat(), MEASURE, 2.5));
     if (points.length) this.rule.add(dots(points, "#ffffff", 13), dots(points, MEASURE, 9));
   }
 
@@ -147,19 +187,39 @@ function rowObjects(row) {
   const group = new Group();
   group.matrixAutoUpdate = false;
   group.matrix.set(...row.siteFromRow);
-  const ends = new Float32Array(row.elements.flatMap((one) => linesOf(one).flat()));
+  const { segments, coarse } = segmentsOf(row);
+  const ends = new Float32Array(segments.flatMap(({ from, to }) => [...from, ...to]));
+  const owners = segments.map(({ one }) => one);
   const path = pathLine(row);
   group.add(path);
-  return { row, group, ends, path, lines: [], photoSize: -1, solids: null, photo: null, ellipsoids: null };
+  const made = { solids: null, photo: null, ellipsoids: null, photoSize: -1, lines: [] };
+  return { row, group, ends, owners, coarse, path, ...made };
 }
 
-function coloursOf(row, of) {
-  const values = [], colour = new Color();
+// The lines of a row's elements, the longest of each first: `coarse` of them show what is where.
+function segmentsOf(row) {
+  const longest = [],
+    others = [];
   for (const one of row.elements) {
-    colour.set(of(one));
-    for (let k = linesOf(one).length; k > 0; k--) values.push(colour.r, colour.g, colour.b);
+    const ends = linesOf(one),
+      own = [];
+    for (let k = 0; k < ends.length; k += 2) own.push({ one, from: ends[k], to: ends[k + 1] });
+    const length = ({ from, to }) => Math.hypot(...to.map((value, k) => value - from[k]));
+    own.sort((a, b) => length(b) - length(a));
+    longest.push(...own.slice(0, 1));
+    others.push(...own.slice(1));
   }
-  return new Float32Array(values);
+  return { segments: [...longest, ...others], coarse: longest.length };
+}
+
+function coloursOf(owners, of) {
+  const values = new Float32Array(6 * owners.length),
+    colour = new Color();
+  owners.forEach((one, k) => {
+    colour.set(of(one));
+    values.set([colour.r, colour.g, colour.b, colour.r, colour.g, colour.b], 6 * k);
+  });
+  return values;
 }
 
 function thinLines({ ends, colours }) {
@@ -177,8 +237,21 @@ function thickLines({ ends, colours }) {
   geometry.setPositions(ends);
   geometry.setColors(colours);
   const plain = new LineSegments2(geometry, new LineMaterial({ vertexColors: true, linewidth: 1.8 }));
-  const over = new LineSegments2(geometry, new LineMaterial({ vertexColors: true, linewidth: 2.2, depthTest: false }));
-  const halo = new LineSegments2(geometry, new LineMaterial({ color: "#ffffff", linewidth: 5, transparent: true, opacity: 0.75, depthTest: false, depthWrite: false }));
+  const over = new LineSegments2(
+    geometry,
+    new LineMaterial({ vertexColors: true, linewidth: 2.2, depthTest: false }),
+  );
+  const halo = new LineSegments2(
+    geometry,
+    new LineMaterial({
+      color: "#ffffff",
+      linewidth: 5,
+      transparent: true,
+      opacity: 0.75,
+      depthTest: false,
+      depthWrite: false,
+    }),
+  );
   plain.layers.set(MODEL);
   over.layers.set(PHOTO);
   halo.layers.set(PHOTO);
@@ -191,7 +264,10 @@ function thickLines({ ends, colours }) {
 function fatLines(positions, colour, width) {
   const geometry = new LineSegmentsGeometry();
   geometry.setPositions(positions);
-  const lines = new LineSegments2(geometry, new LineMaterial({ color: colour, linewidth: width, depthTest: false, transparent: true }));
+  const lines = new LineSegments2(
+    geometry,
+    new LineMaterial({ color: colour, linewidth: width, depthTest: false, transparent: true }),
+  );
   lines.renderOrder = 5;
   lines.frustumCulled = false;
   return lines;
@@ -200,7 +276,10 @@ function fatLines(positions, colour, width) {
 function dots(points, colour, size) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(points.flat()), 3));
-  const made = new Points(geometry, new PointsMaterial({ color: colour, size, sizeAttenuation: false, depthTest: false, transparent: true }));
+  const made = new Points(
+    geometry,
+    new PointsMaterial({ color: colour, size, sizeAttenuation: false, depthTest: false, transparent: true }),
+  );
   made.renderOrder = 6;
   made.frustumCulled = false;
   return made;
@@ -209,13 +288,16 @@ function dots(points, colour, size) {
 function pathLine(row) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(row.path.positions), 3));
-  const path = new Group(), passes = row.path.pass;
+  const path = new Group(),
+    passes = row.path.pass;
   const joined = [];
   for (let k = 1; k < passes.length; k++) if (passes[k] === passes[k - 1]) joined.push(k - 1, k);
   geometry.setIndex(joined);
   const line = new LineSegments(geometry, new LineBasicMaterial({ color: PATH }));
   const index = new Map(row.path.number.map((frame, k) => [frame, k]));
-  const stills = row.stills.filter((one) => index.has(one.frame)).map((one) => vertexOf(row.path, index.get(one.frame)));
+  const stills = row.stills
+    .filter((one) => index.has(one.frame))
+    .map((one) => vertexOf(row.path, index.get(one.frame)));
   path.add(line);
   if (stills.length) path.add(dots(stills, PATH, 5));
   for (const part of path.children) part.layers.set(MODEL);
@@ -224,10 +306,16 @@ function pathLine(row) {
 
 function photoPlane(face) {
   const plane = new Mesh(new PlaneGeometry(1, 1), new MeshBasicMaterial({ side: DoubleSide, depthWrite: false }));
-  const right = new Vector3(...face.right), up = new Vector3(...face.up), out = new Vector3().crossVectors(right, up);
-  const middle = new Vector3(...face.origin_m).addScaledVector(right, face.width_m / 2).addScaledVector(up, face.height_m / 2);
+  const right = new Vector3(...face.right),
+    up = new Vector3(...face.up),
+    out = new Vector3().crossVectors(right, up);
+  const middle = new Vector3(...face.origin_m)
+    .addScaledVector(right, face.width_m / 2)
+    .addScaledVector(up, face.height_m / 2);
   plane.matrixAutoUpdate = false;
-  plane.matrix.makeBasis(right.clone().multiplyScalar(face.width_m), up.clone().multiplyScalar(face.height_m), out).setPosition(middle);
+  plane.matrix
+    .makeBasis(right.clone().multiplyScalar(face.width_m), up.clone().multiplyScalar(face.height_m), out)
+    .setPosition(middle);
   plane.layers.set(MODEL);
   plane.renderOrder = -1;
   return plane;
@@ -243,7 +331,9 @@ export function textureOf(image) {
 
 // Each solid's outline pushed along its depth: its two ends and its sides.
 function solids(row, of) {
-  const places = [], colours = [], colour = new Color();
+  const places = [],
+    colours = [],
+    colour = new Color();
   for (const one of row.elements) {
     if (!one.solid) continue;
     colour.set(of(one));
@@ -254,13 +344,23 @@ function solids(row, of) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(places), 3));
   geometry.setAttribute("color", new BufferAttribute(new Float32Array(colours), 3));
-  const mesh = new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.28, side: DoubleSide, depthWrite: false }));
+  const mesh = new Mesh(
+    geometry,
+    new MeshBasicMaterial({
+      vertexColors: true,
+      transparent: true,
+      opacity: 0.28,
+      side: DoubleSide,
+      depthWrite: false,
+    }),
+  );
   mesh.layers.set(MODEL);
   return mesh;
 }
 
 function trianglesOf({ outline, depth }) {
-  const near = outline.map((corner) => new Vector3(...corner)), push = new Vector3(...depth);
+  const near = outline.map((corner) => new Vector3(...corner)),
+    push = new Vector3(...depth);
   const far = near.map((corner) => corner.clone().add(push));
   const found = [];
   for (const [a, b, c] of ShapeUtils.triangulateShape(flattened(near), []))
@@ -275,14 +375,19 @@ function trianglesOf({ outline, depth }) {
 function flattened(corners) {
   const normal = new Vector3();
   corners.forEach((corner, k) => normal.add(corner.clone().cross(corners[(k + 1) % corners.length])));
-  const across = new Vector3().subVectors(corners[1], corners[0]).normalize(), up = new Vector3().crossVectors(normal, across).normalize();
+  const across = new Vector3().subVectors(corners[1], corners[0]).normalize(),
+    up = new Vector3().crossVectors(normal, across).normalize();
   return corners.map((corner) => new Vector2(corner.dot(across), corner.dot(up)));
 }
 
 // Unit spheres under three times the Cholesky factor of each vertex's covariance, exaggerated.
 function ellipsoids(row, times) {
   const count = row.positions.length / 3;
-  const made = new InstancedMesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ color: "#8e4585", transparent: true, opacity: 0.35, depthWrite: false }), count);
+  const made = new InstancedMesh(
+    new SphereGeometry(1, 12, 8),
+    new MeshBasicMaterial({ color: "#8e4585", transparent: true, opacity: 0.35, depthWrite: false }),
+    count,
+  );
   const matrix = new Matrix4();
   for (let k = 0; k < count; k++) {
     const [a, b, c] = cholesky(ownCovariance(row, k)).map((line) => line.map((value) => 3 * times * value));
@@ -296,7 +401,11 @@ function ellipsoids(row, times) {
 
 function cholesky(m) {
   const root = (value) => Math.sqrt(Math.max(value, 1e-10));
-  const a = root(m[0][0]), b = m[1][0] / a, c = root(m[1][1] - b * b), d = m[2][0] / a, e = (m[2][1] - d * b) / c;
+  const a = root(m[0][0]),
+    b = m[1][0] / a,
+    c = root(m[1][1] - b * b),
+    d = m[2][0] / a,
+    e = (m[2][1] - d * b) / c;
   return [[a], [b, c], [d, e, root(m[2][2] - d * d - e * e)]];
 }
 

@@ -13,7 +13,10 @@ export function searchIndex(site) {
   for (const one of site.elements) {
     const shown = one.written.length ? one.written[0] : one.id;
     const words = [...one.written, one.id, one.label, one.attributes.bay ?? ""].join(" ");
-    entries.push({ ...entry(shown, one.label, one.row, [one], one.key), words: `${words} ${one.row.name}`.toLowerCase() });
+    entries.push({
+      ...entry(shown, one.label, one.row, [one], one.key),
+      words: `${words} ${one.row.name}`.toLowerCase(),
+    });
   }
   return entries;
 }
@@ -50,8 +53,13 @@ export function named(index, address) {
   if (!wanted) return null;
   const exact = index.find((one) => one.key.toLowerCase() === wanted);
   if (exact) return exact;
-  const written = index.filter((one) => one.elements.length === 1 && one.elements[0].written.some((text) => text.toLowerCase() === wanted));
+  const written = index.filter(
+    (one) => one.elements.length === 1 && one.elements[0].written.some((text) => text.toLowerCase() === wanted),
+  );
   if (written.length) return { ...written[0], elements: written.map((one) => one.elements[0]) };
-  return index.find((one) => one.elements.length === 1 && one.elements[0].id.toLowerCase() === wanted)
-    ?? index.find((one) => one.shown.toLowerCase() === wanted) ?? null;
+  return (
+    index.find((one) => one.elements.length === 1 && one.elements[0].id.toLowerCase() === wanted) ??
+    index.find((one) => one.shown.toLowerCase() === wanted) ??
+    null
+  );
 }

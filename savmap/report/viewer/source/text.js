@@ -18,7 +18,13 @@ export const text = {
   },
   exaggerated: (times) => `${times} times as large`,
   colour: "Colour by",
-  modes: { label: "label", verdict: "verdict", uncertainty: "standard deviation", support: "support", error: "error against the survey" },
+  modes: {
+    label: "label",
+    verdict: "verdict",
+    uncertainty: "standard deviation",
+    support: "support",
+    error: "error against the survey",
+  },
   trusted: "nothing speaks against it",
   check: "check it",
   notJudged: "not judged",
@@ -60,6 +66,7 @@ export const text = {
   next: "Next place",
   close: "Close",
   noWebgl: "This browser has no WebGL 2, which the viewer needs.",
+  empty: "No row of this map was mapped: there is nothing to show.",
   damaged: "The map in this page cannot be read",
   keys: [
     ["1, 2, 3", "3D, plan, face"],

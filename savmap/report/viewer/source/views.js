@@ -4,7 +4,8 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { boxOf, toSite } from "./data.js";
 import { COMMON, MODEL, PHOTO, cornersOf } from "./scene.js";
 
-const MARGIN = 1.06, FLY_MS = 420;
+const MARGIN = 1.06,
+  FLY_MS = 420;
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
 // A camera with controls of its own on one part of the page.
@@ -41,7 +42,8 @@ export class ModelView {
     this.flight = null;
     this.kind = kind;
     this.row = row;
-    const from = directionOf(kind, row, rows), up = kind === "plan" ? axisOf(row, 2, -1) : new Vector3(0, 1, 0);
+    const from = directionOf(kind, row, rows),
+      up = kind === "plan" ? axisOf(row, 2, -1) : new Vector3(0, 1, 0);
     const camera = this.camera;
     camera.up.copy(up);
     this.controls.object = camera;
@@ -69,14 +71,17 @@ export class ModelView {
 
   // Fly so that points fill so much of the view, in the direction that one looks in.
   fly(points, share = 1) {
-    const camera = this.camera, from = camera.position.clone().sub(this.controls.target).normalize();
+    const camera = this.camera,
+      from = camera.position.clone().sub(this.controls.target).normalize();
     const place = this.framing(points, from, camera.up, share);
     const begin = { target: this.controls.target.clone(), position: camera.position.clone(), zoom: this.flat.zoom };
     const zoom = this.flat.top / Math.max(place.half, 1e-6);
-    const since = performance.now(), flight = (this.flight = {});
+    const since = performance.now(),
+      flight = (this.flight = {});
     const step = (now) => {
       if (this.flight !== flight) return;
-      const t = still.matches ? 1 : Math.min((now - since) / FLY_MS, 1), eased = t * t * (3 - 2 * t);
+      const t = still.matches ? 1 : Math.min((now - since) / FLY_MS, 1),
+        eased = t * t * (3 - 2 * t);
       this.controls.target.lerpVectors(begin.target, place.target, eased);
       camera.position.lerpVectors(begin.position, place.position, eased);
       this.flat.zoom = begin.zoom * Math.pow(zoom / begin.zoom, eased);
@@ -89,30 +94,46 @@ export class ModelView {
   }
 
   framing(points, from, up, share = 1) {
-    const basis = new Matrix4().lookAt(from, new Vector3(), up), right = new Vector3(), high = new Vector3(), out = new Vector3();
+    const basis = new Matrix4().lookAt(from, new Vector3(), up),
+      right = new Vector3(),
+      high = new Vector3(),
+      out = new Vector3();
     basis.extractBasis(right, high, out);
     const given = points.map((point) => new Vector3(...point));
     const spans = [right, high, out].map((axis) => spanOf(given, axis));
-    const target = [right, high, out].reduce((sum, axis, k) => sum.addScaledVector(axis, (spans[k][0] + spans[k][1]) / 2), new Vector3());
+    const target = [right, high, out].reduce(
+      (sum, axis, k) => sum.addScaledVector(axis, (spans[k][0] + spans[k][1]) / 2),
+      new Vector3(),
+    );
     const aspect = this.width / this.height;
     const [wide, tall] = spans.map(([low, top]) => Math.max((top - low) / 2, 0.02));
     const half = (MARGIN * Math.max(tall, wide / aspect)) / share;
-    return this.kind === "model" ? this.inPerspective(given, target, right, high, out, share) : { target, half, position: target.clone().addScaledVector(out, 500) };
+    return this.kind === "model"
+      ? this.inPerspective(given, target, right, high, out, share)
+      : { target, half, position: target.clone().addScaledVector(out, 500) };
   }
 
   // The nearest place on a line of sight from which all points are in the picture, and the picture's middle is theirs.
   inPerspective(points, target, right, high, out, share) {
-    const slope = Math.tan((this.perspective.fov * Math.PI) / 360) * share / MARGIN, slopes = [slope * this.perspective.aspect, slope];
+    const slope = (Math.tan((this.perspective.fov * Math.PI) / 360) * share) / MARGIN,
+      slopes = [slope * this.perspective.aspect, slope];
     const middle = target.clone();
     let distance = 1;
     for (let round = 0; round < 6; round++) {
       distance = 0.3;
       for (const point of points) {
-        const from = point.clone().sub(middle), depth = from.dot(out);
-        distance = Math.max(distance, depth + Math.abs(from.dot(right)) / slopes[0], depth + Math.abs(from.dot(high)) / slopes[1]);
+        const from = point.clone().sub(middle),
+          depth = from.dot(out);
+        distance = Math.max(
+          distance,
+          depth + Math.abs(from.dot(right)) / slopes[0],
+          depth + Math.abs(from.dot(high)) / slopes[1],
+        );
       }
       for (const axis of [right, high]) {
-        const angles = points.map((point) => point.clone().sub(middle).dot(axis) / (distance - point.clone().sub(middle).dot(out)));
+        const angles = points.map(
+          (point) => point.clone().sub(middle).dot(axis) / (distance - point.clone().sub(middle).dot(out)),
+        );
         middle.addScaledVector(axis, (distance * (Math.max(...angles) + Math.min(...angles))) / 2);
       }
     }
@@ -124,7 +145,12 @@ export class ModelView {
 function directionOf(kind, row, rows) {
   if (kind === "plan") return new Vector3(0, 1, 0);
   const out = axisOf(row, 2, 1);
-  return kind === "face" ? out : out.add(axisOf(row, 0, -0.42)).add(new Vector3(0, rows > 4 ? 0.85 : 0.3, 0)).normalize();
+  return kind === "face"
+    ? out
+    : out
+        .add(axisOf(row, 0, -0.42))
+        .add(new Vector3(0, rows > 4 ? 0.85 : 0.3, 0))
+        .normalize();
 }
 
 function axisOf(row, axis, sign) {
@@ -157,8 +183,13 @@ export function pointsOf(elements) {
 // Pixels (x, y, depth) of a row's vertices in a view of so many pixels; depth is NaN behind the camera.
 export function projected(row, camera, width, height) {
   camera.updateMatrixWorld();
-  const matrix = new Matrix4().set(...row.siteFromRow).premultiply(camera.matrixWorldInverse).premultiply(camera.projectionMatrix);
-  const count = row.positions.length / 3, pixels = new Float32Array(3 * count), place = new Vector4();
+  const matrix = new Matrix4()
+    .set(...row.siteFromRow)
+    .premultiply(camera.matrixWorldInverse)
+    .premultiply(camera.projectionMatrix);
+  const count = row.positions.length / 3,
+    pixels = new Float32Array(3 * count),
+    place = new Vector4();
   for (let k = 0; k < count; k++) {
     place.set(row.positions[3 * k], row.positions[3 * k + 1], row.positions[3 * k + 2], 1).applyMatrix4(matrix);
     pixels[3 * k] = ((place.x / place.w + 1) * width) / 2;
@@ -172,12 +203,18 @@ const EDGE_PX = 8;
 
 // The element whose edge is nearest the pointer, or, where there is none near, the nearest one that surrounds it.
 export function pick(rows, camera, width, height, x, y, reach = EDGE_PX, within = true) {
-  let best = null, score = Infinity;
+  let best = null,
+    score = Infinity;
   for (const row of rows) {
     const pixels = projected(row, camera, width, height);
     for (const one of row.elements) {
       const found = edgeDistance(one, pixels, x, y);
-      const here = found <= reach ? found : within && surrounds(one, pixels, x, y) ? reach + 1 + pixels[3 * one.first + 2] : Infinity;
+      const here =
+        found <= reach
+          ? found
+          : within && surrounds(one, pixels, x, y)
+            ? reach + 1 + pixels[3 * one.first + 2]
+            : Infinity;
       if (here < score) [best, score] = [one, here];
     }
   }
@@ -185,7 +222,8 @@ export function pick(rows, camera, width, height, x, y, reach = EDGE_PX, within 
 }
 
 export function pickVertex(rows, camera, width, height, x, y, reach = 18) {
-  let best = null, least = reach;
+  let best = null,
+    least = reach;
   for (const row of rows) {
     const pixels = projected(row, camera, width, height);
     for (let k = 0; 3 * k < pixels.length; k++) {
@@ -198,14 +236,23 @@ export function pickVertex(rows, camera, width, height, x, y, reach = 18) {
 
 // The place of a camera's path that is nearest the pointer.
 export function pickPlace(rows, camera, width, height, x, y) {
-  const found = pickVertex(rows.map((row) => ({ row, siteFromRow: row.siteFromRow, positions: row.path.positions })), camera, width, height, x, y, EDGE_PX);
+  const found = pickVertex(
+    rows.map((row) => ({ row, siteFromRow: row.siteFromRow, positions: row.path.positions })),
+    camera,
+    width,
+    height,
+    x,
+    y,
+    EDGE_PX,
+  );
   return found && { row: found.row.row, index: found.vertex };
 }
 
 function edgeDistance(one, pixels, x, y) {
   let least = Infinity;
   for (let k = 0; k < one.edges.length; k += 2) {
-    const a = 3 * one.edges[k], b = 3 * one.edges[k + 1];
+    const a = 3 * one.edges[k],
+      b = 3 * one.edges[k + 1];
     if (!(pixels[a + 2] <= 1) || !(pixels[b + 2] <= 1)) continue;
     least = Math.min(least, toSegment(x, y, pixels[a], pixels[a + 1], pixels[b], pixels[b + 1]));
   }
@@ -216,7 +263,9 @@ function edgeDistance(one, pixels, x, y) {
 }
 
 function toSegment(x, y, ax, ay, bx, by) {
-  const dx = bx - ax, dy = by - ay, length = dx * dx + dy * dy;
+  const dx = bx - ax,
+    dy = by - ay,
+    length = dx * dx + dy * dy;
   const t = length ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / length, 0), 1) : 0;
   return Math.hypot(x - ax - t * dx, y - ay - t * dy);
 }
@@ -226,7 +275,8 @@ function surrounds(one, pixels, x, y) {
   if (one.edges.length < 6) return false;
   let inside = false;
   for (let k = 0; k < one.edges.length; k += 2) {
-    const a = 3 * one.edges[k], b = 3 * one.edges[k + 1];
+    const a = 3 * one.edges[k],
+      b = 3 * one.edges[k + 1];
     if (!(pixels[a + 2] <= 1) || !(pixels[b + 2] <= 1)) return false;
     const [ax, ay, bx, by] = [pixels[a], pixels[a + 1], pixels[b], pixels[b + 1]];
     if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
