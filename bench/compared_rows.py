@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
 
-from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.maps.map_file import read_map, write_map
 from savmap.sim.observations import PAPER, MaskErrors

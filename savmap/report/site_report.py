@@ -71,8 +71,9 @@ def compare_files(
     if json_file is not None:
         write_text(json_file, comparison_text(comparison))
     if page is not None:
-        photos = (read_orthophotos(one.rows, path.parent) for one, path in ((old, old_file), (new, new_file)))
-        write_comparison(Dates(old, new, comparison, *photos), page)
+        old_photos = read_orthophotos(old.rows, old_file.parent)
+        new_photos = read_orthophotos(new.rows, new_file.parent)
+        write_comparison(Dates(old, new, comparison, old_photos, new_photos), page)
     return comparison
 
 

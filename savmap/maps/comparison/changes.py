@@ -50,9 +50,7 @@ def _tests(found: Fit, sizes_only: bool) -> Mapping[int, list[int]]:
     return tests
 
 
-def _difference(
-    found: Fit, k: int, carried: Floats, old_size: Floats, middle: Floats, size: Floats
-) -> Difference:
+def _difference(found: Fit, k: int, carried: Floats, old_size: Floats, middle: Floats, size: Floats) -> Difference:
     axis = int(found.equations.axis[k])
     residual, sigma = float(found.residual[k]), float(found.sigma[k])
     old, new = (old_size, size) if found.equations.size[k] else (carried, middle)
@@ -101,9 +99,10 @@ def unpaired(
         if k in known:
             continue
         plugin, label = elements.kinds[elements.groups[k]]
-        seen = cover.has(plugin, float(placed[k, 0]))
-        ids = (None, structure.id) if state == "new" else (structure.id, None)
-        yield ElementChange(plugin, label, state if seen else "not seen", *ids, elements.texts[k], shown[k], p=LEAST_P)
+        seen = cover.has(plugin, float(placed[k, 0]), float(elements.sizes[k, 0]))
+        old_id, new_id = (None, structure.id) if state == "new" else (structure.id, None)
+        told: State = state if seen else "not seen"
+        yield ElementChange(plugin, label, told, old_id, new_id, elements.texts[k], shown[k])
 
 
 def judged(changes: Sequence[ElementChange], level: float) -> list[ElementChange]:

@@ -8,7 +8,8 @@ import numpy as np
 from savmap.maps.search import WRITTEN
 from savmap.types import Floats, Ints, Measured, RowMap, Structure, array_record
 
-LEAST_REACH_M = 1.0
+LEAST_REACH_M, REACH_SHARE = 0.5, 0.5
+"""How far beyond its places a camera is taken to see an element whole: as a share of its distance from the face."""
 SAME_SIZE_M = 0.002
 SURE = 0.999
 """No text counts as read with more certainty than this."""
@@ -109,14 +110,20 @@ class Coverage:
     reach_m: float
     plugins: frozenset[str]
 
-    def has(self, plugin: str, x: float) -> bool:
-        """Whether a plugin would have found something at x."""
-        return plugin in self.plugins and bool(len(self.places)) and bool(np.abs(self.places - x).min() <= self.reach_m)
+    def has(self, plugin: str, x: float, size: float) -> bool:
+        """Whether a plugin would have found something of a size along x, with its middle there."""
+        if plugin not in self.plugins or not len(self.places):
+            return False
+        ends = np.array([x - size / 2, x, x + size / 2])
+        return bool(np.abs(self.places[None] - ends[:, None]).min(axis=1).max() <= self.reach_m)
 
 
 def coverage_of(row: RowMap, elements: Elements) -> Coverage:
-    """From the camera's places, as far to either side as the face is away (45 degrees), and from what was mapped."""
+    """From the camera's places, and from what was mapped. A row that is filmed in part goes on where the path ends, so that only what was
+    passed whole counts as seen."""
     poses = row.trajectory.world_from_rig
-    reach = max(float(np.median(np.abs(poses[:, 2, 3]))), LEAST_REACH_M) if len(poses) else LEAST_REACH_M
+    reach = LEAST_REACH_M
+    if len(poses):
+        reach = max(REACH_SHARE * float(np.median(np.abs(poses[:, 2, 3]))), LEAST_REACH_M)
     ends = [elements.middles[:, 0] + side * elements.sizes[:, 0] / 2 for side in (-1, 0, 1)]
     return Coverage(np.concatenate([poses[:, 0, 3], *ends]), reach, frozenset(row.structures))

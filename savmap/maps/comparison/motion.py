@@ -16,6 +16,7 @@ from savmap.maps.comparison.elements import Elements
 from savmap.types import Bools, Floats, Ints, array_record
 
 Pairs = tuple[tuple[int, int], ...]
+Part = tuple[Ints, int, bool, Floats, Floats, Floats, Ints, Floats, Ints]
 ROUNDS = 12
 TUKEY = 6.0
 LEAST_SIGMA_M = 0.0005
@@ -37,7 +38,8 @@ T, HEADING, SCALE = slice(0, 3), 3, slice(4, 6)
 @array_record
 class Equations:
     """m differences (m,) m, new less old, each of pair `pair` along `axis`, of a middle or of a size (`size`): their derivatives (m, k) by the
-    unknowns, the standard deviations (m,) that the maps give, the kinds (m,) of like ones, and the places (m,) m along their axis."""
+    unknowns, the standard deviations (m,) that the maps give, the kinds (m,) of like ones, the places (m,) m along their axis, and the families
+    (m,) of one plugin's kinds along one axis."""
 
     pair: Ints
     axis: Ints
@@ -47,6 +49,7 @@ class Equations:
     sigma: Floats
     kind: Ints
     place: Floats
+    family: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,28 +90,29 @@ def half_turn(points: Floats, turned: bool) -> Floats:
     return points * np.array([-1.0, 1.0, -1.0]) if turned else points
 
 
-def fit(old: Elements, new: Elements, pairs: Pairs, turned: bool = False) -> Fit:
+def fit(old: Elements, new: Elements, pairs: Pairs, turned: bool = False, rounds: int = ROUNDS) -> Fit:
     """The motion that most of the pairs agree upon."""
     rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     placed = half_turn(old.middles[rows], turned)
     about = np.median(placed, axis=0) * np.array([1.0, 0.0, 1.0])
     equations = _equations(old, new, rows, columns, placed - about, placed)
     prior = _prior(equations, len(old.kinds))
-    scatter, extra = _first_scatter(equations), _excess(equations)
-    # the first rounds weigh as medians do, so that what changed has no say
-    unknowns, information = np.zeros(len(prior)), np.diag(prior)
-    residual = equations.difference - _medians(equations)
-    for number in range(ROUNDS):
+    scatter, extra = PRIOR_SHARE * _medians(equations, equations.sigma), _excess(equations)
+    freedom = np.full(len(scatter), np.inf)
+    unknowns: Floats = np.zeros(len(prior))
+    covariance: Floats = np.diag(1 / prior)
+    residual: Floats = equations.difference - _medians(equations, equations.difference)
+    for number in range(rounds):
         normal = residual / np.sqrt(scatter**2 + extra)
-        robust = _early(normal) if number < ROUNDS // 2 else _late(normal)
-        weight = robust / (scatter**2 + extra)
+        # the first rounds weigh as medians do, so that what changed has no say
+        weight = (_early(normal) if number < rounds // 2 else _late(normal)) / (scatter**2 + extra)
         information = equations.slopes.T @ (weight[:, None] * equations.slopes) + np.diag(prior)
-        unknowns = np.linalg.solve(information, equations.slopes.T @ (weight * equations.difference))
+        covariance = np.asarray(np.linalg.inv(information), np.float64)
+        unknowns = covariance @ (equations.slopes.T @ (weight * equations.difference))
         residual = equations.difference - equations.slopes @ unknowns
         scatter, freedom = _scatter(equations, residual)
-    covariance = np.linalg.inv(information)
     explained = np.einsum("mi,ij,mj->m", equations.slopes, covariance, equations.slopes)
-    sigma = np.sqrt(scatter**2 + extra + explained)
+    sigma: Floats = np.sqrt(scatter**2 + extra + explained)
     return Fit(equations, unknowns, covariance, about, turned, residual, sigma, freedom)
 
 
@@ -124,8 +128,10 @@ def _late(normal: Floats) -> Floats:
 
 
 def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, lever: Floats, placed: Floats) -> Equations:
-    parts = []
+    parts: list[Part] = []
     groups = old.groups[rows]
+    plugins = sorted({plugin for plugin, _ in old.kinds})
+    family = np.array([6 * plugins.index(plugin) for plugin, _ in old.kinds])
     count, kinds = len(rows), len(old.kinds)
     for axis in range(3):
         slopes = np.zeros((count, 6 + 6 * kinds))
@@ -139,7 +145,19 @@ def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, lever: F
         slopes[np.arange(count), 6 + 6 * groups + axis] = 1.0
         sigma = np.hypot(old.middle_sigmas[rows, axis], new.middle_sigmas[columns, axis])
         difference = new.middles[columns, axis] - placed[:, axis]
-        parts.append((np.arange(count), axis, False, difference, slopes, sigma, 6 * groups + axis, placed[:, axis]))
+        parts.append(
+            (
+                np.arange(count),
+                axis,
+                False,
+                difference,
+                slopes,
+                sigma,
+                6 * groups + axis,
+                placed[:, axis],
+                family[groups] + axis,
+            )
+        )
         sizes = old.sizes[rows, axis], new.sizes[columns, axis]
         some = np.flatnonzero(np.maximum(*sizes) > LEAST_SIZE_M)
         slopes = np.zeros((len(some), 6 + 6 * kinds))
@@ -148,7 +166,19 @@ def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, lever: F
         slopes[np.arange(len(some)), 6 + 6 * groups[some] + 3 + axis] = 1.0
         sigma = np.hypot(old.size_sigmas[rows, axis], new.size_sigmas[columns, axis])[some]
         kind = 6 * groups[some] + 3 + axis
-        parts.append((some, axis, True, (sizes[1] - sizes[0])[some], slopes, sigma, kind, placed[some, axis]))
+        parts.append(
+            (
+                some,
+                axis,
+                True,
+                (sizes[1] - sizes[0])[some],
+                slopes,
+                sigma,
+                kind,
+                placed[some, axis],
+                family[groups[some]] + 3 + axis,
+            )
+        )
     return _measured(_joined(parts))
 
 
@@ -159,8 +189,8 @@ def _measured(equations: Equations) -> Equations:
     return Equations(*(getattr(equations, one.name)[kept] for one in fields(Equations)))
 
 
-def _joined(parts: Sequence[tuple[Ints, int, bool, Floats, Floats, Floats, Ints, Floats]]) -> Equations:
-    pair, axis, size, difference, slopes, sigma, kind, place = zip(*parts, strict=True)
+def _joined(parts: Sequence[Part]) -> Equations:
+    pair, axis, size, difference, slopes, sigma, kind, place, family = zip(*parts, strict=True)
     lengths = [len(one) for one in pair]
     return Equations(
         np.concatenate(pair),
@@ -171,6 +201,7 @@ def _joined(parts: Sequence[tuple[Ints, int, bool, Floats, Floats, Floats, Ints,
         np.maximum(np.concatenate(sigma), LEAST_SIGMA_M),
         np.concatenate(kind),
         np.concatenate(place),
+        np.concatenate(family),
     )
 
 
@@ -190,18 +221,12 @@ def _prior(equations: Equations, kinds: int) -> Floats:
     return information
 
 
-def _first_scatter(equations: Equations) -> Floats:
-    scatter: Floats = PRIOR_SHARE * _medians(equations, equations.sigma)
-    return scatter
-
-
-def _medians(equations: Equations, values: Floats | None = None) -> Floats:
-    """The median (m,) of each kind's differences, or of other values."""
-    given = equations.difference if values is None else values
-    medians = np.zeros(len(given))
+def _medians(equations: Equations, values: Floats) -> Floats:
+    """The median (m,) of values (m,) over each kind."""
+    medians = np.zeros(len(values))
     for kind in np.unique(equations.kind):
         chosen = equations.kind == kind
-        medians[chosen] = np.median(given[chosen])
+        medians[chosen] = np.median(values[chosen])
     return medians
 
 
@@ -223,20 +248,21 @@ def _excess(equations: Equations) -> Floats:
 def _scatter(equations: Equations, residual: Floats) -> tuple[Floats, Floats]:
     """The standard deviation (m,) of each equation's own error, and the number (m,) of independent residuals that it rests upon.
 
-    It is the scatter of the residuals of its kind, steadied by what share of the maps' sigma the scatter is along that axis in general, as
-    much as `PRIOR_COUNT` residuals do (moderated t-test, Smyth 2004). Of few residuals, or where all of a kind are one, it is the maps'.
+    It is the scatter of the residuals of its kind, steadied by what share of the maps' sigma the scatter of its family is, as much as `PRIOR_COUNT` residuals do (moderated t-test, Smyth 2004). Of few residuals, or where all of a kind are one, it is the maps'.
     """
     scatter, freedom = np.zeros(len(residual)), np.full(len(residual), np.inf)
     kinds = [np.flatnonzero(equations.kind == kind) for kind in np.unique(equations.kind)]
     usual = [float(np.median(equations.sigma[chosen])) for chosen in kinds]
     spreads = [_spread(residual[chosen][_independent(equations, chosen)]) for chosen in kinds]
-    axes = [int(equations.axis[chosen[0]]) for chosen in kinds]
-    for chosen, sigma, (spread, count), axis in zip(kinds, usual, spreads, axes, strict=True):
+    families = [int(equations.family[chosen[0]]) for chosen in kinds]
+    for chosen, sigma, (spread, count), family in zip(kinds, usual, spreads, families, strict=True):
         if count < 1:
             scatter[chosen] = sigma
             continue
         shares = [
-            others[0] / one for others, one, of in zip(spreads, usual, axes, strict=True) if of == axis and others[1] > 0
+            others[0] / one
+            for others, one, of in zip(spreads, usual, families, strict=True)
+            if of == family and others[1] > 0
         ]
         prior = min(float(np.median(shares)) * sigma, MOST_PRIOR * spread)
         steady = np.sqrt((count * spread**2 + PRIOR_COUNT * prior**2) / (count + PRIOR_COUNT))

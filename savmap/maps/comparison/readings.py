@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from savmap.maps.comparison.elements import Coverage, Elements
 from savmap.maps.comparison.motion import Fit, Pairs, fit, half_turn
-from savmap.types import Bools, Floats
+from savmap.types import Bools, Floats, Ints
 
 BIN_M, MOST_CANDIDATES = 0.2, 15
 NEAR_Y_M, NEAR_SIZE_M = 0.08, 0.1
@@ -24,6 +24,7 @@ UNPAIRED = 0.5
 FIRST_GATE_M, GATE_M = 0.8, 0.5
 LEAST_PAIRS, LEAST_SHARE, TURN_SHARE = 3, 0.3, 0.5
 MARGIN, MARGIN_SHARE = 1.5, 0.02
+PROMISING, QUICK = 0.6, 5
 SAME_SHIFT_M = 0.5
 
 
@@ -44,11 +45,12 @@ class Reading:
 
 def best_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage]) -> list[Reading]:
     """The best reading, then those that are as good; none where too little agrees. Half a turn is thought of only where nothing fits without."""
-    for turned in (False, True):
-        found = sorted(_readings(old, new, covers, turned), key=lambda one: -one.score)
-        if found and found[0].share >= (LEAST_SHARE if turned else TURN_SHARE):
-            return _as_good(found)
-        straight = found if not turned else straight
+    straight = sorted(_readings(old, new, covers, False), key=lambda one: -one.score)
+    if straight and straight[0].share >= TURN_SHARE:
+        return _as_good(straight)
+    turned = sorted(_readings(old, new, covers, True), key=lambda one: -one.score)
+    if turned and turned[0].share >= TURN_SHARE:
+        return _as_good(turned)
     return _as_good(straight) if straight and straight[0].share >= LEAST_SHARE else []
 
 
@@ -64,18 +66,30 @@ def _as_good(found: list[Reading]) -> list[Reading]:
 
 
 def _readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage], turned: bool) -> Iterator[Reading]:
-    for shift in _candidates(old, new, turned):
-        start = half_turn(old.middles, turned) + np.array([shift, 0.0, 0.0])
-        pairs = paired(old, new, start, FIRST_GATE_M)
+    for pairs in _promising(old, new, turned):
         for _ in range(2):
             if len(pairs) < LEAST_PAIRS:
                 break
-            found = fit(old, new, pairs, turned)
+            found = fit(old, new, pairs, turned, QUICK)
             pairs = paired(old, new, found.carried(old.middles), GATE_M)
         if len(pairs) >= LEAST_PAIRS:
             found = fit(old, new, pairs, turned)
             score, share = _score(old, new, pairs, found, covers)
             yield Reading(pairs, found, score, share)
+
+
+def _promising(old: Elements, new: Elements, turned: bool) -> list[Pairs]:
+    """The first pairs of each shift that is worth a fit: of those that agree, but for one offset, nearly as well as the best."""
+    first: list[tuple[float, Pairs]] = []
+    for shift in _candidates(old, new, turned):
+        placed = half_turn(old.middles, turned) + np.array([shift, 0.0, 0.0])
+        pairs = paired(old, new, placed, FIRST_GATE_M)
+        if pairs:
+            rows, columns = np.array(pairs, dtype=np.int64).T
+            off = new.middles[columns] - placed[rows]
+            first.append((float(_agreement(old, new, rows, columns, off - np.median(off, axis=0)).sum()), pairs))
+    best = max((score for score, _ in first), default=0.0)
+    return [pairs for score, pairs in first if score >= PROMISING * best]
 
 
 def _candidates(old: Elements, new: Elements, turned: bool) -> list[float]:
@@ -147,19 +161,24 @@ def _score(
     rows, columns = np.array(pairs, dtype=np.int64).T
     placed = found.carried(old.middles)
     off = new.middles[columns] - placed[rows]
-    loose = np.hypot(old.middle_sigmas[rows], new.middle_sigmas[columns]) > NEAR_SIZE_M
-    agreement = np.exp(-0.5 * (np.where(loose, 0.0, off / NEAR_M) ** 2).sum(axis=1))
-    agreement = agreement * _likeness(old, new)[rows, columns]
-    left_old = _unpaired(old, set(rows.tolist()), placed, covers[1], old)
+    agreement = _agreement(old, new, rows, columns, off)
+    left_old = _unpaired(old, set(rows.tolist()), placed, covers[1])
     back = _carried_back(new.middles, found)
-    left_new = _unpaired(new, set(columns.tolist()), back, covers[0], new)
+    left_new = _unpaired(new, set(columns.tolist()), back, covers[0])
     share = float((agreement > 0.5).sum()) / max(min(len(old), len(new)), 1)
     return float(agreement.sum()) - UNPAIRED * (left_old + left_new), share
 
 
-def _unpaired(elements: Elements, paired_ones: set[int], placed: Floats, cover: Coverage, named: Elements) -> int:
+def _agreement(old: Elements, new: Elements, rows: Ints, columns: Ints, off: Floats) -> Floats:
+    """How well pairs (n,) whose middles are `off` (n, 3) m agree, 0 to 1, more where texts do."""
+    loose = np.hypot(old.middle_sigmas[rows], new.middle_sigmas[columns]) > NEAR_SIZE_M
+    near: Floats = np.exp(-0.5 * (np.where(loose, 0.0, off / NEAR_M) ** 2).sum(axis=1))
+    return near * _likeness(old, new)[rows, columns]
+
+
+def _unpaired(elements: Elements, paired_ones: set[int], placed: Floats, cover: Coverage) -> int:
     return sum(
-        cover.has(named.kinds[elements.groups[k]][0], float(placed[k, 0]))
+        cover.has(elements.kinds[elements.groups[k]][0], float(placed[k, 0]), float(elements.sizes[k, 0]))
         for k in range(len(elements))
         if k not in paired_ones
     )

@@ -1,7 +1,6 @@
 """The clear space between a section's beams, where goods stand: what two dates of a rack are compared by beside its elements."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -26,20 +25,15 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 def _openings(number: int, beams: Sequence[Structure]) -> Iterator[Structure]:
     ordered = sorted(beams, key=lambda beam: float(beam.vertices[:, 1].mean()))
-    sides = [(_edge(beam, "lower"), _edge(beam, "upper")) for beam in ordered]
-    for level, (below, above) in enumerate(pairwise([(None, _floor(*sides[0][0])), *sides])):
-        (low, low_covariances), (high, high_covariances) = below[1], above[0]
-        if float(high[:, 1].mean() - low[:, 1].mean()) >= LEAST_M:
-            name = f"section {number} / opening {level}"
-            yield Structure(
-                name,
-                "opening",
-                np.concatenate([low, high]),
-                np.concatenate([low_covariances, high_covariances]),
-                tuple(f"{name} / {corner}" for corner in CORNERS),
-                RING,
-                {"section": number, "level": level},
-            )
+    bottoms = [_floor(*_edge(ordered[0], "lower")), *(_edge(beam, "upper") for beam in ordered[:-1])]
+    tops = [_edge(beam, "lower") for beam in ordered]
+    for level, ((low, low_spread), (high, high_spread)) in enumerate(zip(bottoms, tops, strict=True)):
+        if float(high[:, 1].mean() - low[:, 1].mean()) < LEAST_M:
+            continue
+        name = f"section {number} / opening {level}"
+        labels = tuple(f"{name} / {corner}" for corner in CORNERS)
+        corners, spread = np.concatenate([low, high]), np.concatenate([low_spread, high_spread])
+        yield Structure(name, "opening", corners, spread, labels, RING, {"section": number, "level": level})
 
 
 def _edge(beam: Structure, side: str) -> tuple[Floats, Floats]:
