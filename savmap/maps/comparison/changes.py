@@ -1,8 +1,7 @@
 """What of two rows, once one lies in the other's frame, is as it was, moved, changed, new, missing or not seen.
 
-Each figure of a pair is tested against its own standard deviation with Student's t. An element's chance is that of its least likely figure
-times their number (Bonferroni); over all elements of both maps the share of false changes among those that are told is kept under the level
-(Benjamini and Hochberg 1995).
+Each figure of a pair is tested against its own standard deviation with Student's t. Over all figures of all elements of both maps, the share of
+false ones among those that are told is kept under the level (Benjamini and Hochberg 1995).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,6 +17,7 @@ from savmap.types import Floats, Structure
 
 AXES = ("x", "y", "z")
 LEAST_P = 1e-12
+EQUAL_M = 1e-5
 
 
 def pairs_compared(
@@ -33,12 +33,10 @@ def pairs_compared(
         ]
         if not sizes_only:
             differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j])]
-        p = min(1.0, len(differences) * min((one.p for one in differences), default=1.0))
+        p = min((one.p for one in differences), default=1.0)
         plugin, label = new.kinds[new.groups[j]]
         text = new.texts[j] or old.texts[i]
-        yield ElementChange(
-            plugin, label, "same", before.id, after.id, text, new.middles[j], tuple(differences), max(p, LEAST_P)
-        )
+        yield ElementChange(plugin, label, "same", before.id, after.id, text, new.middles[j], tuple(differences), p)
 
 
 def _tests(found: Fit, sizes_only: bool) -> Mapping[int, list[int]]:
@@ -105,9 +103,23 @@ def unpaired(
         yield ElementChange(plugin, label, told, old_id, new_id, elements.texts[k], shown[k])
 
 
-def judged(changes: Sequence[ElementChange], level: float) -> list[ElementChange]:
-    """The paired elements with their states."""
-    return _with_states(changes, accepted([one.p for one in changes if one.differences], level))
+def judged(rows: Sequence[Sequence[ElementChange]], level: float) -> list[tuple[ElementChange, ...]]:
+    """The elements of each row with their states; the figures of all of them are one family of tests."""
+    chances = {
+        _test(number, k, one): one.p
+        for number, row in enumerate(rows)
+        for k, change in enumerate(row)
+        for one in change.differences
+    }
+    limit = accepted(list(chances.values()), level)
+    return [tuple(_judged(change, limit) for change in row) for row in rows]
+
+
+def _test(row: int, element: int, figure: Difference) -> tuple[object, ...]:
+    """What tells a test from the others: figures of elements of a row that differ by the same number, because they share an edge, are one."""
+    if figure.difference_m is None:
+        return row, element, figure.what
+    return row, figure.what, round(figure.difference_m / EQUAL_M)
 
 
 def accepted(chances: Sequence[float], level: float) -> float:
@@ -117,15 +129,8 @@ def accepted(chances: Sequence[float], level: float) -> float:
     return float(ordered[below][-1]) if below.any() else -1.0
 
 
-def _with_states(changes: Sequence[ElementChange], limit: float) -> list[ElementChange]:
-    return [_judged(one, limit) if one.differences else one for one in changes]
-
-
 def _judged(change: ElementChange, limit: float) -> ElementChange:
-    count = len(change.differences)
-    told = change.p <= limit
-    marked = tuple(replace(one, significant=told and count * one.p <= limit) for one in change.differences)
-    if not told:
-        return replace(change, differences=marked)
-    moved = any(one.what in AXES and one.significant for one in marked)
-    return replace(change, differences=marked, state="moved" if moved else "changed")
+    marked = tuple(replace(one, significant=one.p <= limit) for one in change.differences)
+    told = [one.what for one in marked if one.significant]
+    moved = any(what in AXES for what in told)
+    return replace(change, differences=marked, state="moved" if moved else "changed" if told else change.state)

@@ -38,15 +38,11 @@ def compare_maps(
 
 def _all_judged(rows: Sequence[RowComparison], level: float) -> list[RowComparison]:
     """Elements of all rows are one family of tests, openings another."""
-    elements = iter(judged([one for row in rows for one in row.elements], level))
-    openings = iter(judged([one for row in rows for one in row.openings], level))
+    elements = judged([row.elements for row in rows], level)
+    openings = judged([row.openings for row in rows], level)
     return [
-        replace(
-            row,
-            elements=tuple(next(elements) for _ in row.elements),
-            openings=tuple(next(openings) for _ in row.openings),
-        )
-        for row in rows
+        replace(row, elements=of_elements, openings=of_openings)
+        for row, of_elements, of_openings in zip(rows, elements, openings, strict=True)
     ]
 
 

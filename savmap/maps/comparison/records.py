@@ -40,7 +40,7 @@ class Difference:
 @array_record
 class ElementChange:
     """An element of a row on both dates: its ids (None: that map has none), the text on it, the middle (3,) m in the new row's frame, and
-    the figures that were tested. `p` is the least of these, corrected for their number."""
+    the figures that were tested. `p` is the least of theirs."""
 
     plugin: str
     label: str

@@ -163,7 +163,9 @@ def test_rows_with_nothing_in_common_are_not_compared() -> None:
 
 def test_openings_are_compared_by_their_sizes_alone() -> None:
     bars = [place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2)]
-    openings = [{"A": {"racks": [one for one in site.rows["A"].structures["racks"] if "bar" in one.id]}} for site in bars]
+    openings = [
+        {"A": {"racks": [one for one in site.rows["A"].structures["racks"] if "bar" in one.id]}} for site in bars
+    ]
     assert [one.state for one in compare_maps(*bars, (openings[0], openings[1])).rows[0].openings] == ["same"] * 40
 
 
