@@ -22,7 +22,7 @@ from compared_rows import CHANGES, ERRORS, Pair, pair
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.maps.comparison import CHANGES as CHANGED
-from savmap.maps.comparison import ElementChange, compare_maps
+from savmap.maps.comparison import LEVEL, ElementChange, compare_maps
 from savmap.types import Floats
 
 ROOT = Path(__file__).parent.parent
@@ -54,11 +54,11 @@ def true_boxes(survey: Mapping[str, Any]) -> dict[str, Floats]:
     return {"upright": np.array(posts), "beam": np.array(beams)}
 
 
-def outcomes(compared: Pair) -> Iterator[Outcome]:
+def outcomes(compared: Pair, level: float) -> Iterator[Outcome]:
     """Each element of the comparison beside the truth; those that the maps missed or invented are left out."""
     old, new = (true_boxes(survey) for survey in compared.surveys)
     shift = 2.8 if "left" in compared.case else 0.0
-    row = compare_maps(compared.old, compared.new).rows[0]
+    row = compare_maps(compared.old, compared.new, level=level).rows[0]
     if row.motion is None or row.motion.ambiguous:
         yield Outcome(compared.case, compared.seed, "row", np.inf, "not aligned", "A")
         return
@@ -159,6 +159,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first pair")
     parser.add_argument("--sections", type=int, default=10)
     parser.add_argument("--errors", choices=tuple(ERRORS), default="fine")
+    parser.add_argument("--level", type=float, default=LEVEL, help="of the false discovery rate")
     parser.add_argument("--keep", type=Path, help="folder of maps")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "compare.json")
     arguments = parser.parse_args()
@@ -168,7 +169,7 @@ def main() -> None:
         for seed in range(arguments.first, arguments.first + arguments.pairs):
             for case in CHANGES:
                 try:
-                    found += outcomes(pair(case, seed, arguments.errors, arguments.sections, folder))
+                    found += outcomes(pair(case, seed, arguments.errors, arguments.sections, folder), arguments.level)
                 except SavmapError as refusal:
                     print(f"pair {seed}, {case}, is left out: {refusal}", flush=True)
     print("\n".join(table(found)))

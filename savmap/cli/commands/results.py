@@ -53,7 +53,7 @@ def compare(
     ] = None,
     level: Annotated[
         float, typer.Option(min=1e-6, max=0.5, help="Share of false ones among the changes that is accepted.")
-    ] = 0.05,
+    ] = 0.1,
     exit_code: Annotated[bool, typer.Option("--exit-code", help="End with 13 if anything changed.")] = False,
 ) -> None:
     """Say what changed from one map of a place to a later one."""

@@ -12,7 +12,7 @@ from savmap.maps.comparison.readings import GATE_M, Reading, best_readings, pair
 from savmap.maps.comparison.records import Comparison, ElementChange, RowComparison, RowMotion
 from savmap.types import RowMap, SiteMap, Structure
 
-LEVEL = 0.05
+LEVEL = 0.1
 """Of what is told as a change, at most this share is chance."""
 Openings = Mapping[str, Mapping[str, Sequence[Structure]]]
 """By row and plugin, what is between structures, such as the clear space of which somebody cares how wide and high it is."""
