@@ -64,22 +64,33 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     try:
         site_map = savmap.map_site(site, output=output)
         figures = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
-        figures = {key: figures[key] for key in ("mae_m", "missing", "spurious", "lights") if key in figures}
+        figures = {
+            key: figures[key] for key in ("mae_m", "missing", "spurious", "lights", "ends of lights") if key in figures
+        }
     except SavmapError as error:
         figures = {"error": str(error)}
     return {**figures, "seconds": time.perf_counter() - start}
 
 
 def is_whole(figures: dict[str, Any]) -> bool:
-    """Whether a row's map misses nothing and invents nothing."""
-    return "error" not in figures and not any(figures["missing"].values()) and not any(figures["spurious"].values())
+    """Whether a row's map misses nothing and invents nothing, lamps as well as the racks' elements."""
+    return "error" not in figures and counted(figures) == (0, 0)
+
+
+def counted(figures: dict[str, Any]) -> tuple[int, int]:
+    """How many elements a row's map misses, and how many it invents."""
+    lamps = figures.get("lights", {})
+    return (
+        sum(figures["missing"].values()) + lamps.get("missing", 0),
+        sum(figures["spurious"].values()) + lamps.get("spurious", 0),
+    )
 
 
 def line(seed: int, figures: dict[str, Any]) -> str:
     """One row of the table."""
     if "error" in figures:
         return f"{seed:6d}  {figures['error'][:100]}"
-    missing, spurious = sum(figures["missing"].values()), sum(figures["spurious"].values())
+    missing, spurious = counted(figures)
     lamps = figures.get("lights", {})
     lamp_text = f"{100 * lamps['mae_m']:8.2f}" if lamps.get("mae_m") is not None else "       -"
     return f"{seed:6d} {missing:8d} {spurious:9d} {100 * figures['mae_m']:8.2f} {lamp_text} {figures['seconds']:9.1f}"

@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "licences.md"
-TOOLS = ("test", "docs", "browser", "dev")
+TOOLS = ("test", "docs", "browser", "validators", "dev")
 """Extras of those who work on savmap; their dependencies' own dependencies are not listed."""
 UNSAID: Mapping[str, str] = {
     "bpy": "GPL-3.0-or-later",
@@ -39,6 +39,7 @@ SHORT: Sequence[tuple[str, str]] = (
     (r"PSF|Python Software Foundation", "PSF-2.0"),
     (r"BSD-2|Simplified BSD", "BSD-2-Clause"),
     (r"BSD", "BSD-3-Clause"),
+    (r"TOST", "TOST-1.0"),
     (r"MIT-CMU|HPND", "MIT-CMU"),
     (r"MIT", "MIT"),
     (r"ISC", "ISC"),
@@ -48,7 +49,7 @@ SHORT: Sequence[tuple[str, str]] = (
 HEAD = """# Dependencies and their licences
 
 savmap is under the Apache License 2.0 (the file `LICENSE`). This page is made by `python docs/licences.py --write` from `pyproject.toml`
-and from what the packages say of themselves; a test holds it. None is shipped with savmap: `pip` installs them from where their authors
+and from what the packages say of themselves; a test holds it. None is shipped with savmap, but for three.js in the viewer: `pip` installs them from where their authors
 publish them.
 
 A package in italics is one that another one needs. What has several licences is listed by one of them. Binary packages carry libraries with
@@ -57,6 +58,10 @@ licences of their own, which lie in their folders:
 - `av` and `opencv-python-headless` carry FFmpeg (LGPL-2.1 or later); that of `av` is built with x264 and x265, which are under the
   GPL-2.0 or later. savmap calls them, and ships none of them; who ships a whole environment, such as a container, ships them under that licence.
 - `torch` brings NVIDIA's libraries where there is a graphics card, under NVIDIA's licences.
+- `ifcopenshell`, which only the format IFC needs (extra `bim`), is under the LGPL-3.0 or later: savmap calls it, and ships none of it.
+- `usd-core`, which only binary USD needs (extra `usd`), is under the Tomorrow Open Source Technology License 1.0, which is the Apache License 2.0
+  with another clause on trademarks.
+- The [viewer](viewer.md)'s script has three.js (MIT) in it, the one library that savmap ships; its licence stands at the script's head.
 - `bpy`, which only the extra `blender` needs to render pictures, is under the GPL-3.0 or later.
 """
 

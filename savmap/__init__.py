@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError
-    from savmap.jobs.api import compare, evaluate, export, load_map, map_site, map_video
+    from savmap.jobs.api import align, compare, evaluate, export, load_map, map_site, map_video
     from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
     from savmap.maps.map_file import write_map
     from savmap.plugin.hookspecs import hookimpl
@@ -69,6 +69,7 @@ __all__ = [
     "View",
     "ViewPlan",
     "ViewSpec",
+    "align",
     "compare",
     "evaluate",
     "export",
@@ -87,7 +88,7 @@ _MODULES = {
     **dict.fromkeys(
         ("Comparison", "Difference", "ElementChange", "RowComparison", "RowMotion"), "savmap.maps.comparison"
     ),
-    **dict.fromkeys(("compare", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
+    **dict.fromkeys(("align", "compare", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
 }
 
 

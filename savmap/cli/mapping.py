@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from savmap.assembly import site_lines
+from savmap.assembly import alignment_lines, site_lines
 from savmap.cli.console import Console
 from savmap.cli.speech import say, say_all
 from savmap.jobs.cache import locked
@@ -28,17 +28,18 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
             say(f"wrote {file}")
         if run.evaluation is not None:
             say_all(as_table(run.evaluation))
-        for line in (*site_lines(run.site_map), *verdict_lines(run.site_map)):
+        for line in (*site_lines(run.site_map), *alignment_lines(run.site_map), *verdict_lines(run.site_map)):
             say(line)
         run.raise_if_incomplete(job)
 
 
 def verdict_lines(site_map: SiteMap) -> Iterator[str]:
-    """A line for each row's verdict, and one for each doubt."""
+    """A line for each row's verdict, and one for each doubt and each note."""
     for row in site_map.rows.values():
         if row.verdict:
             yield f"row {row.name}: {row.verdict.grade}"
             yield from (f"  {doubt.kind}: {doubt.what}" for doubt in row.verdict.doubts)
+            yield from (f"  note: {note}" for note in row.verdict.notes)
 
 
 def preview_and_print(job: Job) -> None:

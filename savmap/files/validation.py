@@ -35,9 +35,9 @@ def checked(model: type[Model], content: object, where: str) -> Model:
         raise OutputError(f"{where}: {one_line(error)}") from error
 
 
-def path_of(problem: "ErrorDetails") -> str:
-    """The path of a problem in the content: "rows.A.passes[0].fps"."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"])
+def path_of(location: Location) -> str:
+    """A location in the content as a path: "rows.A.passes[0].fps"."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return "".join(parts).lstrip(".")
 
 
@@ -49,7 +49,7 @@ def text_of(problem: "ErrorDetails") -> str:
 def one_line(error: ValidationError) -> str:
     """The first problem as "path: problem", and how many more there are."""
     problems = error.errors(include_url=False, include_context=False)
-    path, text = path_of(problems[0]), text_of(problems[0])
+    path, text = path_of(problems[0]["loc"]), text_of(problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"{path}: {text}{more}" if path else f"{text}{more}"
 
@@ -87,7 +87,7 @@ def explained(
 def _explained(
     problem: "ErrorDetails", location: Location, model: type[BaseModel], place_of: Callable[[Location, bool], str]
 ) -> str:
-    key = path_of({**problem, "loc": location})
+    key = path_of(location)
     place = place_of(location, problem["type"] == "value_error")
     if problem["type"] == "extra_forbidden":
         allowed = _keys(model, problem["loc"][:-1])
@@ -97,7 +97,7 @@ def _explained(
     text = text_of(problem)
     text = text[:1].lower() + text[1:]
     if problem["type"] == "value_error":
-        return f"{place}: `{key}`: {text}"
+        return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
     units = "; lengths are metres, times seconds" if isinstance(problem["input"], int | float) else ""
     return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
 

@@ -24,7 +24,8 @@ class Relation:
 
     A relation with a `name` is a figure that the user gave: it may fix scale and place, and is reported. One without a name
     is structure: a grid line, the face plane. `note_if_outlier` is for a named relation whose landmark may have been taken
-    for another: where all other references refute it, it is left out and the user gets this line.
+    for another: where all other references refute it, it is left out and the user gets this line. `may_be_missing`: that is no
+    reason to doubt the map, for the user did not say that this very landmark exists.
     """
 
     axis: Axis | None
@@ -34,6 +35,7 @@ class Relation:
     sigma: float
     name: str = ""
     note_if_outlier: str = ""
+    may_be_missing: bool = False
 
     @property
     def column(self) -> int:
@@ -83,6 +85,8 @@ class Constraints:
     there are the `relate` hook and the references. Factors of frames that are not solved for are left out.
     `variables`: variables that no pixel measures but these factors bind, with their first values by key: a `gtsam.Pose2` at
     a `KeySpace.pose2` key, three numbers at a `KeySpace.vector3` key.
+    `alike`: pairs of landmarks whose distance along an axis is usually much the same, such as the edges of beams of one profile: where a
+    reference contradicts what was seen of its landmark, they tell which of both is wrong.
     `height_reference`: how the user gives a known height on this plugin's structures, for error messages.
     """
 
@@ -95,6 +99,7 @@ class Constraints:
     factors: gtsam.NonlinearFactorGraph | None = None
     alternatives: Mapping[str, tuple[Relation, ...]] = field(default_factory=dict)
     variables: Mapping[int, Variable] = field(default_factory=dict)
+    alike: tuple[tuple[Axis, int, int], ...] = ()
     height_reference: str = ""
 
     def __post_init__(self) -> None:

@@ -15,13 +15,15 @@ class Biases:
     (n, 2, s), the pixel's derivative to each, 0 where there is none.
 
     `prior` (k,): their standard deviations; `free` (k,): which are estimated. The others are taken for 0, and sigmas allow
-    for them.
+    for them. Those that are `relative` (k,) are multiples of each measurement's standard deviation rather than px: their slopes
+    hold that as it was given, and where the residuals show another one, it is theirs that counts.
     """
 
     indices: Ints
     slopes: Floats
     prior: Floats
     free: NDArray[np.bool_]
+    relative: NDArray[np.bool_]
 
     def take(self, chosen: NDArray[np.bool_]) -> "Biases":
         """Of the measurements where a mask (n,) is true."""
@@ -33,11 +35,17 @@ class Biases:
             return np.zeros((len(self.indices), 2))
         return np.asarray(np.einsum("nis,ns->ni", self.slopes, values[self.indices]))
 
+    def scaled(self, scales: Floats) -> Floats:
+        """Slopes (n, 2, s) where measurements' standard deviations are `scales` (n,) times those given."""
+        if not self.relative.any():
+            return self.slopes
+        return self.slopes * np.where(self.relative[self.indices], scales[:, None], 1.0)[:, None, :]
+
 
 def no_biases(count: int) -> Biases:
     """Measurements (count,) without biases."""
     none = np.zeros(0)
-    return Biases(np.zeros((count, 0), np.int64), np.zeros((count, 2, 0)), none, none.astype(np.bool_))
+    return Biases(np.zeros((count, 0), np.int64), np.zeros((count, 2, 0)), none, *(2 * [none.astype(np.bool_)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +53,7 @@ class ImageMeasurements:
     """Landmarks with `keys` (n,), seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
 
     `dof` (n,) is how many equations a measurement is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
-    `biases`: those that measurements have in common.
+    `biases`: those that measurements have in common. `classes` (n,) are indices into `class_names`: measurements of one class err alike.
     """
 
     frames: Ints
@@ -56,6 +64,8 @@ class ImageMeasurements:
     dof: Floats
     views: tuple[ViewSpec, ...]
     biases: Biases
+    classes: Ints
+    class_names: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -71,7 +81,13 @@ class ImageMeasurements:
             self.dof[chosen],
             self.views,
             self.biases.take(chosen),
+            self.classes[chosen],
+            self.class_names,
         )
+
+    def inflated(self, factors: Floats) -> "ImageMeasurements":
+        """The measurements with `factors` (n,) times their covariances."""
+        return replace(self, covariances=self.covariances * factors[:, None, None])
 
     def without(self, bias: Floats) -> "ImageMeasurements":
         """The measurements corrected for biases (k,) px."""
@@ -113,6 +129,7 @@ def image_measurements(
     """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
     `dof` (by track, one each measurement) need only be given where the covariance does not show it; `biases`: in the tracks' order."""
     number = {name: index for index, name in enumerate(views)}
+    labels = tuple(dict.fromkeys(track.label for track in tracks))
     return ImageMeasurements(
         np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
         np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
@@ -124,6 +141,8 @@ def image_measurements(
         np.concatenate([np.zeros(0), *((dof or {}).get(track.name, plain_dof(track.covariances)) for track in tracks)]),
         tuple(views.values()),
         biases or no_biases(sum(len(track.frames) for track in tracks)),
+        np.array([labels.index(track.label) for track in tracks for _ in track.views], np.int64),
+        labels,
     )
 
 
@@ -136,6 +155,7 @@ def plain_dof(covariances: Floats) -> Floats:
 def join(parts: Sequence[ImageMeasurements]) -> ImageMeasurements:
     """Measurements of several plugins in one record, plugin after plugin."""
     offsets = np.cumsum([0, *(len(part.views) for part in parts)]).tolist()
+    names = np.cumsum([0, *(len(part.class_names) for part in parts)]).tolist()
     return ImageMeasurements(
         np.concatenate([part.frames for part in parts]),
         np.concatenate([part.keys for part in parts]),
@@ -145,6 +165,8 @@ def join(parts: Sequence[ImageMeasurements]) -> ImageMeasurements:
         np.concatenate([part.dof for part in parts]),
         tuple(spec for part in parts for spec in part.views),
         _joined_biases([part.biases for part in parts]),
+        np.concatenate([part.classes + offset for part, offset in zip(parts, names, strict=False)]),
+        tuple(name for part in parts for name in part.class_names),
     )
 
 
@@ -160,6 +182,7 @@ def _joined_biases(parts: Sequence[Biases]) -> Biases:
         np.concatenate([np.pad(p.slopes, ((0, 0), (0, 0), (0, more))) for p, more in zip(parts, wider, strict=True)]),
         np.concatenate([part.prior for part in parts]),
         np.concatenate([part.free for part in parts]),
+        np.concatenate([part.relative for part in parts]),
     )
 
 

@@ -1,6 +1,6 @@
 """All plugins' constraints and the user's references in one problem: names resolved, arrays laid out."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -131,7 +131,7 @@ def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> P
     if not len(measurements) and not len(_frames_of(kept)):
         raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
     structure = tuple(relation for part in parts for relation in part.relations)
-    references = _reference_relations(camera, parts, structure, partial)
+    references = _told_apart(_reference_relations(camera, parts, structure, partial))
     return Problem(camera, kept, (*structure, *references), measurements, partial)
 
 
@@ -142,6 +142,11 @@ def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasur
         raise StructureError(f"row {camera.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
     measurements = join([part.measurements for part in parts])
     return measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
+
+
+def frames_bound(problem: Problem) -> Ints:
+    """Numbers (k,) of the frames that plugins' factors bind."""
+    return _frames_of(problem.parts)
 
 
 def first_poses(problem: Problem) -> Floats:
@@ -187,6 +192,14 @@ def _reference_relations(
     for point in camera.references.points:
         if not partial or point.name in known:
             yield from _point(point, parts, row)
+
+
+def _told_apart(relations: Iterable[Relation]) -> Iterator[Relation]:
+    """References with names of their own: what is given twice is two references, either of which may be wrong."""
+    seen: dict[str, int] = {}
+    for relation in relations:
+        seen[relation.name] = count = seen.get(relation.name, 0) + 1
+        yield replace(relation, name=f"{relation.name} (given again, {count})") if count > 1 else relation
 
 
 def _length(length: KnownLength, parts: tuple[Constraints, ...], structure: tuple[Relation, ...], row: str) -> Relation:

@@ -1,6 +1,7 @@
 """What the user measured, and what is known of the camera before the solve: both give the map its scale and its place."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +23,11 @@ class CameraHeight:
     def __post_init__(self) -> None:
         if min(self.sigma_m, self.sway_m) <= 0:
             raise SolveError("camera height: sigma and sway must be greater than 0 m")
+
+    @property
+    def name(self) -> str:
+        """As in messages and in the map."""
+        return " ".join(("camera height", *self.passes))
 
 
 @dataclass(frozen=True)
@@ -67,14 +73,19 @@ class KnownMarker:
         return f"{self.dictionary} {self.number}"
 
 
+OnContradiction = Literal["check", "refuse", "leave_out"]
+"""What becomes of a row where a reference is contradicted: it is mapped without it and doubted, refused, or mapped without a doubt."""
+
+
 @dataclass(frozen=True)
 class References:
-    """All that the user measured of a row."""
+    """All that the user measured of a row, and what to do where the rest contradicts a part of it."""
 
     camera_heights: tuple[CameraHeight, ...] = ()
     lengths: tuple[KnownLength, ...] = ()
     points: tuple[SurveyedPoint, ...] = ()
     markers: tuple[KnownMarker, ...] = ()
+    on_contradiction: OnContradiction = "check"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
 """The public Python API: maps from site files and videos, their scores, and other formats. See docs/python-api.md."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from savmap.assembly import aligned
 from savmap.errors import SiteError
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import map_job, map_job_into
@@ -14,6 +15,7 @@ from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters
 from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
+from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
 from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, SiteMap, Survey
@@ -91,8 +93,21 @@ def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEV
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 
+def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
+    """The map with its place in the user's world (`alignment`), from a file with the section `align` of a site file, or that alone.
+
+    tell: is given a line for each thing that the user should know, such as a point that contradicts the others and was left out. Raises
+    SiteError with file and line where the places do not tell where the site stands, or contradict one another.
+    """
+    result = aligned(site_map, load_alignment(Path(known)))
+    if tell is not None:
+        for note in result.notes:
+            tell(note)
+    return result.site_map
+
+
 def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format: "csv", "ply", or a format of an installed plugin; default: by the path's ending.
+    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: by the path's ending.
 
     Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
     """

@@ -55,9 +55,14 @@ def solution_key(job: Job, measurement_keys: Mapping[str, str]) -> str:
     )
 
 
-def picture_key(measured: str, solved: bytes) -> str:
-    """Of a row's orthophoto, from the key of its measurement and its solved map."""
-    return digest(measured=measured, solved=hashlib.sha256(solved).hexdigest())
+def strips_key(job: Job, measured: str) -> str:
+    """Of the pictures that were kept of a row's frames, from the key of its measurement."""
+    return digest(measured=measured, strips=job.site.orthophotos, stills=job.site.panoramas)
+
+
+def picture_key(strips: str, solved: bytes) -> str:
+    """Of a row's orthophoto and stills, from the key of what they are made of and its solved map."""
+    return digest(strips=strips, solved=hashlib.sha256(solved).hexdigest())
 
 
 def drawing_key(row: RowMap, survey: Mapping[str, Any] | None) -> str:

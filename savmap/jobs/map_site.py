@@ -1,11 +1,11 @@
 """A job from its footage to a site map with its scores, and the files that are written of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from savmap.assembly import assembled
+from savmap.assembly import aligned, assembled
 from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
 from savmap.files.atomic import file_name, sha256, write_text
 from savmap.files.texts import json_visible
@@ -22,9 +22,11 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import PluginsByRow, evaluation_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, report_for
+from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
+from savmap.site.load import KnownAlignment
 from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
@@ -78,7 +80,7 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     """Map a job that is known to be ready, and write all its results into its output folder, which is there.
 
     What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
-    solved: map.json, run.json, report.html, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
+    solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
     return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
 
@@ -96,6 +98,18 @@ def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[Si
     except SavmapError as error:
         return site_map, (f"rows are not placed in one frame: {error}",)
     return result.site_map, tuple(result.notes)
+
+
+def in_users_world(job: Job, site_map: SiteMap) -> tuple[SiteMap, tuple[str, ...]]:
+    """The map with its place in the user's world where the site file tells, and a line for each thing the user should know. What does not
+    fit the map costs the alignment, not the map."""
+    if job.site.align is None:
+        return site_map, ()
+    try:
+        result = aligned(site_map, KnownAlignment(job.site.align, job.places))
+    except SavmapError as error:
+        return site_map, (f"the site is not aligned: {error}; after mending it run `savmap align`",)
+    return result.site_map, result.notes
 
 
 def made_by(job: Job) -> dict[str, str]:
@@ -132,13 +146,16 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
     if job.note:
         monitor.note(job.note)
-    mapped = map_rows_of(job, options, monitor, cache, orthophotos=write and job.site.orthophotos)
+    mapped = map_rows_of(
+        job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)
+    )
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
     with failures_gathered() as failures, warnings_as_notes(monitor):
-        site_map, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
-        for note in notes:
+        placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
+        site_map, further = in_users_world(job, placed)
+        for note in (*notes, *further):
             monitor.note(note)
         if write:
             evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache)
@@ -152,14 +169,16 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
 def _write_results(
     job: Job, site_map: SiteMap, mapped: MappedRows, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
-    """Write the map, what was done for it, the resolved site, the report, each row's two pictures, its orthophoto if there is one, and
+    """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
     the box plot where there is a survey; the scores, and the files worth a look."""
     write_map(site_map, job.output / "map.json")
     write_log(mapped.log, job.output / "run.json")
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
-    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), mapped.orthophotos)
+    photos, stills = mapped.orthophotos, mapped.stills
+    report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
+    report = replace(report, viewer=VIEW)
     files = [job.output / "map.json"]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
@@ -170,7 +189,9 @@ def _write_results(
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
-    files.append(job.output / "report.html")
+    view = View(site_map, report.evaluation, report.title, mapped.orthophotos, mapped.stills)
+    write_view(view, job.output / VIEW)
+    files += [job.output / "report.html", job.output / VIEW]
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)

@@ -105,7 +105,12 @@ def _rate(job: Job, part: Footage) -> Rate:
     """Measure the first frames of a pass as a run does."""
     probe = ProbeMonitor()
     begin = time.perf_counter()
-    request = replace(request_for(job, part.row), passes=(part.row_pass,), strips=job.site.orthophotos)
+    request = replace(
+        request_for(job, part.row),
+        passes=(part.row_pass,),
+        strips=job.site.orthophotos,
+        stills=job.site.panoramas,
+    )
     measured = measure(request, probe)
     stored = packed(measured.measurements) + packed(measured.strips)
     warm = min(WARM, len(probe.clock) - 2)

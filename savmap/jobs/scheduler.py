@@ -12,7 +12,7 @@ from typing import Any
 from savmap.errors import PluginFailedError, SavmapError
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
-from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key
+from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, strips_key
 from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
 from savmap.jobs.kept import kept_map, kept_measurements
 from savmap.maps.run_record import RowRun, RunLog
@@ -20,7 +20,7 @@ from savmap.pipeline.measure import RowMeasurements
 from savmap.plugin import trace
 from savmap.plugin.isolation import left_out
 from savmap.site.job import Job
-from savmap.types import Orthophoto, RowMap, RowStrips
+from savmap.types import Orthophoto, RowMap, RowStrips, Still
 from savmap.types.progress import Monitor
 
 log = logging.getLogger("savmap")
@@ -55,27 +55,28 @@ class RunOptions:
 @dataclass(frozen=True, eq=False)
 class MappedRows:
     """Rows' maps by name, in the site's order; the errors of the others; what was done; and, if they were asked for, orthophotos of
-    the faces that are known."""
+    the faces that are known and stills of the camera's path."""
 
     rows: Mapping[str, RowMap]
     failed: Mapping[str, SavmapError]
     log: RunLog
     orthophotos: Mapping[str, Orthophoto] = field(default_factory=dict)
+    stills: Mapping[str, Sequence[Still]] = field(default_factory=dict)
 
 
 def map_rows_of(
-    job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, orthophotos: bool = False
+    job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, with_pictures: bool = False
 ) -> MappedRows:
-    """Map all rows of a job, with orthophotos of them if these are wanted. Raises the first row's error where none could be mapped."""
+    """Map all rows of a job, with the pictures of them that it asks for, if any are wanted. Raises the first row's error where none could be mapped."""
     begin = time.monotonic()
     groups = groups_of(job)
     executor, workers = options.executor(job, len(groups), monitor)
-    progress = _Progress(job, cache, executor, monitor, groups, orthophotos)
+    progress = _Progress(job, cache, executor, monitor, groups, with_pictures)
     for group in groups:
         progress.begin(group)
     results = executor.results()
     if executor.monitor is None:
-        pictures = len(job.site.rows) if orthophotos else 0
+        pictures = len(job.site.rows) if with_pictures else 0
         results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups) + pictures)
     for key, result in results:
         progress.take(key, result)
@@ -88,7 +89,9 @@ def map_rows_of(
     runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
     failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
     log = RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers)
-    return MappedRows(maps, failed, log, {name: progress.pictures[name] for name in maps if name in progress.pictures})
+    shown = {name: progress.pictures[name] for name in maps if name in progress.pictures}
+    photos = {name: picture.orthophoto for name, picture in shown.items() if picture.orthophoto is not None}
+    return MappedRows(maps, failed, log, photos, {name: picture.stills for name, picture in shown.items()})
 
 
 def groups_of(job: Job) -> Sequence[Group]:
@@ -107,7 +110,7 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 @dataclass(eq=False)
 class _Progress:
     """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the plugins that failed
-    in it. `wants_pictures`: whether orthophotos are made; of strips only those are held that the cache does not keep."""
+    in it. `wants_pictures`: whether pictures are made; of strips only those are held that the cache does not keep."""
 
     job: Job
     cache: RowCache
@@ -120,7 +123,7 @@ class _Progress:
     measured: dict[str, StoredRecord[RowMeasurements]] = field(default_factory=dict)
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
     strips: dict[str, StoredRecord[RowStrips]] = field(default_factory=dict)
-    pictures: dict[str, Orthophoto] = field(default_factory=dict)
+    pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
@@ -235,14 +238,14 @@ class _Progress:
 
     def _can_be_shown(self, name: str, row: StoredRecord[RowMap]) -> bool:
         """Whether there is a row's orthophoto, or what it is made of."""
-        kept = self.cache.load(name, PICTURED, picture_key(self.keys[name], row.content))
+        kept = self.cache.load(name, PICTURED, picture_key(self._strips_key(name), row.content))
         return kept is not None or self._strips_of(name) is not None
 
     def _picture(self, name: str) -> None:
         """Use a row's orthophoto from an earlier run, or have it made."""
         if not self.wants_pictures:
             return
-        kept = self.cache.load(name, PICTURED, picture_key(self.keys[name], self.solved[name].content))
+        kept = self.cache.load(name, PICTURED, picture_key(self._strips_key(name), self.solved[name].content))
         strips = self._strips_of(name) if kept is None else None
         if kept is not None:
             self._show(name, StoredRecord(tasks.RowPicture, content=kept))
@@ -257,22 +260,24 @@ class _Progress:
             if record.trace:
                 log.error("row %s: %s", name, record.trace)
             return
-        self._save(name, PICTURED, picture_key(self.keys[name], self.solved[name].content), record)
+        self._save(name, PICTURED, picture_key(self._strips_key(name), self.solved[name].content), record)
         self._show(name, record)
 
     def _show(self, name: str, record: StoredRecord[tasks.RowPicture]) -> None:
-        if record.record.orthophoto is not None:
-            self.pictures[name] = record.record.orthophoto
+        self.pictures[name] = record.record
 
     def _keep_strips(self, name: str, strips: StoredRecord[RowStrips]) -> None:
         """Into the cache; held until they are used where a plugin failed, or where nothing is kept."""
-        self._save(name, STRIPS, self.keys[name], strips)
-        if self.cache.load(name, STRIPS, self.keys[name]) is None:
+        self._save(name, STRIPS, self._strips_key(name), strips)
+        if self.cache.load(name, STRIPS, self._strips_key(name)) is None:
             self.strips[name] = strips
 
     def _strips_of(self, name: str) -> StoredRecord[RowStrips] | None:
-        kept = self.cache.load(name, STRIPS, self.keys[name]) if name not in self.strips else None
+        kept = self.cache.load(name, STRIPS, self._strips_key(name)) if name not in self.strips else None
         return self.strips.get(name) or (StoredRecord(RowStrips, content=kept) if kept is not None else None)
+
+    def _strips_key(self, name: str) -> str:
+        return strips_key(self.job, self.keys[name])
 
     def _solution_key(self, names: Group) -> str:
         if names not in self.solution_keys:

@@ -19,11 +19,12 @@ from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.row import map_rows, measure
+from savmap.pipeline.strips import apart
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for
 from savmap.site.references import calibration_of, references_of
-from savmap.types import Orthophoto, RowMap, RowStrips, Trajectory
+from savmap.types import Orthophoto, RowMap, RowStrips, Still, Trajectory
 from savmap.types.progress import Monitor, NoteCollector
 
 NOTE = "note "
@@ -41,9 +42,10 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class RowPicture:
-    """The orthophoto of a row, if its face is known and was seen."""
+    """The orthophoto of a row, if its face is known and was seen, and its stills."""
 
     orthophoto: Orthophoto | None
+    stills: tuple[Still, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,9 @@ def measure_task(
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        request = replace(request_for(job, row, failures.get(row)), strips=with_strips)
+        request = request_for(job, row, failures.get(row))
+        if with_strips:
+            request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
         try:
             measured = measure(request, shown)
         except SavmapError as error:
@@ -119,14 +123,16 @@ def picture_task(
     failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
 ) -> TaskResult:
-    """Orthophotos of rows' faces, from their maps and the strips of what was measured; none of a row in which no face is known."""
+    """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face is known; and stills
+    of the camera's path."""
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
         pictures: dict[str, StoredRecord[Any] | Failure] = {}
         for row, (mapped, strips) in rows.items():
             face = mapped.record.face
-            picture = orthophoto(face, strips.record, mapped.record.trajectory) if face is not None else None
-            pictures[row] = StoredRecord(RowPicture, RowPicture(picture))
+            path = mapped.record.trajectory
+            picture = orthophoto(face, strips.record, path) if face is not None else None
+            pictures[row] = StoredRecord(RowPicture, RowPicture(picture, apart(strips.record.stills, path)))
         return pictures
 
     return _result(list(rows), work, monitor)

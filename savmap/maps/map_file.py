@@ -17,9 +17,11 @@ from savmap.files.atomic import read_json, write_text
 from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
+from savmap.maps.joint_covariance import joint_entry, joint_of
 from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
     Alignment,
+    AlignmentResidual,
     Attribute,
     CrossRowMatch,
     Doubt,
@@ -92,6 +94,7 @@ def map_text(site: SiteMap) -> str:
 
 def _row_entry(row: RowMap) -> Entry:
     judged = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
+    joint = {"joint": joint_entry(row.joint)} if row.joint else {}
     return {
         "trajectory": _trajectory_entries(row.frames, row.trajectory),
         "views": {name: _view_entry(spec) for name, spec in row.views.items()},
@@ -99,11 +102,13 @@ def _row_entry(row: RowMap) -> Entry:
         "references": [_reference_entry(use) for use in row.references],
         "report": {name: _plain(value) for name, value in row.report.items()},
         **judged,
+        **joint,
     }
 
 
 def _verdict_entry(verdict: Verdict) -> Entry:
-    return {"grade": verdict.grade, "doubts": [_doubt_entry(doubt) for doubt in verdict.doubts]}
+    doubts = [_doubt_entry(doubt) for doubt in verdict.doubts]
+    return {"grade": verdict.grade, "doubts": doubts, "notes": list(verdict.notes)}
 
 
 def _doubt_entry(doubt: Doubt) -> Entry:
@@ -115,7 +120,8 @@ def _doubt_entry(doubt: Doubt) -> Entry:
 def _verdict(entry: schema.VerdictEntry | None) -> Verdict | None:
     if entry is None:
         return None
-    return Verdict(tuple(Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts))
+    doubts = (Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts)
+    return Verdict(tuple(doubts), tuple(entry.notes))
 
 
 def _quaternion(rotation: Floats) -> list[float]:
@@ -192,7 +198,17 @@ def _placement_entry(placement: Placement) -> Entry:
 def _alignment_entry(alignment: Alignment) -> Entry:
     x, y, z, heading = _rounded((alignment.x_m, alignment.y_m, alignment.z_m, alignment.heading_deg), FIGURE)
     place = {"x_m": x, "y_m": y, "z_m": z, "heading_deg": heading, "covariance": _upper_triangle(alignment.covariance)}
-    return {**place, "anchor_lat_lon_deg": alignment.anchor and _rounded(alignment.anchor, QUATERNION)}
+    rest: Entry = {"residuals": list(map(_residual_entry, alignment.residuals))} if alignment.residuals else {}
+    if alignment.scale is not None:
+        rest["scale"] = _attribute_entry(alignment.scale)
+    return {**place, **rest, "anchor_lat_lon_deg": alignment.anchor and _rounded(alignment.anchor, QUATERNION)}
+
+
+def _residual_entry(residual: AlignmentResidual) -> Entry:
+    """Null for axes that are not given."""
+    numbers = {"residual_m": _or_null(residual.residual_m), "sigma_m": _or_null(residual.sigma_m)}
+    deviation = min(round(float(residual.deviation), FIGURE), schema.LARGEST)
+    return {"row": residual.row, "at": residual.at, **numbers, "deviation": deviation, "used": residual.used}
 
 
 def _match_entry(match: CrossRowMatch) -> Entry:
@@ -259,6 +275,7 @@ def _row_map(name: str, row: schema.RowEntry) -> RowMap:
         references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
         report=row.report,
         verdict=_verdict(row.verdict),
+        joint=joint_of(row),
     )
 
 
@@ -315,7 +332,14 @@ def _alignment(entry: schema.AlignmentEntry | None) -> Alignment | None:
     if entry is None:
         return None
     place = entry.x_m, entry.y_m, entry.heading_deg, _symmetric(entry.covariance)
-    return Alignment(*place, entry.z_m, entry.anchor_lat_lon_deg)
+    residuals = tuple(map(_residual, entry.residuals))
+    scale = None if entry.scale is None else Measured(entry.scale.value, entry.scale.sigma)
+    return Alignment(*place, entry.z_m, entry.anchor_lat_lon_deg, residuals, scale)
+
+
+def _residual(entry: schema.AlignmentResidualEntry) -> AlignmentResidual:
+    residual, sigma = (np.array(values, dtype=np.float64) for values in (entry.residual_m, entry.sigma_m))
+    return AlignmentResidual(entry.row, entry.at, residual, sigma, entry.deviation, entry.used)
 
 
 def _match(entry: schema.MatchEntry) -> CrossRowMatch:

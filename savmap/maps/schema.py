@@ -11,6 +11,8 @@ VERSION = 1
 
 FARTHEST_M = 1e6
 """No number of metres is larger: what is drawn, squared and summed stays within a float's bounds."""
+FARTHEST_WORLD_M = 1e7
+"""Of the site's origin in the user's world: northings of UTM reach that."""
 LARGEST = 1e12
 
 
@@ -27,6 +29,7 @@ def _variances(upper: tuple[float, ...]) -> tuple[float, ...]:
 
 
 Metres = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+WorldMetres = Annotated[float, Field(ge=-FARTHEST_WORLD_M, le=FARTHEST_WORLD_M)]
 Deviation = Annotated[float, Field(ge=0, le=FARTHEST_M)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -43,6 +46,7 @@ UpperTriangle = Annotated[
     Field(description="covariance xx, xy, xz, yy, yz, zz, m^2"),
     AfterValidator(_variances),
 ]
+Slot = Annotated[int, Field(ge=-1)]
 Value = Number | Annotated[int, Field(ge=-LARGEST, le=LARGEST)] | str
 
 
@@ -133,10 +137,21 @@ class DoubtEntry(_Part):
 
 
 class VerdictEntry(_Part):
-    """Whether a row's map may be used as it is."""
+    """Whether a row's map may be used as it is, and what that rests on that nothing checks."""
 
     grade: Literal["trusted", "check"]
     doubts: list[DoubtEntry]
+    notes: list[str] = []
+
+
+class JointEntry(_Part):
+    """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z, the number of its coordinate
+    from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex has its variance. `covariance_m2`: the upper triangle of
+    the covariance of these `size` coordinates, row by row, 32-bit floats, the least significant byte first, in base64."""
+
+    size: Annotated[int, Field(ge=1, le=20000)]
+    coordinates: dict[str, dict[str, list[tuple[Slot, Slot, Slot]]]]
+    covariance_m2: str
 
 
 class RowEntry(_Part):
@@ -149,6 +164,7 @@ class RowEntry(_Part):
     references: list[ReferenceEntry]
     report: dict[str, Value]
     verdict: VerdictEntry | None = None
+    joint: JointEntry | None = None
 
 
 class PlacementEntry(_Part):
@@ -172,14 +188,30 @@ class MatchEntry(_Part):
     sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
 
 
+class AlignmentResidualEntry(_Part):
+    """A place of the map that the user knows: where it is given less where the map has it, null along axes that are not given; of a line,
+    across it. `deviation`: in standard deviations."""
+
+    row: str
+    at: str
+    residual_m: tuple[Metres | None, Metres | None, Metres | None]
+    sigma_m: tuple[Deviation | None, Deviation | None, Deviation | None]
+    deviation: Annotated[float, Field(ge=0, le=LARGEST)]
+    used: bool
+
+
 class AlignmentEntry(_Part):
     """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from the world's x axis."""
 
-    x_m: Metres
-    y_m: Metres
+    x_m: WorldMetres
+    y_m: WorldMetres
     z_m: Metres = 0.0
     heading_deg: Degrees
-    covariance: UpperTriangle
+    covariance: UpperTriangle = Field(description="xx, xy, xh, yy, yh, hh of x m, y m, heading degrees")
+    residuals: list[AlignmentResidualEntry] = Field(default=[], description="of the places that it was solved from")
+    scale: MeasuredEntry | None = Field(
+        default=None, description="user's distances over the map's, which stay as they are"
+    )
     anchor_lat_lon_deg: (
         tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None
     ) = None

@@ -9,7 +9,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
 from savmap.pipeline.networks import choices_told, with_best_networks
-from savmap.pipeline.strips import FaceStrips, NoStrips, StripCutter
+from savmap.pipeline.strips import FaceStrips, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out
@@ -77,11 +77,13 @@ def measure_row(
     markers: Sequence[Label] = (),
     appearance: bool = False,
     strips: bool = False,
+    stills: bool = False,
 ) -> MeasuredPasses:
     """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
-    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an orthophoto.
+    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an orthophoto; stills: whether to keep panoramas to be
+    looked at.
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
@@ -91,7 +93,7 @@ def measure_row(
     plugins, first_plan = with_best_networks(*first, plugins, renderer, known.get(first[0]))
     segmenters = SegmenterPool(plugins)
     flow = FlowTracker() if appearance else NullFlowTracker()
-    cutter = FaceStrips(renderer) if strips else NoStrips()
+    cutter = SeveralCutters([*([FaceStrips(renderer)] if strips else []), *([Stills()] if stills else [])])
     walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter)
     walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices_told(plugins))]
     walk.over(row, first_plan, monitor)

@@ -16,7 +16,7 @@ class RowRequest:
 
     `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated. `appearance`: whether
     points of any kind help with the camera's motion. `measurements`: what an earlier run measured, if it is still valid. `strips`: whether
-    strips of the frames are kept for an orthophoto.
+    strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
     """
 
     name: str
@@ -29,6 +29,7 @@ class RowRequest:
     appearance: bool = False
     measurements: RowMeasurements | None = None
     strips: bool = False
+    stills: bool = False
 
     @property
     def gauge_references(self) -> References:

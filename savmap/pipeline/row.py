@@ -9,6 +9,7 @@ from savmap import graph
 from savmap.errors import SavmapError, SolveError, StructureError
 from savmap.graph import Constraints
 from savmap.pipeline.initial_poses import first_poses, initial_attitudes
+from savmap.pipeline.joint_covariance import joint_covariance
 from savmap.pipeline.measure import RowMeasurements, measure_row
 from savmap.pipeline.records import (
     DescribedRow,
@@ -64,7 +65,15 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
     walked = measure_row(
-        row.name, row.passes, row.plugins, monitor, initial_attitudes(row.path), markers, row.appearance, row.strips
+        row.name,
+        row.passes,
+        row.plugins,
+        monitor,
+        initial_attitudes(row.path),
+        markers,
+        row.appearance,
+        row.strips,
+        row.stills,
     )
     return MeasuredRow(row, look_again(row, walked, monitor), strips=walked.strips)
 
@@ -179,6 +188,7 @@ def collect(row: DescribedRow) -> RowMap:
         },
         face=row.face,
         verdict=verdict,
+        joint=joint_covariance(structures, solution),
     )
 
 

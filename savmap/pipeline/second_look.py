@@ -7,10 +7,12 @@ mind: faint ones are followed that no threshold finds, and what only looks like 
 
 import logging
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+
+import numpy as np
 
 from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
@@ -20,25 +22,45 @@ from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
 from savmap.pipeline.records import RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Detection, Expected, Feature, Panorama, Trajectory, View, ViewSpec
+from savmap.types import Detection, Doubt, Expected, Feature, Floats, Panorama, Trajectory, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import LookSettings, expected_detections, gather
 from savmap.vision.views import Renderer
 
 LOOKS = 2
+LEAST_LANDMARKS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """The objects that a plugin expects, and the path of the camera, both in the unit of that path."""
+    """The objects that a plugin expects, and the path of the camera, both in the unit of that path; the first positions (3,) of the
+    landmarks that were tracked instead."""
 
     objects: Sequence[Expected]
     path: Trajectory
+    points: Mapping[str, Floats] = field(default_factory=dict)
+
+    def untracked(self) -> Iterator[Doubt]:
+        """A doubt about each object at whose outline nothing was tracked."""
+        if not self.points:
+            return
+        positions = np.array([*self.points.values()])
+        for thing in self.objects:
+            low, high = thing.outline.min(axis=0), thing.outline.max(axis=0)
+            room = np.sort(high - low)[1] / 2
+            if ((positions > low - room) & (positions < high + room)).all(axis=1).sum() < LEAST_LANDMARKS:
+                nearest = int(np.linalg.norm(positions - (low + high) / 2, axis=1).argmin())
+                near = [*self.points][nearest].rsplit(" / ", 1)[0]
+                yield Doubt(
+                    "support",
+                    f"all frames together show {thing.label} near {near} that was not measured: is it missing?",
+                )
 
 
 def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
-    """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked."""
+    """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked. What is still not
+    tracked after the last look is doubted."""
     measurements = walked.measurements
     for plugin in walked.plugins or row.plugins:
         if plugin.name not in walked.looks or plugin.name not in measurements.locators or plugin.failure is not None:
@@ -50,6 +72,10 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
             monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.objects)} objects")
             features = measure_again(row.name, plugin, walked, expectation, monitor)
             measurements = replace(measurements, features={**measurements.features, plugin.name: features})
+        else:
+            left = expect(row, plugin, walked, measurements)
+            found = tuple(left.untracked()) if left else ()
+            measurements = replace(measurements, doubts=(*measurements.doubts, *found))
     return measurements
 
 
@@ -74,7 +100,7 @@ def expect(
     points, looks = located.points[plugin.name], walked.looks[plugin.name]
     evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]
     objects = plugin.expect(points, evidence) if evidence else []
-    return Expectation(objects, located.path) if objects else None
+    return Expectation(objects, located.path, points) if objects else None
 
 
 @contextmanager
@@ -131,7 +157,7 @@ class SecondLook:
     def features(self, panorama: Panorama, views: Sequence[View]) -> list[Feature]:
         """What the plugin extracts from the expected objects in a panorama's views."""
         return [
-            feature
+            replace(feature, expected=True)
             for view in views
             for feature in self.plugin.extract_features(view, self._detections(view), panorama)
         ]

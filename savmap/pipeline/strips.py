@@ -1,10 +1,11 @@
-"""Strips: while a row's frames go by, what each shows straight ahead of the face is kept at the panorama's own resolution.
+"""Pictures kept while a row's frames go by: strips, what each frame shows straight ahead of the face at the panorama's own resolution, and
+stills, whole panoramas of some of them, smaller.
 
 Networks look at wide views of few pixels. An orthophoto wants the opposite: of each frame only what is near and in front. The
 camera's path is known when the frames are long gone, and decoding them twice would take twice as long.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from threading import Lock
 from typing import Protocol
@@ -14,7 +15,7 @@ import numpy as np
 
 from savmap.geometry import pinhole
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Panorama, RowStrips, Strip, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, RowStrips, Still, Strip, Trajectory, ViewSpec
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.views import Renderer
 
@@ -24,6 +25,11 @@ MOST_HEIGHT_PX = 2000
 MOST_STRIPS = 240
 """Of a pass: one every 0.25 m of 60 m."""
 JPEG_QUALITY = 88
+STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
+"""A degree is 6 pixels: what a browser's window shows of a panorama is about as fine."""
+STILL_S, MOST_STILLS = 0.7, 80
+"""Of a pass: one every 0.7 m at a walking pace, before those that stand closer than `STILL_M` are left out."""
+STILL_M = 0.8
 
 
 class StripCutter(Protocol):
@@ -40,6 +46,27 @@ class StripCutter(Protocol):
     def strips(self) -> RowStrips:
         """All that was cut."""
         ...
+
+
+class SeveralCutters:
+    """Cuts what each of several cutters cuts."""
+
+    def __init__(self, cutters: Sequence[StripCutter]) -> None:
+        self._cutters = cutters
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        for cutter in self._cutters:
+            cutter.begin(plan, plugin)
+
+    def cut(self, panorama: Panorama) -> None:
+        for cutter in self._cutters:
+            cutter.cut(panorama)
+
+    def strips(self) -> RowStrips:
+        parts = [cutter.strips() for cutter in self._cutters]
+        views = {name: spec for part in parts for name, spec in part.views.items()}
+        strips = tuple(strip for part in parts for strip in part.strips)
+        return RowStrips(views, strips, tuple(still for part in parts for still in part.stills))
 
 
 class NoStrips:
@@ -80,6 +107,49 @@ class FaceStrips:
         return RowStrips(self._views, tuple(sorted(self._cut, key=lambda strip: (strip.frame, strip.view))))
 
 
+class Stills:
+    """Keeps whole panoramas of some frames, smaller."""
+
+    def __init__(self) -> None:
+        self._lock, self._every = Lock(), 1
+        self._kept: list[Still] = []
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        info = probe(plan.clip.path, plan.clip.images_fps)
+        rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
+        self._every = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
+
+    def cut(self, panorama: Panorama) -> None:
+        if panorama.frame % self._every == 0:
+            still = Still(panorama.frame, _packed(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))
+            with self._lock:
+                self._kept.append(still)
+
+    def strips(self) -> RowStrips:
+        return RowStrips(stills=tuple(sorted(self._kept, key=lambda still: still.frame)))
+
+
+def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
+    """A panorama's RGB at so many pixels of height, or at its own, where those are fewer."""
+    size = 2 * min(height, panorama.height), min(height, panorama.height)
+    if not isinstance(panorama, FilmedPanorama):
+        return np.asarray(cv2.resize(panorama.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    planes = panorama.planes
+    parts = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in (planes.luma, planes.blue, planes.red)]
+    return planes.coloured(np.asarray(cv2.merge(parts), np.uint8))
+
+
+def apart(stills: Sequence[Still], path: Trajectory) -> tuple[Still, ...]:
+    """The stills of frames whose place is known, but for those that were taken closer than `STILL_M` to the last one."""
+    places = dict(zip(path.frames.tolist(), path.world_from_rig[:, :3, 3], strict=True))
+    kept: list[Still] = []
+    for still in stills:
+        place = places.get(still.frame)
+        if place is not None and (not kept or np.linalg.norm(place - places[kept[-1].frame]) >= STILL_M):
+            kept.append(still)
+    return tuple(kept)
+
+
 def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
     """The narrow middle of each of a plugin's views of a pass, as fine as the panorama where that is not too many pixels, of so many
     frames as are needed."""
@@ -99,6 +169,6 @@ def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
 
 
 def _packed(
-    image: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]",
+    image: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]", quality: int = JPEG_QUALITY
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
-    return np.asarray(cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]).ravel()
+    return np.asarray(cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1]).ravel()

@@ -1,6 +1,7 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.page.comparison import Dates, write_comparison
-from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Structure, Survey
+from savmap.report.viewer import View, write_view
+from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
+VIEW = "view.html"
 _NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
 
 
@@ -29,9 +32,10 @@ def report_for(
     log: RunLog | None = None,
     title: str = "Site map",
     photos: Mapping[str, Orthophoto] | None = None,
+    stills: Mapping[str, Sequence[Still]] | None = None,
 ) -> Report:
-    """The report of a map, with the run that made it, against a survey, and with orthophotos by row where they are given. `plugins`: the opened
-    plugins of each row.
+    """The report of a map, with the run that made it, against a survey, and with orthophotos and stills by row where they are given. `plugins`: the
+    opened plugins of each row.
 
     Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where a
     plugin fails.
@@ -45,7 +49,7 @@ def report_for(
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
-    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {})
+    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
 
 
 def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
@@ -56,7 +60,24 @@ def write_report(map_file: Path, path: Path, run_file: Path | None = None, surve
     site_map = read_map(map_file)
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
-    write_page(report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos), path)
+    report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
+    viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
+    write_page(replace(report, viewer=viewer), path)
+
+
+def viewed(source: Path, survey_file: Path | None = None, fresh: bool = False) -> tuple[Path, bool]:
+    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where the map is newer,
+    where errors against a survey are asked for, or `fresh`. Raises SavmapError."""
+    map_file = source / "map.json" if source.is_dir() else source
+    page = map_file.with_name(VIEW)
+    there = page.is_file() and map_file.is_file() and page.stat().st_mtime >= map_file.stat().st_mtime
+    if there and survey_file is None and not fresh:
+        return page, False
+    site_map = read_map(map_file)
+    evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
+    title = map_file.absolute().parent.name or "Site map"
+    write_view(View(site_map, evaluation, title, read_orthophotos(site_map.rows, map_file.parent)), page)
+    return page, True
 
 
 def compare_files(

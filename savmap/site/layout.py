@@ -1,18 +1,18 @@
-"""Where the site file says that rows stand in the site's frame.
+"""Where the site file says that rows stand in the site's frame, and which rows it aligns the site by.
 
 With `layout`, rows stand in a line at right angles to themselves. Its first row runs along the layout's x axis, on its z = 0;
 the others follow towards +z. A face looks towards +z (heading 0) or back (heading 180), in turns: the gap in front of a
 face is an aisle, the one behind it a rack. A row that is turned round has its origin at the far end, hence needs its length.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from savmap.errors import SiteError
 from savmap.files.validation import Location
 from savmap.site.model import Site
-from savmap.site.sections import LayoutSection
+from savmap.site.sections import AlignLine, AlignPoint, AlignSection, LayoutSection
 from savmap.types import Placement
 
 
@@ -52,6 +52,21 @@ def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterato
         if not rows.get(name, True) and _looks_back(layout, number) and _length(layout, name) is None:
             text = f"row `{name}` is turned round, so that its origin is at its far end: give `length_m`"
             yield ("layout",), text
+
+
+def misaligned(align: AlignSection | None, rows: Iterable[str]) -> Iterator[tuple[Location, str]]:
+    """What in `align` does not fit the rows: the key, and what is wrong with it."""
+    known = list(rows)
+    parts: Sequence[tuple[str, Sequence[AlignPoint | AlignLine]]] = ()
+    if align is not None:
+        parts = (("points", align.points), ("lines", align.lines))
+    for kind, entries in parts:
+        for number, entry in enumerate(entries):
+            location = ("align", kind, number)
+            if entry.row is None and len(known) > 1:
+                yield location, f"say which `row` it is in; the site's rows are {', '.join(known)}"
+            elif entry.row is not None and entry.row not in known:
+                yield (*location, "row"), f"there is no row `{entry.row}`; the site's rows are {', '.join(known)}"
 
 
 def _order(layout: LayoutSection, rows: Iterable[str]) -> tuple[str, ...]:

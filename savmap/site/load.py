@@ -13,12 +13,12 @@ from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.texts import bounded_text
 from savmap.files.urls import beside
-from savmap.files.validation import Location
-from savmap.site.layout import misplaced, with_places
+from savmap.files.validation import Location, path_of
+from savmap.site.layout import misaligned, misplaced, with_places
 from savmap.site.locations import SourceMap, explained, given_twice, lines_of
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
-from savmap.site.sections import LayoutSection
+from savmap.site.sections import AlignSection, LayoutSection
 
 Problems = Sequence[tuple[Location, str]]
 
@@ -41,9 +41,39 @@ def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
     return site_of(read_draft(path, overrides))
 
 
-def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
+@dataclass(frozen=True)
+class KnownAlignment:
+    """Where the user says the site stands in their world, and where that was said: `at` is the section's place in its file."""
+
+    section: AlignSection
+    places: SourceMap
+    at: Location = ("align",)
+
+    def line(self, location: Location, text: str) -> str:
+        """A line about a key of the section: its place, the key, and what is wrong."""
+        whole = (*self.at, *location)
+        key = path_of(whole)
+        return f"{self.places.of(whole)}: `{key}`: {text}" if key else f"{self.places.of(whole)}: {text}"
+
+
+def load_alignment(path: Path) -> KnownAlignment:
+    """The section `align` of a file, or what stands in a file of it alone. Raises SiteError with file and line for what is not as
+    docs/site-file.md says."""
+    draft = read_draft(path, what="file with `align:`")
+    at: Location = ("align",) if "align" in draft.content else ()
+    for _, problem in draft.doubles:
+        raise SiteError(problem)
+    content = draft.content["align"] if at else draft.content
+    try:
+        return KnownAlignment(AlignSection.model_validate(content), draft.places, at)
+    except ValidationError as error:
+        problems = explained(error, AlignSection, draft.places, lambda location: (*at, *location))
+        raise SiteError(next(iter(problems.values()))) from None
+
+
+def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = "site file") -> Draft:
     """The content of a site file. Raises SiteError where it is no YAML, or where an override does not fit it."""
-    text = _read(path)
+    text = _read(path, what)
     try:
         node = yaml_text.compose(text)
         content = yaml_text.load(text)
@@ -52,7 +82,8 @@ def read_draft(path: Path, overrides: Iterable[Override] = ()) -> Draft:
         where = f"{path}:{line}" if line else str(path)
         raise SiteError(f"{where}: not valid YAML: {problem}") from None
     if not isinstance(content, dict):
-        raise SiteError(f"{path}: a site file is a mapping with at least `rows:` (see docs/site-file.md)")
+        least = " with at least `rows:`" if what == "site file" else ""
+        raise SiteError(f"{path}: a {what} is a mapping{least} (see docs/site-file.md)")
     doubles = tuple(
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in given_twice(node)
@@ -75,13 +106,15 @@ def draft_of(
 def problems_in(draft: Draft) -> Problems:
     """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
     found: Problems = []
+    align = None
     try:
         site = Site.model_validate(draft.content)
-        layout, rows = site.layout, with_places(site)
+        layout, rows, align = site.layout, with_places(site), site.align
     except ValidationError as error:
         found = list(explained(error, Site, draft.places).items())
         layout, rows = _layout_alone(draft.content)
-    wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in misplaced(layout, rows)]
+    unfit = (*misplaced(layout, rows), *misaligned(align, rows))
+    wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in unfit]
     return [*draft.doubles, *found, *wrong]
 
 
@@ -104,27 +137,28 @@ def site_of(draft: Draft) -> Site:
 
 
 def sound_part(draft: Draft) -> Site | None:
-    """The site without its layout and the rows that something is wrong with; None where that leaves nothing, or where anything
-    is wrong that concerns all rows."""
-    wrong = [location for location, _ in problems_in(draft) if location[:1] != ("layout",)]
+    """The site without its layout, its alignment and the rows that something is wrong with; None where that leaves nothing, or where
+    anything is wrong that concerns all rows."""
+    wrong = [location for location, _ in problems_in(draft) if location[:1] not in (("layout",), ("align",))]
     broken = {str(location[1]) for location in wrong if location[:1] == ("rows",) and len(location) > 1}
     rows = draft.content.get("rows")
     if not isinstance(rows, Mapping) or any(at[:1] != ("rows",) or len(at) < 2 for at in wrong):
         return None
     kept = {name: row for name, row in rows.items() if str(name) not in broken}
-    content = {key: value for key, value in draft.content.items() if key != "layout"}
+    content = {key: value for key, value in draft.content.items() if key not in ("layout", "align")}
     return _resolve(Site.model_validate({**content, "rows": kept}), draft.folder) if kept else None
 
 
-def _read(path: Path) -> str:
+def _read(path: Path, what: str) -> str:
     try:
         return bounded_text(path, yaml_text.MOST_MB)
     except FileNotFoundError:
-        raise SiteError(f"{path}: no such site file (give one, or run in a folder that has a site.yaml)") from None
+        advice = " (give one, or run in a folder that has a site.yaml)" if what == "site file" else ""
+        raise SiteError(f"{path}: no such {what}{advice}") from None
     except OSError as error:
-        raise SiteError(f"{path}: cannot be read as a site file: {reason(error)}") from None
+        raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
-        raise SiteError(f"{path}: cannot be read as a site file: it {error}") from None
+        raise SiteError(f"{path}: cannot be read as a {what}: it {error}") from None
 
 
 def _resolve(site: Site, folder: Path) -> Site:

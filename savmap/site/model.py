@@ -11,6 +11,7 @@ from savmap.files.texts import fault_of_path
 from savmap.files.validation import SHORT
 from savmap.site.inheritance import completed, side_from_direction, without_video
 from savmap.site.sections import (
+    AlignSection,
     CalibrationSection,
     LayoutSection,
     PlaceSection,
@@ -131,10 +132,14 @@ class Site(Strict):
     """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
     orthophotos: bool = True
     """Whether a picture of each row's face, without perspective, is made of all frames."""
+    panoramas: bool = True
+    """Whether some of each row's panoramas are kept, 2048 pixels wide, to be looked at in the viewer."""
     joint: bool = True
     """Whether rows with the same pass (video, range, rate) are solved as one."""
     layout: LayoutSection | None = None
     """Where rows stand that are regularly spaced."""
+    align: AlignSection | None = None
+    """Where the site stands in the user's own world; exports for robots, CAD and buildings stand there."""
     rows: Annotated[Mapping[str, Row], Field(min_length=1)]
     """The rows by name."""
 

@@ -13,6 +13,7 @@ from pydantic import (
     PlainValidator,
     WithJsonSchema,
     field_validator,
+    model_validator,
 )
 
 from savmap.errors import SiteError
@@ -128,6 +129,10 @@ class ReferenceSection(Strict):
     """Coordinates of labelled vertices."""
     markers: tuple[Marker, ...] = ()
     """Fiducial markers somewhere in the footage."""
+    on_contradiction: Literal["check", "refuse", "leave_out"] = "check"
+    """What becomes of a row where the pictures and the other references contradict one: `check`, it is mapped without the one that is wrong
+    and its verdict is `check`; `refuse`, it is not mapped; `leave_out`, as `check`, but without a doubt where it is clear which one is wrong.
+    Where that is not clear and much is at stake, the row is refused."""
 
     @field_validator("markers")
     @classmethod
@@ -235,3 +240,87 @@ class LayoutSection(Strict):
     """Standard deviation of where a row's origin stands, along x and z each."""
     sigma_deg: Annotated[float, Field(gt=0, le=90)] = 2.0
     """Standard deviation of a row's heading."""
+
+
+Easting = Annotated[float, Field(ge=-1e7, le=1e7)]
+MOST_PLACES = 500
+"""Points, or lines, at most: their joint covariance is a matrix."""
+
+
+class AlignPoint(Strict):
+    """A place of the map that the user knows in their own world."""
+
+    row: str | None = None
+    """The row that it is in; not needed where there is one row alone."""
+    at: str
+    """A vertex, "upright 1 / left / bottom", what begins so, "upright 1 / left", or the id of a whole structure: the mean of its vertices."""
+    world_m: tuple[Easting, Easting] | tuple[Easting, Easting, Metres]
+    """x, y, and z (up) where it is known, in the user's world."""
+    sigma_m: Sigma = 0.01
+    """Standard deviation of each."""
+
+
+class AlignLine(Strict):
+    """A straight line of the user's world on which places of the map lie, seen from above."""
+
+    row: str | None = None
+    """The row that the places are in; not needed where there is one row alone."""
+    through: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_PLACES)]
+    """Places as in points, in the order in which the line runs past them."""
+    world_m: tuple[tuple[Easting, Easting], tuple[Easting, Easting]]
+    """Two points x, y of the line, which runs from the first to the second and beyond either."""
+    sigma_m: Sigma = 0.01
+    """Standard deviation of the line, across it."""
+
+    @field_validator("world_m")
+    @classmethod
+    def _apart(cls, value: tuple[tuple[float, float], tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+        if value[0] == value[1]:
+            raise ValueError("the two points of the line are the same")
+        return value
+
+
+class Anchor(Strict):
+    """Where the origin of the user's world is on the Earth (WGS 84); its x axis points east there, its y axis north."""
+
+    latitude_deg: Annotated[float, Field(ge=-85, le=85)]
+    """Positive to the north."""
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    """Positive to the east."""
+
+
+class AlignSection(Strict):
+    """Where the site stands in the user's world (z up, metres), such as a robot's map or a building's plan: by places known in both, or
+    by x, y and heading. The map's scale is never changed."""
+
+    points: Annotated[tuple[AlignPoint, ...], Field(max_length=MOST_PLACES)] = ()
+    """Places known in both, two or more."""
+    lines: Annotated[tuple[AlignLine, ...], Field(max_length=MOST_PLACES)] = ()
+    """Lines of the user's world on which places of the map lie."""
+    x_m: Easting | None = None
+    """Where the site's origin stands in the user's world."""
+    y_m: Easting | None = None
+    """Where the site's origin stands in the user's world."""
+    z_m: Metres = 0.0
+    """Height of the site's floor in the user's world; points with a z say it themselves."""
+    heading_deg: Angle | None = None
+    """Which way the site's x axis runs there: 0 along x, counter-clockwise as seen from above."""
+    sigma_m: Sigma = 0.05
+    """Standard deviation of x_m and of y_m."""
+    sigma_deg: Annotated[float, Field(gt=0, le=90)] = 0.5
+    """Standard deviation of heading_deg."""
+    anchor: Anchor | None = None
+    """Where the user's world is on the Earth, for GeoJSON and IMDF."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "AlignSection":
+        pose = [value is not None for value in (self.x_m, self.y_m, self.heading_deg)]
+        if any(pose) and (self.points or self.lines):
+            raise ValueError("give points or lines, or x_m, y_m and heading_deg, not both")
+        if any(pose) and not all(pose):
+            raise ValueError("x_m, y_m and heading_deg go together")
+        if len(self.points) == 1 and not self.lines:
+            raise ValueError("one point does not say how the site is turned: give another one far from it")
+        if not (any(pose) or self.points or self.lines):
+            raise ValueError("give two or more points, or lines, or x_m, y_m and heading_deg")
+        return self

@@ -10,8 +10,10 @@ from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
 from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
 from savmap.types.maps import (
     Alignment,
+    AlignmentResidual,
     CrossRowLandmark,
     CrossRowMatch,
+    JointCovariance,
     Placement,
     ReferenceUse,
     RowMap,
@@ -19,7 +21,7 @@ from savmap.types.maps import (
     Solid,
     Structure,
 )
-from savmap.types.orthophotos import Orthophoto, RowStrips, Strip
+from savmap.types.orthophotos import Orthophoto, RowStrips, Still, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
@@ -28,6 +30,7 @@ from savmap.types.verdicts import Doubt, Verdict
 
 __all__ = [
     "Alignment",
+    "AlignmentResidual",
     "Attribute",
     "Axis",
     "Bools",
@@ -45,6 +48,7 @@ __all__ = [
     "Flow",
     "FrameTable",
     "Ints",
+    "JointCovariance",
     "Kind",
     "Measured",
     "Orthophoto",
@@ -63,6 +67,7 @@ __all__ = [
     "Score",
     "SiteMap",
     "Solid",
+    "Still",
     "Strip",
     "Structure",
     "Survey",

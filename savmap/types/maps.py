@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.types.common import Attribute, Axis, Floats, Ints, array_record, require
+from savmap.types.common import Attribute, Axis, Floats, Ints, Measured, array_record, require
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
@@ -94,9 +94,40 @@ class ReferenceUse:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class JointCovariance:
+    """How the errors of a row's vertices go together: what two of them share does not count in the distance between them.
+
+    `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that it is, -1 where it shares
+    its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
+    """
+
+    coordinates: Mapping[str, Mapping[str, Ints]]
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        require(self.covariance.shape == (len(self.covariance),) * 2, self, "covariance must be (n, n)")
+
+    def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
+        """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the vertex's number."""
+        numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
+        own = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
+        solved = numbers >= 0
+        whole = np.diag(np.where(solved, 0.0, own))
+        whole[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
+        apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
+        return apart
+
+    def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
+        known = self.coordinates.get(plugin, {}).get(structure.id)
+        return np.full(3, -1) if known is None else known[vertex]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class RowMap:
     """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
-    metres, that is the row's face where a plugin says so (which map files do not hold), and the verdict (None: nobody judged)."""
+    metres, that is the row's face where a plugin says so (which map files do not hold), the verdict (None: nobody judged), and how the errors of the
+    vertices go together (None: not known)."""
 
     name: str
     frames: FrameTable
@@ -107,6 +138,7 @@ class RowMap:
     report: Mapping[str, float | int | str] = field(default_factory=dict)
     face: PlanePatch | None = None
     verdict: Verdict | None = None
+    joint: JointCovariance | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,13 +171,35 @@ class Placement:
 
     def covariances(self, points: Floats, covariances: Floats) -> Floats:
         """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame; the placement's own covariance is added."""
-        turn = self.site_from_row[:3, :3]
-        arm = points @ turn.T
-        slopes = np.zeros((len(points), 3, 3))
-        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
-        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        turn, slopes = self.site_from_row[:3, :3], self.slopes(points)
         whole: Floats = turn @ covariances @ turn.T + slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
         return whole
+
+    def slopes(self, points: Floats) -> Floats:
+        """Derivatives (n, 3, 3) of points (n, 3) of the row, in the site's frame, by x m, z m and heading in degrees."""
+        arm = points @ self.site_from_row[:3, :3].T
+        slopes: Floats = np.zeros((len(points), 3, 3))
+        slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 2, 2] = np.deg2rad(arm[:, 2]), -np.deg2rad(arm[:, 0])
+        return slopes
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class AlignmentResidual:
+    """How far a place of the map is from where the user knows it, after the alignment: `residual_m` (3,) is the given place less the map's, in
+    the world's axes, `sigma_m` (3,) its standard deviation; of a line, across it. Both are NaN along axes that were not given. `deviation` is
+    the residual in standard deviations. `used`: whether the alignment rests on it, too."""
+
+    row: str
+    at: str
+    residual_m: Floats
+    sigma_m: Floats
+    deviation: float
+    used: bool = True
+
+    def __post_init__(self) -> None:
+        require(self.residual_m.shape == (3,) and self.sigma_m.shape == (3,), self, "residual_m (3,), sigma_m (3,)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +207,8 @@ class Placement:
 class Alignment:
     """Where the site stands in the user's world (z up, metres): the site's x axis points `heading_deg` counter-clockwise from the world's,
     its origin is at (x, y, z). `covariance` (3, 3) of x m, y m and heading in degrees. `anchor`: latitude and longitude, degrees (WGS 84), of
-    the world's origin, if its x axis points east and its y axis north."""
+    the world's origin, if its x axis points east and its y axis north. `residuals`: of the places that it was solved from. `scale`: how much
+    longer the user's distances between them are than the map's, which stays as it is (None: they do not tell)."""
 
     x_m: float
     y_m: float
@@ -161,6 +216,8 @@ class Alignment:
     covariance: Floats
     z_m: float = 0.0
     anchor: tuple[float, float] | None = None
+    residuals: tuple[AlignmentResidual, ...] = ()
+    scale: Measured | None = None
 
     def __post_init__(self) -> None:
         require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")

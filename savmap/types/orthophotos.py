@@ -23,11 +23,21 @@ class Strip:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class Still:
+    """A panorama that is kept to be looked at: its frame, and the picture (n,) uint8, the bytes of a JPEG, smaller than the frame."""
+
+    frame: int
+    picture: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class RowStrips:
-    """The strips of a row, in the order of its frames, and the views that they are by name."""
+    """The strips of a row, in the order of its frames, and the views that they are by name; and whole panoramas of some of the frames."""
 
     views: Mapping[str, ViewSpec] = field(default_factory=dict)
     strips: tuple[Strip, ...] = ()
+    stills: tuple[Still, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

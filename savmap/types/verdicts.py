@@ -31,9 +31,10 @@ class Doubt:
 @dataclass(frozen=True)
 class Verdict:
     """Whether a row's map may be used as it is: where nothing speaks against it, it is `trusted`; otherwise a person should `check`
-    what the doubts name."""
+    what the doubts name. `notes`, one line each: what the verdict rests on that nothing checks; they are no doubts."""
 
     doubts: tuple[Doubt, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def grade(self) -> Literal["trusted", "check"]:

@@ -1,5 +1,6 @@
 """The command line: one clear line and the documented exit code for what a user gets wrong."""
 
+import json
 import os
 import subprocess
 import sys
@@ -43,6 +44,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
         (["report", "none.json"], 9, "none.json: cannot be read"),
+        (["view", "none.json", "--no-open"], 9, "none.json: cannot be read"),
         (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
         (["simulate", "broken.yaml"], 3, "broken.yaml:2: cannot be read as a scene file"),
         (["train", "shelfs", "--data", "none"], 5, "did you mean `shelves`"),
@@ -97,7 +99,7 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> None:
     lines = savmap("--help", folder=tmp_path).stdout.partition("Commands:\n")[2].splitlines()
-    first = ["map", "init", "check", "demo", "evaluate", "report", "export", "find"]
+    first = ["map", "init", "check", "demo", "evaluate", "report", "export", "align", "find", "measure"]
     then = ["plugins", "split", "schema", "simulate", "train", "adapt", "label", "plugin"]
     assert [line.split()[0] for line in lines if line.strip()] == first + then
 
@@ -127,6 +129,7 @@ def test_help_and_plugins_answer(tmp_path: Path) -> None:
         ["evaluate", "a" * 5000, "b"],
         ["simulate", "a" * 5000],
         ["check", "a" * 5000],
+        ["align", "a" * 5000, "b", "-o", "c"],
     ],
 )
 def test_names_that_no_file_can_have_are_one_line(
@@ -140,6 +143,30 @@ def test_names_that_no_file_can_have_are_one_line(
     assert end.value.code in (3, 9)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("savmap: ")
+
+
+def test_align_writes_the_map_where_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    empty = {"trajectory": [], "views": {}, "structures": {}, "references": [], "report": {}}
+    content = {"format": "savmap-map", "version": 1, "units": "m", "made_by": {}, "rows": {"A": empty}}
+    Path("map.json").write_text(json.dumps(content), encoding="utf-8")
+    Path("align.yaml").write_text("x_m: 1.5\ny_m: 2\nheading_deg: 90\n", encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["savmap", "align", "map.json", "align.yaml", "-o", "new/aligned.json"])
+    with pytest.raises(SystemExit):
+        main()
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "wrote new/aligned.json"
+    assert lines[1].startswith("the site in your world: x 1.500, y 2.000, z 0.000 m, heading 90.000 degrees")
+    assert json.loads(Path("new/aligned.json").read_text(encoding="utf-8"))["aligned"]["heading_deg"] == 90.0
+    Path("align.yaml").write_text(
+        "align: {points: [{at: a, world_m: [1, 2]}, {at: b, world_m: [1, 2]}]}", encoding="utf-8"
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 3
+    assert capsys.readouterr().err == "savmap: align.yaml:1: `align.points[0]`: row A has no `a`\n"
 
 
 @pytest.mark.parametrize("arguments", [["map", "pipe.yaml"], ["evaluate", "pipe.yaml", "x"], ["report", "pipe.yaml"]])

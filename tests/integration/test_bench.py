@@ -116,3 +116,14 @@ def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     assert figures["inside"] == 0.0
     assert figures["corners_m"] == pytest.approx([0.0173] * 4 * figures["legible"], abs=1e-3)
     assert signs.line(6100, figures).split()[:2] == ["6100", str(len(truth))]
+
+
+def test_lamps_count_as_a_rows_elements() -> None:
+    from rows import is_whole
+
+    whole = {"missing": {"beam": 0}, "spurious": {"beam": 0}}
+    lamps = {"missing": 0, "spurious": 0}
+    assert is_whole(whole)
+    assert is_whole({**whole, "lights": lamps})
+    assert not is_whole({**whole, "lights": {**lamps, "missing": 1}})
+    assert not is_whole({**whole, "lights": {**lamps, "spurious": 1}})

@@ -3,13 +3,14 @@
 import logging
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from savmap.errors import PluginError
-from savmap.jobs.map_site import in_one_frame, map_job_into
+from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.site.job import job_for
-from savmap.types import SiteMap
+from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 from savmap.types.progress import NoteCollector
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
@@ -24,6 +25,19 @@ def test_plugin_failing_in_assembly_costs_only_the_places(monkeypatch: pytest.Mo
     site_map, notes = in_one_frame(job_for(EXAMPLE / "site.yaml", None, tmp_path), mapped, {"A": {}})
     assert site_map is mapped
     assert notes == ("rows are not placed in one frame: plugin `things` failed in `shared`",)
+
+
+def test_places_that_do_not_fit_cost_only_the_alignment(tmp_path: Path) -> None:
+    known = "align: {points: [{at: a, world_m: [1, 2]}, {at: b, world_m: [3, 4]}]}\n"
+    site = (EXAMPLE / "site.yaml").read_text(encoding="utf-8")
+    (tmp_path / "site.yaml").write_text(known + site, encoding="utf-8")
+    job = job_for(tmp_path / "site.yaml", None, tmp_path)
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    mapped = SiteMap({"A": RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {}, ())}, {})
+    site_map, (note,) = in_users_world(job, mapped)
+    assert site_map is mapped
+    assert note.startswith(f"the site is not aligned: {tmp_path / 'site.yaml'}:1: `align.points[0]`: row A has no `a`")
+    assert note.endswith("after mending it run `savmap align`")
 
 
 def test_warning_of_mapping_is_left_to_its_task(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

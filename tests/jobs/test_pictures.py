@@ -124,6 +124,15 @@ def test_rows_measured_without_strips_are_measured_again(work: Work, tmp_path: P
     assert work.done[2:] == ["measured with strips", "pictured"]
 
 
+def test_stills_wanted_later_are_measured_again(work: Work, tmp_path: Path) -> None:
+    cache = FolderCache(tmp_path)
+    job = job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path)
+    without = replace(job, site=job.site.model_copy(update={"panoramas": False}))
+    map_rows_of(without, RunOptions(0), NoteCollector(), cache, True)
+    map_rows_of(job, RunOptions(0), NoteCollector(), cache, True)
+    assert work.done == ["measured with strips", "solved", "pictured", "measured with strips", "pictured"]
+
+
 def test_strips_reach_the_picture_where_nothing_is_kept(work: Work, tmp_path: Path) -> None:
     assert "A" in run(NoCache(), tmp_path).orthophotos
 

@@ -16,8 +16,10 @@ from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
 from savmap.types import (
     Alignment,
+    AlignmentResidual,
     CrossRowMatch,
     FrameTable,
+    JointCovariance,
     Measured,
     Placement,
     ReferenceUse,
@@ -45,6 +47,7 @@ def site() -> SiteMap:
         attributes={"number": 1, "colour": "[ 2 ]", "size": np.float64(0.25), "height_m": Measured(1.2345, 0.002)},
         solid=Solid(rng.normal(size=(4, 3)), np.array([0.0, 0.0, -0.5]), assumed=True, ifc_class="IfcBeam"),
     )
+    spread = rng.normal(size=(11, 4)) * 0.05
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :3, :3] = Rotation.random(3, rng=rng).as_matrix()
     poses[:, :3, 3] = rng.normal(size=(3, 3))
@@ -56,12 +59,15 @@ def site() -> SiteMap:
         structures={"things": (thing,), "others": ()},
         references=(ReferenceUse("camera height", 3.055, 0.02, 3.0501),),
         report={"frames": 5, "rms_px": 0.41},
+        joint=JointCovariance({"things": {"thing 1": np.arange(-1, 11).reshape(4, 3)}}, spread @ spread.T),
     )
     placed = {"A": Placement(1.5, -2.25, 180.0, np.diag([1e-4, 1e-4, 0.01]))}
     lamp = CrossRowMatch(
         "A", "B", "thing 1", "thing 4", np.array([0.01, -0.002, np.nan]), np.array([0.02, 0.001, np.nan])
     )
-    aligned = Alignment(100.25, -3.5, 12.5, np.diag([1e-4, 4e-4, 0.01]), 0.125, (48.137, 11.575))
+    residual = AlignmentResidual("A", "a", np.array([0.01, -0.02, np.nan]), np.array([0.03, 0.02, np.nan]), 1.25, False)
+    covariance = np.diag([1e-4, 4e-4, 0.01])
+    aligned = Alignment(100.25, -3.5, 12.5, covariance, 0.125, (48.137, 11.575), (residual,), Measured(1.001, 0.0005))
     return SiteMap(
         {"A": row}, {"savmap": "0.1.0", "model things": "ab12"}, {"B": "no structure found"}, placed, (lamp,), aligned
     )
@@ -87,12 +93,20 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.edges, mapped.edges)
     np.testing.assert_allclose(read.vertices, mapped.vertices, atol=5.001e-6)
     np.testing.assert_allclose(read.covariances, mapped.covariances, rtol=1e-5)
+    assert before.joint is not None
+    assert after.joint is not None
+    assert after.joint.coordinates["things"]["thing 1"].tolist() == [[-1, 0, 1], [2, 3, 4], [5, 6, 7], [8, 9, 10]]
+    np.testing.assert_allclose(after.joint.covariance, before.joint.covariance, rtol=1e-6, atol=1e-12)
     assert read.solid is not None
     assert mapped.solid is not None
     np.testing.assert_allclose(read.solid.outline, mapped.solid.outline, atol=5.001e-6)
     assert (read.solid.depth.tolist(), read.solid.assumed, read.solid.ifc_class) == ([0, 0, -0.5], True, "IfcBeam")
     assert found.alignment is not None
     assert (found.alignment.x_m, found.alignment.z_m, found.alignment.anchor) == (100.25, 0.125, (48.137, 11.575))
+    (residual,) = found.alignment.residuals
+    assert (residual.row, residual.at, residual.deviation, residual.used) == ("A", "a", 1.25, False)
+    np.testing.assert_allclose(residual.residual_m, [0.01, -0.02, np.nan])
+    assert found.alignment.scale == Measured(1.001, 0.0005)
     assert found.failed == made.failed
     np.testing.assert_allclose(found.placements["A"].site_from_row, made.placements["A"].site_from_row, atol=1e-6)
     np.testing.assert_allclose(found.matches[0].residual_m, made.matches[0].residual_m)
@@ -204,6 +218,19 @@ def _no_picture(content: dict[str, Any]) -> None:
     content["rows"]["A"]["views"]["face"]["width"] = 0
 
 
+def _joint_without_its_end(content: dict[str, Any]) -> None:
+    joint = content["rows"]["A"]["joint"]
+    joint["covariance_m2"] = joint["covariance_m2"][:-8]
+
+
+def _joint_of_another(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["joint"]["coordinates"]["things"]["thing 2"] = [[0, 0, 0]]
+
+
+def _joint_out_of_bounds(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["joint"]["coordinates"]["things"]["thing 1"][0][0] = 11
+
+
 def test_infinite_numbers_of_a_map_are_one_line(tmp_path: Path) -> None:
     path = tmp_path / "map.json"
     path.write_text(re.sub(r'"rms_px": [0-9.]+', '"rms_px": 1e999', map_text(site())))
@@ -231,6 +258,9 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
         (_sigma_of_nothing, r"references\[0\]\.sigma: Input should be greater than 0"),
         (_negative_variance, r"vertices\[0\]\.covariance_m2: a variance is negative"),
         (_far_away, r"vertices\[0\]\.position_m\[1\]: Input should be less than or equal to 1000000"),
+        (_joint_without_its_end, "joint: covariance_m2 is not the finite upper triangle of 11 lines"),
+        (_joint_of_another, "joint: things: thing 2 has not 1 vertices"),
+        (_joint_out_of_bounds, "joint: things: thing 1: a coordinate is not among the 11"),
         (_no_picture, r"views\.face\.width: Input should be greater than or equal to 1"),
     ],
 )

@@ -116,8 +116,24 @@ def test_at_most_two_looks_are_taken(walked: MeasuredPasses, monkeypatch: pytest
     left = [expectation] * 4
     measured, notes = looked(walked, watcher(), left, monkeypatch)
     assert len(notes) == 2
-    assert len(left) == 2
+    assert len(left) == 1
     assert len(measured.features["one"]) == 2 * COUNT
+
+
+def test_what_is_not_tracked_after_the_last_look_is_doubted(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracked = {f"thing 1 / {end}": np.array([-0.8, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))}
+    expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
+    measured, _ = looked(walked, watcher(), [expectation] * 3, monkeypatch)
+    assert [doubt.what for doubt in measured.doubts] == [
+        "all frames together show light near thing 1 that was not measured: is it missing?"
+    ]
+
+
+def test_measured_again_is_told_from_seen(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured, _ = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH), None], monkeypatch)
+    assert all(feature.expected for feature in measured.features["one"])
 
 
 def test_where_nothing_else_is_expected_nothing_changes(

@@ -5,9 +5,10 @@ import pytest
 
 from savmap.report.box_plot import box_of, box_plot
 from savmap.report.numbers import anchors, duration, fixed, natural, shortened
+from savmap.report.page.alignment import alignment_table
 from savmap.report.page.uncertainty import histogram
 from savmap.report.scene import path, ticks
-from savmap.types import Evaluation, Score
+from savmap.types import Alignment, AlignmentResidual, Evaluation, Score
 
 
 @pytest.mark.parametrize(
@@ -90,3 +91,16 @@ def test_histograms_are_logarithmic_and_lose_nothing() -> None:
     heights = histogram(np.array([1e-6, 0.01, 0.01, 5.0]))
     assert (heights[0], heights[16], heights[-1]) == (0.5, 1.0, 0.5)
     assert sum(heights) == 2.0
+
+
+def test_places_in_the_users_world_are_a_table() -> None:
+    residuals = (
+        AlignmentResidual("A", "<b>", np.array([0.01, -0.02, np.nan]), np.full(3, 0.01), 1.25),
+        AlignmentResidual("A", "c", np.array([0.5, 0.0, 0.1]), np.full(3, 0.01), 50.0, used=False),
+    )
+    table = alignment_table(Alignment(1.0, 2.0, 30.0, np.diag([1e-4, 4e-4, 0.01]), residuals=residuals))
+    assert table is not None
+    assert table.caption.startswith("The site\u2019s origin is at x 1.000 \u00b1 0.010, y 2.000 \u00b1 0.020")
+    assert [cell.text for cell in table.lines[0].cells] == ["<b>", "A", "+1.00", "\u22122.00", "\u2013", "1.2", "yes"]
+    assert [line.style for line in table.lines] == ["", "off"]
+    assert alignment_table(None) is None

@@ -1,6 +1,7 @@
 """`savmap report`: a map file, its run and a survey make a page with what the plugins draw and score."""
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_up_map import row as made_up_row
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
@@ -15,7 +17,7 @@ from savmap.errors import OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.page import page_text
-from savmap.report.site_report import drawings_of, plugins_of_map, report_for, write_report
+from savmap.report.site_report import drawings_of, plugins_of_map, report_for, viewed, write_report
 from savmap.types import Drawing, FrameTable, RowMap, Score, SiteMap, Structure, Survey, Trajectory
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
@@ -125,3 +127,13 @@ def test_a_map_of_failed_rows_only_is_reported(site: SiteMap, tmp_path: Path) ->
 def test_the_page_must_be_named_as_one(map_file: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"a report is an HTML page; name it \.html"):
         write_report(map_file, tmp_path / "page.pdf")
+
+
+def test_viewer_is_written_where_it_is_missing_or_old(tmp_path: Path) -> None:
+    write_map(SiteMap({"A": made_up_row("A")}, {}), tmp_path / "map.json")
+    page, written = viewed(tmp_path)
+    assert (page, written) == (tmp_path / "view.html", True)
+    assert viewed(tmp_path / "map.json") == (page, False)
+    os.utime(page, (1, 1))
+    assert viewed(tmp_path) == (page, True)
+    assert viewed(tmp_path, fresh=True) == (page, True)

@@ -1,78 +1,103 @@
-"""Lamps in a ceiling-facing view: mask to centre (compact lamps) or to the two ends (strips). Paper, section III.C."""
+"""Lamps in a ceiling-facing view: mask and brightness to centre (compact lamps) or to ends (strips). Paper, section III.C."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from savmap.plugin import Detection, Feature, Floats, Ints, View, point_feature, touches_border
+from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
+from savmap_lights.picture.compact import Compact, compact_of, more_like
+from savmap_lights.picture.profiles import Singles
+from savmap_lights.picture.seeds import Seed, seeds_of
+from savmap_lights.picture.strips import Body, strips
 
-STRIP_RATIO = 2.5
-SIGMA_CENTRE_PX = 0.7
-SIGMA_END_PX = 1.2
-CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+FIRST_LIKE = 20_000
+SIGMA_END_PX = 0.5
+SIGMA_CENTRE_PX = 0.5
+BY_MASK_PX = 1.2
+SEEN = 255.0
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """For each lamp a "centre" point, and for a strip an "end a" and an "end b" point where the frame does not cut it.
+    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each "side".
 
-    A lamp that touches the frame's border has no centre. The ends of a strip come in no particular order.
+    For each strip, up to its joints where it is part of a line of light: an "end a" and an "end b" where it ends sharply and within the
+    view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a "middle" of what is seen of it,
+    uncertain along it by half its length. Ends come in no particular order.
+
+    What the picture's brightness does not show is measured in the masks.
     """
+    grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
+    seeds = seeds_of(grey, detections)
+    compact = {seed.number: lamp for seed in seeds if (lamp := compact_of(grey, seed)) is not None}
+    others = [seed for seed in seeds if seed.number not in compact]
+    lit = strips(grey, others)
+    features = _compact(view, detections, grey, seeds, compact)
+    features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
+    return features + _by_mask(view, detections, _rest(others, lit))
+
+
+def _compact(
+    view: View, detections: Sequence[Detection], grey: Singles, seeds: Sequence[Seed], lamps: Mapping[int, Compact]
+) -> list[Feature]:
+    """Features of compact lamps, those too that the network did not see but that are as one that it did; a "glimpse" of one of which
+    something may hide a side."""
     features: list[Feature] = []
-    for instance, detection in enumerate(detections):
-        features += _lamp(view, detection, instance)
+    known: list[Floats] = []
+    for seed in seeds:
+        for lamp in [lamps[seed.number], *more_like(grey, seed, lamps[seed.number])] if seed.number in lamps else []:
+            if all(np.abs(lamp.middle - other).max() > min(lamp.sizes) / 2 for other in known):
+                known.append(lamp.middle)
+                part = "glimpse" if lamp.covered else "centre"
+                instance = FIRST_LIKE + len(known)
+                detection = detections[seed.number]
+                points = [(part, lamp.middle), *(("side", side) for side in lamp.sides)]
+                features += [point_feature(view, detection, instance, *point, SIGMA_CENTRE_PX) for point in points]
     return features
 
 
-def _lamp(view: View, detection: Detection, instance: int) -> list[Feature]:
-    rows, columns = _grown_pixels(detection.mask)
-    weights = detection.probability[rows, columns].astype(np.float64)
-    if weights.sum() <= 0:
+def _rest(seeds: Sequence[Seed], bodies: Sequence[Body]) -> list[Seed]:
+    taken = {number for body in bodies for number in body.numbers}
+    return [seed for seed in seeds if seed.number not in taken]
+
+
+def _by_mask(view: View, detections: Sequence[Detection], seeds: Sequence[Seed]) -> list[Feature]:
+    """Features of lamps that do not stand out in the picture, from the network's probability."""
+    if not seeds:
         return []
-    pixels = np.stack([columns, rows], axis=1).astype(np.float64)
-    centre = np.average(pixels, axis=0, weights=weights)
-    spread, axes = np.linalg.eigh(np.cov((pixels - centre).T, aweights=weights) + 1e-9 * np.eye(2))
-    long, wide = np.sqrt(12 * spread[1]), np.sqrt(12 * spread[0])
-    inside = not touches_border(detection.mask)
-    points = [("centre", centre, SIGMA_CENTRE_PX)] if inside else []
-    if long > STRIP_RATIO * wide:
-        ends = _ends(pixels, weights, centre, axes[:, 1])
-        size = (view.spec.width, view.spec.height)
-        points += [
-            (name, end, SIGMA_END_PX) for name, end in zip(("end a", "end b"), ends, strict=True) if _within(end, size)
-        ]
-    return [point_feature(view, detection, instance, *point) for point in points]
+    own = {seed.number for seed in seeds}
+    shared = {id(detections[number].probability): detections[number].probability for number in own}
+    seen: Singles = np.asarray(SEEN * np.maximum.reduce(list(shared.values())), np.float32)
+    again = [seed for seed in seeds_of(seen, detections) if seed.number in own]
+    bodies = strips(seen, again)
+    features = [feature for body in bodies for feature in _strip(view, detections, body, BY_MASK_PX)]
+    whole = [seed for seed in _rest(again, bodies) if not touches_border(detections[seed.number].mask)]
+    for seed in whole:
+        features.append(point_feature(view, detections[seed.number], seed.number, "centre", seed.middle, BY_MASK_PX))
+    return features
 
 
-def _ends(pixels: Floats, weights: Floats, centre: Floats, axis: Floats) -> tuple[Floats, Floats]:
-    """Both ends on the long axis: where the mean probability of a slice, one pixel long, falls below a half of its usual."""
-    along = (pixels - centre) @ axis
-    bins = np.floor(along).astype(np.int64)
-    first = int(bins.min())
-    profile = np.bincount(bins - first, weights=weights).astype(np.float64)
-    level = 0.5 * float(np.median(profile[profile > 0.25 * profile.max()]))
-    inner = np.nonzero(profile >= level)[0]
-    low = inner[0] + first - _fraction(profile, int(inner[0]), -1, level)
-    high = inner[-1] + first + 1 + _fraction(profile, int(inner[-1]), 1, level)
-    return centre + low * axis, centre + high * axis
+def _strip(view: View, detections: Sequence[Detection], body: Body, sigma_px: float) -> list[Feature]:
+    """Features of one strip; its instance is unique in the view, beside those of compact lamps."""
+    detection = detections[body.numbers[0]]
+    instance = body.instance
+    points = [
+        point_feature(view, detection, instance, f"end {name}", end, sigma_px)
+        for name, end in zip("ab", body.ends, strict=True)
+        if end is not None
+    ]
+    if body.ends[0] is not None and body.ends[1] is not None:
+        points.append(point_feature(view, detection, instance, "centre", (body.ends[0] + body.ends[1]) / 2, sigma_px))
+    points += [point_feature(view, detection, instance, "glimpse", place, sigma_px) for place in body.covered]
+    return [*points, _middle(view, detection, instance, body, sigma_px)]
 
 
-def _fraction(profile: Floats, index: int, step: int, level: float) -> float:
-    """How far the end reaches into the slice after the last full one, 0..1: the share of that slice's mass."""
-    after = index + step
-    if not 0 <= after < len(profile):
-        return 0.0
-    return float(min(1.0, profile[after] / max(profile[index], 1e-9)))
-
-
-def _grown_pixels(mask: NDArray[np.bool_]) -> tuple[Ints, Ints]:
-    """Rows and columns (n,), in scan order, of a mask grown by a pixel."""
-    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-    left, top = max(left - 1, 0), max(top - 1, 0)
-    rows, columns = np.nonzero(cv2.dilate(mask[top : top + height + 2, left : left + width + 2].view(np.uint8), CROSS))
-    return rows + top, columns + left
-
-
-def _within(pixel: Floats, size: tuple[int, int], margin: float = 3.0) -> bool:
-    return bool(margin <= pixel[0] <= size[0] - 1 - margin and margin <= pixel[1] <= size[1] - 1 - margin)
+def _middle(view: View, detection: Detection, instance: int, body: Body, sigma_px: float) -> Feature:
+    """What is seen of a strip: its middle, with half its length as the standard deviation along it."""
+    across: Floats = np.array([-body.axis[1], body.axis[0]])
+    half = np.linalg.norm(body.reach[1] - body.reach[0]) / 2
+    covariance = half**2 * np.outer(body.axis, body.axis) + sigma_px**2 * np.outer(across, across)
+    pixel = body.reach.mean(axis=0)[None]
+    return Feature(
+        view.frame, view.spec.name, detection.label, "middle", instance, pixel, covariance[None], score=detection.score
+    )

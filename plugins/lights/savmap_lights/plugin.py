@@ -9,14 +9,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
+from savmap_lights.doubts import doubts_of, is_whole
 from savmap_lights.features import extract_features
+from savmap_lights.open_ends import with_light_beyond, with_open_ends
+from savmap_lights.scores import centre_of, score_lamps
+from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
 
 LOST_M = 1.0  # a lamp whose place is not known better is left out
-GATE_M = 1.0  # a lamp further from the surveyed one is another one
 OFF_M = 0.05  # drawn as wrong beyond this
 Point = tuple[float, float, float]
-AXES: tuple[door.Axis, ...] = ("y", "z")
 
 
 class Settings(door.PluginSettings):
@@ -26,7 +28,7 @@ class Settings(door.PluginSettings):
     """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass of 200
     frames, four from 400 on."""
     line: bool = False
-    """Whether the lamps are on one line along the aisle, at one height."""
+    """Whether the lamps are on one line along the aisle, at one height. Otherwise that is tested, and used where it holds."""
 
 
 class SurveyedLamp(BaseModel):
@@ -102,16 +104,20 @@ class Lights:
     def constrain(
         self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: door.KeySpace
     ) -> door.Constraints:
-        """Points; with `line`, all share y and z. Paper, last paragraph of section III.E."""
-        points = [key for parts in door.keys_by_object(tracks, keys).values() for key in parts.values()]
-        tied = points[1:] if self.config.line else []
-        relations = [door.equal_coordinate(axis, points[0], other) for other in tied for axis in AXES]
+        """Points that share y and z with `line`, or as far as that is so. Paper, last paragraph of section III.E."""
+        relations = ties(tracks, door.keys_by_object(tracks, keys), facts, start, self.config.line)
         return door.point_constraints(tracks, facts, start, keys, relations)
 
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
-        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre"."""
-        return door.point_structures(tracks, landmarks, LOST_M)
+        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one end in sight, the
+        other is as far as it was seen, and not known along x. Light beyond a lamp that none explains is in its attributes."""
+        return with_light_beyond(with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks), tracks)
+
+    @hookimpl
+    def doubt(self, structures: Sequence[Structure]) -> list[door.Doubt]:
+        """Heights, lengths and gaps that do not fit the other lamps."""
+        return doubts_of(structures)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
@@ -119,16 +125,17 @@ class Lights:
         return [
             door.CrossRowLandmark(own.id, own.label, centre_of(own)[0], np.asarray(own.covariances.mean(axis=0)))
             for own in structures
+            if is_whole(own)
         ]
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
-        """The distances between centres of lamps between the row's ends. Raises OutputError where the survey's are malformed."""
+        """The distances between centres and between ends of lamps of the line that is mapped, between the row's ends. Raises OutputError
+        where the survey's are malformed."""
         if "lights" not in survey:
             return door.Score()
         surveyed = read_row(survey)
-        centres = surveyed.ends().mean(axis=1, keepdims=True)
-        return door.score_points(structures, centres, GATE_M, "lights", surveyed.ends_x(), centre_of)
+        return score_lamps(structures, surveyed.ends(), surveyed.ends_x())
 
     @hookimpl
     def draw(
@@ -151,8 +158,3 @@ class Lights:
         from savmap_lights.scene import random_section
 
         return random_section(rng, site, drawn)
-
-
-def centre_of(lamp: Structure) -> Floats:
-    """The middle (1, 3) of a lamp."""
-    return np.asarray(lamp.vertices.mean(axis=0, keepdims=True))

@@ -1,82 +1,140 @@
-"""Lamps through the sequence: sightings put on the ceiling plane from the camera's first positions, then grouped.
+"""Lamps through the sequence: a search in space, for the camera's path is known from what was tracked before.
 
-Paper, section III.D. The height of the lamps is the one at which the sightings of all frames fall on one another best.
+A sweep through heights finds the plane of the lamps (paper, section III.D). There, ends that point the same way and fall on one another
+in many frames are ends; what hides a lamp for some frames, or a mask that ends in its midst, falls on nothing.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from savmap.plugin import (
-    UPWARDS,
-    Feature,
-    Floats,
-    RowFacts,
-    Sightings,
-    StructureError,
-    Track,
-    Trajectory,
-    frames_showing,
-    gathering_level,
-    sightings,
-    track_of,
-)
-from savmap.vision import peaks
+from savmap.plugin import Feature, Floats, Ints, RowFacts, Track, Trajectory, project, sightings, track_of
+from savmap_lights.space.ends import Fitted, Rays, fit
+from savmap_lights.space.lamps import Lamp, lamps_of, lit_stretches
+from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
+from savmap_lights.space.partial import completed
+from savmap_lights.space.places import Aisle, Place
+from savmap_lights.space.scatter import scatter
+from savmap_lights.space.unmapped import light_beyond, shining
 
-MIN_SUPPORT = 3
 MAX_SLOPE = 3.0
-HEIGHTS_M = (0.5, 20.0)
-SAME_LAMP_M = 0.3
-SAME_LINE_M = 0.4
-LEAST_SHARE = 0.4
-SURE = 0.2
+LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
+PATH_M = 0.007
+SEEN_TO, BEYOND = "seen to, mm", "light beyond, mm"
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
-    """Tracks "light 3 / end 0" and "light 3 / end 1" (towards +x) of strips, "light 3 / centre" of compact lamps.
+    """Tracks "light 3 / end 0" and "light 3 / end 1" (towards +x, or, of strips across the aisle, +z) of strips, "light 3 / centre" of
+    compact lamps. The pixels of strips' ends are those of their middle height.
 
     Lamps are those of the line nearest above the camera's path, numbered along x from 1.
     Raises StructureError when no lamp is seen in at least three frames.
     """
     seen = sightings(features, facts, start, upwards=True, max_slope=MAX_SLOPE)
-    centres = seen.where(seen.of_part("centre"))
-    if len(centres.frames) < MIN_SUPPORT:
-        raise _no_lamp()
-    height_m = gathering_level(centres, HEIGHTS_M)
-    seen, line_z = _nearest_line(seen, height_m)
-    x, is_centre = seen.at(height_m)[:, 0], seen.of_part("centre")
-    lamps = peaks.peaks(x[is_centre], SAME_LAMP_M, MIN_SUPPORT)
-    hits = np.array([len(np.unique(seen.frames[is_centre & (np.abs(x - lamp) <= SAME_LAMP_M)])) for lamp in lamps])
-    places = np.array([[lamp, height_m, line_z] for lamp in lamps]).reshape(-1, 3)
-    shown = frames_showing(places, facts, start, UPWARDS[:, 2])
-    lamps = lamps[hits >= LEAST_SHARE * shown]
-    if len(lamps) == 0:
-        raise _no_lamp()
-    return [track for number, at in enumerate(lamps, start=1) for track in _tracks(number, at, lamps, seen, x)]
+    marks = marks_of(seen)
+    if len(np.unique(marks.seen.frames)) < LEAST_FRAMES:
+        raise no_lamp()
+    level = level_of(marks)
+    line = line_of(marks, level)
+    seen = sightings(completed(features, seen, level, line), facts, start, upwards=True, max_slope=MAX_SLOPE)
+    marks = marks_of(seen)
+    marks = marks.where(np.abs(marks.aside(level) - line) <= SAME_LINE_M)
+    glimpses = seen.where(seen.of_part("glimpse"))
+    lit = lit_stretches(seen.where(seen.of_part("middle")), level, line, facts)
+    lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
+    if not lamps:
+        raise no_lamp()
+    tracks = _tracks(lamps, marks, level, line, facts, start)
+    complete = _complete(tracks, lamps)
+    mapped = [lamps[number - 1] for number in complete]
+    return _numbered(tracks, complete, light_beyond(mapped, shining(seen, level, line, mapped)))
 
 
-def _no_lamp() -> StructureError:
-    return StructureError(
-        "no lamp was seen in three frames or more: does the ceiling view show lamps, and was the network trained on such?"
-    )
+def _tracks(
+    lamps: Sequence[Lamp], marks: Marks, level_m: float, line_z: float, facts: RowFacts, path: Trajectory
+) -> list[Track]:
+    """The lamps' tracks, of the marks that fit, moved to the lamps' middle height."""
+    named = [(number, part, place) for number, lamp in enumerate(lamps) for part, place in lamp.items()]
+    rays, index = _rays(named, marks, level_m, facts)
+    fitted = fit(rays, level_m)
+    aside = marks.seen.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.seen.slopes[index, 1]
+    agree, wider = scatter(aside, rays.sigma, rays.place, fitted.kept)
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    tracks = []
+    for number, (lamp, part, place) in enumerate(named):
+        own = np.flatnonzero((rays.place == number) & agree)
+        fits = len(own) >= MOST_FIT * (rays.place == number).sum()
+        if len(own) < LEAST_FITTING or not fits or abs(fitted.heights[lamp] - level_m) > OTHER_PLANE_M:
+            continue
+        features = [
+            _at_middle(_widened(marks.seen.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
+            for k in own.tolist()
+        ]
+        track = track_of(lamp + 1, part, features)
+        if place.seen_to is not None:
+            track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
+        tracks.append(track)
+    return tracks
 
 
-def _nearest_line(seen: Sightings, height_m: float) -> tuple[Sightings, float]:
-    """The sightings of the line of lamps, parallel to x, that runs nearest above the camera, and its z."""
-    z = seen.at(height_m)[:, 1]
-    sure = seen.of_part("centre") & (seen.certainty >= SURE)
-    lines = peaks.peaks(z[sure], SAME_LINE_M, max(MIN_SUPPORT, int(sure.sum() / 10)))
-    if len(lines) == 0:
-        raise _no_lamp()
-    nearest = float(lines[np.argmin(np.abs(lines - np.median(seen.origins[:, 2])))])
-    return seen.where(np.abs(z - nearest) <= SAME_LINE_M), nearest
+def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
+    """The numbers of the lamps that have all their tracks. Raises StructureError where none has."""
+    numbers = [int(track.place[track.label]) for track in tracks]
+    complete = [n for n in dict.fromkeys(numbers) if numbers.count(n) == len(lamps[n - 1])]
+    if not complete:
+        raise no_lamp()
+    return complete
 
 
-def _tracks(number: int, at: float, lamps: Floats, seen: Sightings, x: Floats) -> list[Track]:
-    spacing = float(np.diff(lamps).min()) if len(lamps) > 1 else 2.0
-    near, is_centre = np.abs(x - at) < 0.5 * spacing, seen.of_part("centre")
-    ends = near & ~is_centre
-    sides = [ends & (x < at), ends & (x > at)]
-    if min(int(side.sum()) for side in sides) >= MIN_SUPPORT:
-        return [track_of(number, f"end {end}", seen.where(side).features) for end, side in enumerate(sides)]
-    return [track_of(number, "centre", seen.where(near & is_centre).features)]
+def _numbered(tracks: Sequence[Track], complete: Sequence[int], beyond: Sequence[float | None]) -> list[Track]:
+    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains."""
+    numbered = []
+    for track in tracks:
+        if track.place[track.label] in complete:
+            index = complete.index(int(track.place[track.label]))
+            name, x = f"{track.label} {index + 1} / {track.place['part']}", beyond[index]
+            light = {} if x is None else {BEYOND: round(1000 * x)}
+            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **light}))
+    return numbered
+
+
+def _rays(named: Sequence[tuple[int, str, Place]], marks: Marks, level_m: float, facts: RowFacts) -> tuple[Rays, Ints]:
+    """The rays to all places along x, and the index of each one's mark."""
+    seen = marks.seen
+    index = np.concatenate([place.marks for _, _, place in named])
+    number = np.concatenate([np.full(len(place.marks), k) for k, (_, _, place) in enumerate(named)])
+    lamp = np.concatenate([np.full(len(place.marks), k) for k, _, place in named])
+    outward = np.concatenate([np.full(len(place.marks), place.outward[0]) for _, _, place in named])
+    slope = seen.slopes[index, 0]
+    edge = -outward * np.sign(slope).astype(np.int64)
+    focal = np.array([facts.views[seen.features[k].view].camera[0, 0] for k in index.tolist()])
+    pixels = np.array([np.sqrt(seen.features[k].covariance[0, 0, 0]) for k in index.tolist()])
+    above = level_m - seen.origins[index, 1]
+    sigma = np.hypot(PATH_M, pixels / focal * above * (1 + slope**2 + seen.slopes[index, 1] ** 2))
+    return Rays(number, lamp, seen.origins[index, 0], seen.origins[index, 1], slope, edge, sigma), index
+
+
+def _at_middle(
+    feature: Feature,
+    fitted: Fitted,
+    rays: Rays,
+    ray: int,
+    line_z: float,
+    poses: dict[int, Floats],
+    facts: RowFacts,
+) -> Feature:
+    """A feature moved along the line by as much as the edge that is seen lies nearer or further than the lamp's middle would."""
+    if not rays.edge[ray] or not fitted.half_m:
+        return feature
+    middle = np.array([fitted.places[rays.place[ray]], fitted.heights[rays.lamp[ray]], line_z])
+    edge = middle - np.array([rays.edge[ray] * fitted.half_m * rays.slope[ray], 0.0, 0.0])
+    pose, view = poses[feature.frame], facts.views[feature.view]
+    turn = pose[:3, :3] @ view.rig_from_view
+    points = (np.stack([middle, edge]) - pose[:3, 3]) @ turn
+    pixels = project(points, view.camera)
+    return replace(feature, pixels=feature.pixels + pixels[0] - pixels[1])
+
+
+def _widened(feature: Feature, wider: float) -> Feature:
+    return replace(feature, covariance=feature.covariance * wider**2)

@@ -165,15 +165,16 @@ def sections_of(structures: Sequence[Structure]) -> list[MappedSection]:
     grouped: dict[int, list[Structure]] = {}
     for beam in structures:
         if beam.label == "beam":
-            grouped.setdefault(_section_of(beam), []).append(beam)
+            grouped.setdefault(number_of(beam, "section"), []).append(beam)
     sections = [MappedSection(_extent(beams), _elements(beams, 1, ("lower", "upper"))) for beams in grouped.values()]
     return sorted(sections, key=lambda section: float(section.extent.mean()))
 
 
-def _section_of(beam: Structure) -> int:
-    number = beam.attributes.get("section")
+def number_of(structure: Structure, attribute: str) -> int:
+    """A structure's number, such as its section's. Raises OutputError where it has none."""
+    number = structure.attributes.get(attribute)
     if not isinstance(number, int | np.integer):
-        raise OutputError(f"map: {beam.id}: attribute 'section' should be a whole number, not {number!r}")
+        raise OutputError(f"map: {structure.id}: attribute '{attribute}' should be a whole number, not {number!r}")
     return int(number)
 
 
@@ -185,11 +186,12 @@ def _elements(structures: list[Structure], axis: int, sides: tuple[str, str]) ->
 
 def _span(structure: Structure, axis: int, sides: tuple[str, str]) -> tuple[float, float]:
     """Mean coordinate of the vertices on either side, smaller first."""
-    first, second = sorted(_mean(structure, axis, side) for side in sides)
+    first, second = sorted(mean_of(structure, axis, side) for side in sides)
     return first, second
 
 
-def _mean(structure: Structure, axis: int, side: str) -> float:
+def mean_of(structure: Structure, axis: int, side: str) -> float:
+    """Mean coordinate of the vertices on a side, "left" or "upper". Raises OutputError where there are none."""
     chosen = [side in label.split() for label in structure.vertex_labels]
     if not any(chosen):
         raise OutputError(f"map: {structure.id}: no vertex is labelled {side!r}")

@@ -32,7 +32,8 @@ from savmap_shelves.settings import ShelvesSettings
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
-    from savmap.types import Drawing, Score
+    from savmap.plugin.hookspecs import Exporter
+    from savmap.types import Drawing, Score, SiteMap
     from savmap.types.scenes import SceneParts, Site
     from savmap.vision.view_planning import Manual, PassPreview
 
@@ -93,7 +94,8 @@ class Shelves:
         from savmap_shelves.evidence import face_patch, tracked_grid
 
         grid = tracked_grid(points)
-        return [face_patch(grid)] if grid else []
+        patch = face_patch(grid) if grid else None
+        return [patch] if patch else []
 
     @hookimpl
     def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
@@ -146,6 +148,20 @@ class Shelves:
         from savmap_shelves.report.drawing import draw
 
         return draw(structures, survey, deviations)
+
+    @hookimpl
+    def exporters(self) -> "Mapping[str, Exporter]":
+        def write_csv(site: "SiteMap", path: Path) -> None:
+            from savmap_shelves.report.slot_files import write_csv
+
+            write_csv(site, path, self.name)
+
+        def write_json(site: "SiteMap", path: Path) -> None:
+            from savmap_shelves.report.slot_files import write_json
+
+            write_json(site, path, self.name)
+
+        return {"slots-csv": write_csv, "slots-json": write_json}
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":

@@ -36,6 +36,9 @@ def map_(
     no_orthophotos: Annotated[
         bool, typer.Option("--no-orthophotos", help="Make no pictures of the rows' faces out of the frames.")
     ] = False,
+    no_panoramas: Annotated[
+        bool, typer.Option("--no-panoramas", help="Keep none of the panoramas to be looked at in the viewer.")
+    ] = False,
     sets: Sets = None,
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
@@ -44,7 +47,8 @@ def map_(
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
-    overrides = overrides_of([*(sets or []), *(["orthophotos=false"] if no_orthophotos else [])], os.environ)
+    off = {"orthophotos=false": no_orthophotos, "panoramas=false": no_panoramas}
+    overrides = overrides_of([*(sets or []), *(setting for setting, chosen in off.items() if chosen)], os.environ)
     job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
     preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 

@@ -70,9 +70,41 @@ def compare(
         raise ChangedError(f"{new_file}: not as {old_file} has it")
 
 
+def view(
+    source: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a map, or its map.json.")] = Path(
+        "out"
+    ),
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Serve it to this machine's browser until Ctrl+C, for large sites.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port of --serve (0: one that is free).")] = 0,
+    survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Write the page anew.")] = False,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
+) -> None:
+    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where there is none."""
+    import webbrowser
+
+    from savmap.report.site_report import viewed
+    from savmap.report.viewer.serve import ViewServer
+
+    page, written = viewed(source, survey, fresh)
+    if written:
+        say(f"wrote {page}")
+    if not serve:
+        if show:
+            webbrowser.open(page.resolve().as_uri())
+        return
+    with ViewServer(page, port) as server:
+        say(f"{server.address} shows {page}; Ctrl+C ends it")
+        if show:
+            webbrowser.open(server.address)
+        server.run()
+
+
 def export(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
-    name: Annotated[str, typer.Option("--format", help="csv, ply, or a format of an installed plugin.")],
+    name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:
@@ -92,6 +124,26 @@ def export(
     say(f"wrote {output}")
 
 
+def align(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    known: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map.json to write.")],
+) -> None:
+    """Say where a finished map stands in your own world, from places that are known in both."""
+    from savmap.assembly import alignment_lines
+    from savmap.jobs.api import align as align_map
+    from savmap.maps.map_file import read_map, write_map
+
+    notes: list[str] = []
+    site_map = align_map(read_map(map_file), known, notes.append)
+    write_map(site_map, output)
+    say(f"wrote {output}")
+    for line in (*alignment_lines(site_map), *(f"note: {note}" for note in notes)):
+        say(line)
+
+
 def find(
     name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
@@ -102,3 +154,15 @@ def find(
 
     for hit in find_structures(read_map(map_file), name):
         say(hit)
+
+
+def measure(
+    first: Annotated[str, typer.Argument(metavar="FROM", help="A vertex, such as 'upright 1 / right / bottom'.")],
+    second: Annotated[str, typer.Argument(metavar="TO", help="Another; 'A: ...' says the row.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+) -> None:
+    """Say how far two vertices of a map are apart, and how sure that is."""
+    from savmap.maps.distance import vertex_distance
+    from savmap.maps.map_file import read_map
+
+    say(vertex_distance(read_map(map_file), first, second))

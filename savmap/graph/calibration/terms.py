@@ -89,6 +89,7 @@ class Calibration:
             np.concatenate([biases.slopes, slopes], axis=2),
             np.concatenate([biases.prior, self.prior]),
             np.concatenate([biases.free, np.ones(count, np.bool_)]),
+            np.concatenate([biases.relative, np.zeros(count, np.bool_)]),
         )
         return replace(measurements, biases=wider)
 

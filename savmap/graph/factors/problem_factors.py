@@ -24,26 +24,27 @@ HELD_M, HELD_RAD = 1e-4, 1e-5
 
 
 def measurement_factors(
-    measurements: ImageMeasurements, inflation: float = 1.0, huber: float | None = HUBER
+    measurements: ImageMeasurements, huber: float | Floats | None = HUBER
 ) -> list[gtsam.NonlinearFactor]:
-    """One projection factor a measurement, with `inflation` times its full covariance, in Huber's loss unless `huber` is
-    None."""
+    """One projection factor a measurement, with its full covariance, in Huber's loss, one or one each (n,), unless that is None."""
     lenses = [_calibration(spec.camera) for spec in measurements.views]
     mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in measurements.views]
     poses = {frame: frame_key(frame) for frame in np.unique(measurements.frames).tolist()}
-    loss = gtsam.noiseModel.mEstimator.Huber.Create(huber) if huber is not None else None
+    widths = np.broadcast_to(np.inf if huber is None else huber, len(measurements)).tolist()
+    losses = {width: gtsam.noiseModel.mEstimator.Huber.Create(width) for width in set(widths) if np.isfinite(width)}
     rows = zip(
         measurements.pixels,
-        np.linalg.cholesky(np.linalg.inv(inflation * measurements.covariances)).swapaxes(1, 2),
+        np.linalg.cholesky(np.linalg.inv(measurements.covariances)).swapaxes(1, 2),
         measurements.frames.tolist(),
         measurements.keys.tolist(),
         measurements.view.tolist(),
+        widths,
         strict=True,
     )
     made: list[gtsam.NonlinearFactor] = []
-    for pixel, whiten, frame, key, view in rows:
+    for pixel, whiten, frame, key, view, width in rows:
         plain = gtsam.noiseModel.Gaussian.SqrtInformation(whiten, False)
-        noise = gtsam.noiseModel.Robust.Create(loss, plain) if loss is not None else plain
+        noise = gtsam.noiseModel.Robust.Create(losses[width], plain) if width in losses else plain
         made.append(
             gtsam.GenericProjectionFactorCal3_S2(
                 pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]
@@ -57,11 +58,11 @@ def _calibration(camera: Floats) -> gtsam.Cal3_S2:
 
 
 def whole_graph(
-    problem: Problem, at: Estimate, measurements: ImageMeasurements, inflation: float, huber: float | None
+    problem: Problem, at: Estimate, measurements: ImageMeasurements, huber: float | Floats | None
 ) -> gtsam.NonlinearFactorGraph:
-    """All factors of a problem, those of `measurements` last; `at`, `inflation` and `huber` as below and above."""
+    """All factors of a problem, those of `measurements` last; `at` and `huber` as below and above."""
     graph = other_factors(problem, at)
-    for factor in measurement_factors(measurements, inflation, huber):
+    for factor in measurement_factors(measurements, huber):
         graph.add(factor)
     return graph
 

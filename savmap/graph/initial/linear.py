@@ -41,7 +41,7 @@ def layout(problem: Problem) -> Layout:
     count, cameras = len(problem.keys), 0 if problem.camera.fixed is not None else len(problem.used)
     slot, fixed, size = np.zeros((count, 3), np.int64), np.zeros((count, 3)), 3 * cameras
     for axis in range(3):
-        group, fixed_groups = _groups(problem, axis)
+        group, fixed_groups = equal_coordinates(problem, axis)
         roots = np.unique(group)
         free = np.array([root for root in roots if root not in fixed_groups], np.int64)
         place = np.full(count, -1, np.int64)
@@ -52,7 +52,7 @@ def layout(problem: Problem) -> Layout:
     return Layout(slot, fixed, cameras, size)
 
 
-def _groups(problem: Problem, axis: int) -> tuple[Ints, dict[int, float]]:
+def equal_coordinates(problem: Problem, axis: int) -> tuple[Ints, dict[int, float]]:
     """For each point the smallest index of those with an equal coordinate along an axis, and the values of fixed groups."""
     group = list(range(len(problem.keys)))
 

@@ -18,6 +18,7 @@ SCALE_LIMIT = 0.05
 PLACE_LIMIT_M = 0.5
 LOOSE = np.array([10.0, 1e3, 1e3, 1e3])
 ASSUMED_M, ASSUMED_PART = 0.02, 0.01
+ROBUST_ROUNDS = 20
 AXES: tuple[Axis, ...] = ("x", "y", "z")
 
 
@@ -45,10 +46,32 @@ IDENTITY = Similarity(1.0, np.zeros(3), np.zeros((4, 4)))
 def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float = 0.0) -> Similarity:
     """The similarity that best fits all references to a scene: camera positions (f, 3), points (m, 3), which has an error of
     `scene_sigma_m` at each reference itself."""
-    rows = list(_equations(problem, cameras, points))
-    sigmas = [float(np.hypot(row[5], scene_sigma_m)) for row in rows]
-    matrix = np.array([row[:4] / sigma for row, sigma in zip(rows, sigmas, strict=True)]).reshape(-1, 4)
-    values = np.array([row[4] / sigma for row, sigma in zip(rows, sigmas, strict=True)])
+    rows = np.array(list(_equations(problem, cameras, points))).reshape(-1, 6)
+    return _fitted(rows, np.hypot(rows[:, 5], scene_sigma_m))
+
+
+def robust_fit(
+    problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float
+) -> tuple[Similarity, dict[str, float]]:
+    """The same by the sum of absolute errors, which a minority of wrong references does not spoil; and, by name, by how much each reference
+    is off then, m. With fixed poses the scene stays as it is."""
+    rows = np.array(list(_equations(problem, cameras, points))).reshape(-1, 6)
+    sigmas = np.hypot(rows[:, 5], scene_sigma_m)
+    similarity = IDENTITY if problem.camera.fixed is not None else _fitted(rows, sigmas)
+    for _ in range(ROBUST_ROUNDS if problem.camera.fixed is None else 0):
+        similarity = _fitted(rows, sigmas * np.sqrt(np.maximum(_misfits(rows, similarity) / sigmas, 1.0)))
+    return similarity, dict(zip(_names(problem), _misfits(rows, similarity).tolist(), strict=False))
+
+
+def _misfits(rows: Floats, similarity: Similarity) -> Floats:
+    """By how much equations (n, 6) are off (n,), m."""
+    misfits: Floats = np.abs(rows[:, :4] @ np.append(similarity.scale, similarity.shift) - rows[:, 4])
+    return misfits
+
+
+def _fitted(rows: Floats, sigmas: Floats) -> Similarity:
+    """By least squares, of equations (n, 6)."""
+    matrix, values = rows[:, :4] / sigmas[:, None], rows[:, 4] / sigmas
     information = matrix.T @ matrix + np.diag(LOOSE**-2.0)
     covariance = np.asarray(np.linalg.inv(information), np.float64)
     solved = np.asarray(covariance @ (matrix.T @ values + LOOSE**-2.0 * np.array([1.0, 0, 0, 0])), np.float64)
@@ -117,6 +140,14 @@ def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Fl
     yield from (equation(problem, relation, points) for relation in problem.relations if relation.name)
     for axis in sorted({r.column for r in problem.relations if r.b is None and not r.name}):
         yield np.concatenate([np.zeros(1), np.eye(3)[axis], [0.0, TIGHT_M]])
+
+
+def _names(problem: Problem) -> Iterator[str]:
+    """The references of the first `_equations`."""
+    for height in problem.camera.references.camera_heights:
+        if any(len(chunk) for chunk in problem.passes(height.passes)):
+            yield height.name
+    yield from (relation.name for relation in problem.relations if relation.name)
 
 
 def equation(problem: Problem, relation: Relation, points: Floats) -> Floats:

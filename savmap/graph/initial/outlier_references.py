@@ -1,4 +1,4 @@
-"""References whose landmark may have been taken for another: those that all others refute are left out before the solve.
+"""References whose landmark may have been taken for another: those that all others refute are left out for a first solve.
 
 The user's figure is right, but the edge that it was measured to was not seen, and the next one was taken for it. The linear
 start does not use references, and they are linear in its scale and shift (see `observability`): Baarda's data snooping on
@@ -12,6 +12,7 @@ import numpy as np
 
 from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
+from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import IDENTITY, Similarity, equation, fit
 from savmap.graph.problem import Problem
 from savmap.types import Floats
@@ -26,38 +27,32 @@ OutlierReference = tuple[Relation, float]
 """A reference, and what the others say its value is, m."""
 
 
-def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple[Problem, tuple[str, ...]]:
-    """The problem without the references that the others refute, and a line about each of these.
+def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple[Problem, tuple[OutlierReference, ...]]:
+    """The problem without the references that the others refute, and these.
 
-    cameras (f, 3), points (m, 3): the scene up to scale and shift (as it is, with fixed poses). Only a minority
-    of those with a `note_if_outlier` is left out. Raises SolveError where more are refuted grossly: the solve might reject
-    measurements instead.
+    cameras (f, 3), points (m, 3): the scene up to scale and shift (as it is, with fixed poses). Only a minority of those with a
+    `note_if_outlier` is left out.
     """
     candidates = sum(bool(relation.note_if_outlier) for relation in problem.relations)
     left, out = problem, list[OutlierReference]()
     while (outlier := _refuted(left, cameras, points)) is not None:
         out.append(outlier)
         left = replace(left, relations=tuple(relation for relation in left.relations if relation is not outlier[0]))
-    if 2 * len(out) < candidates or not out:
-        notes = (
-            f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
-            for relation, otherwise in out
-        )
-        return left, tuple(notes)
-    if any(is_gross(relation.value, otherwise) for relation, otherwise in out):
-        lines = (
-            f"{relation.name} is given as {relation.value:.3f} m, but the rest says {otherwise:.2f} m"
-            for relation, otherwise in out
-        )
-        raise contradiction(problem, "; ".join(lines))
-    return problem, ()
+    return (left, tuple(out)) if 2 * len(out) < candidates else (problem, ())
+
+
+def line_of(relation: Relation, otherwise: float) -> str:
+    """A line for the user about a reference that is left out, for its landmark was not seen."""
+    return f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:
-    """The error for references that cannot all be right, with which ones contradict and what to do."""
+    """The error for references that cannot all be right, with which ones contradict, where frames are missing, and what to do."""
+    gap = where_frames_are_missing(problem)
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
-        "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
+        + (f"{gap}: see whether the video was cut there; " if gap else "")
+        + "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
     )
 
 

@@ -1,14 +1,19 @@
 """Where the solve starts: as published (paper, section III.E), or from linear equations that need attitudes only."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.poses import rotations_at
 from savmap.graph.initial.linear import linear_positions
-from savmap.graph.initial.observability import assume_missing, fit, require_metric
-from savmap.graph.initial.outlier_references import consistent_alternatives, without_outliers
+from savmap.graph.initial.observability import IDENTITY, Similarity, assume_missing, fit, require_metric
+from savmap.graph.initial.outlier_references import (
+    OutlierReference,
+    consistent_alternatives,
+    line_of,
+    without_outliers,
+)
 from savmap.graph.problem import Estimate, Problem, first_poses
 from savmap.types import Floats, RowFacts, Trajectory
 
@@ -46,21 +51,26 @@ def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the solve starts: the problem without refuted references, which alternatives were chosen where only a part of a
-    row was found, a line about each refuted reference, the estimate."""
+    """Where the solve starts: the problem as `given` and without references that are `refuted` roughly, which alternatives were
+    chosen where only a part of a row was found, the estimate."""
 
+    given: Problem
     problem: Problem
     alternatives: tuple[str, ...]
-    outlier_notes: tuple[str, ...]
+    refuted: tuple[OutlierReference, ...]
     estimate: Estimate
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to tell the user."""
-        return (
-            *(f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives),
-            *self.outlier_notes,
+        """What to tell the user about the alternatives."""
+        return tuple(
+            f"only a part of the row was found: {name}, by the references that fit" for name in self.alternatives
         )
+
+    @property
+    def refuted_notes(self) -> tuple[str, ...]:
+        """What to tell the user about references that are left out."""
+        return tuple(line_of(*one) for one in self.refuted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +87,7 @@ class Scene:
 def starts(problem: Problem, kind: str) -> list[Start]:
     """A start of the solve for each choice of alternatives; `kind` is "linear" or "published".
 
-    Raises SolveError if scale or place are not observable, or if references contradict one another in every choice.
+    Raises SolveError if scale or place are not observable in any choice.
     """
     poses, points = first_poses(problem), first_points(problem)
     measured = len(problem.measurements) > 0
@@ -96,7 +106,8 @@ def starts(problem: Problem, kind: str) -> list[Start]:
 
 def _start(problem: Problem, alternatives: tuple[str, ...], kind: str, scene: Scene) -> Start:
     poses, points, cameras, positions = scene.poses, scene.points, scene.cameras, scene.positions
-    problem, notes = without_outliers(problem, cameras, positions)
+    given = problem
+    problem, refuted = without_outliers(problem, cameras, positions)
     if problem.camera.fixed is None:
         problem = assume_missing(problem, cameras, positions) if problem.partial else problem
         similarity = fit(problem, cameras, positions)
@@ -107,7 +118,23 @@ def _start(problem: Problem, alternatives: tuple[str, ...], kind: str, scene: Sc
         poses[:, :3, 3] = cameras
     heights = np.array([height.value_m for height in problem.camera.references.camera_heights])
     variables = {key: value for part in problem.parts for key, value in part.variables.items()}
-    return Start(problem, alternatives, notes, Estimate(poses, points, heights, variables))
+    return Start(given, problem, alternatives, refuted, Estimate(poses, points, heights, variables))
+
+
+def moved(problem: Problem, estimate: Estimate, similarity: Similarity) -> Estimate:
+    """An estimate brought to the references of a problem, which may have fewer camera heights."""
+    poses = estimate.poses.copy()
+    poses[:, :3, 3] = similarity.points(poses[:, :3, 3])
+    heights = np.array([height.value_m for height in problem.camera.references.camera_heights])
+    return replace(estimate, poses=poses, points=similarity.points(estimate.points), heights=heights)
+
+
+def aligned(problem: Problem, estimate: Estimate) -> Estimate:
+    """An estimate brought to where a problem's references fit it best."""
+    similarity = (
+        IDENTITY if problem.camera.fixed is not None else fit(problem, estimate.poses[:, :3, 3], estimate.points)
+    )
+    return moved(problem, estimate, similarity)
 
 
 def first_points(problem: Problem) -> Floats:

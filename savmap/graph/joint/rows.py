@@ -16,7 +16,7 @@ from scipy.sparse import block_diag, csc_array
 from savmap.errors import SolveError
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.markers import PLUGIN as MARKERS
-from savmap.graph.factors.problem_factors import HUBER, estimate_of, measurement_factors, other_factors, values_of
+from savmap.graph.factors.problem_factors import estimate_of, measurement_factors, other_factors, values_of
 from savmap.graph.joint.rekey import rekey_factor, rekey_values, values_of_row
 from savmap.graph.joint.shared_frames import SharedFrames, first_transform, shared_frame_factors, shared_frames
 from savmap.graph.joint.shared_measurements import Moments, equal_camera_heights, shared_measurements
@@ -78,8 +78,7 @@ def _with_halves(result: Solution | SolveError, iterate: Iterate) -> Solution | 
     """A row's solution with how its landmarks repeat in either half of the frames, at the optimum that the row has alone."""
     if isinstance(result, SolveError):
         return result
-    huber = HUBER / float(np.sqrt(iterate.persistence.solved))
-    halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, huber)
+    halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)
     return replace(result, halves=halves)
 
 
@@ -161,8 +160,8 @@ class JointRows:
         for factor in equal_camera_heights([iterate.problem for iterate in iterates]):
             graph.add(factor)
         for row, iterate in enumerate(iterates):
-            huber = HUBER * iterate.fit.scale / float(np.sqrt(iterate.inflation)) if robust else None
-            for factor in measurement_factors(iterate.kept, iterate.inflation, huber):
+            huber = iterate.huber[iterate.fit.kept] if robust else None
+            for factor in measurement_factors(iterate.kept, huber):
                 graph.add(rekey_factor(factor, row))
         return graph
 
@@ -189,7 +188,7 @@ def _moved(iterate: Iterate, values: gtsam.Values, row: int) -> Iterate:
     """A row's iterate at the joint optimum; the kept measurements stay the same."""
     estimate = estimate_of(iterate.problem, values_of_row(values, row), iterate.estimate)
     fit = fit_of(iterate.problem, estimate, iterate.fit.kept, np.inf)
-    return replace(iterate, estimate=estimate, fit=replace(fit, kept=iterate.fit.kept))
+    return replace(iterate, estimate=estimate, fit=replace(iterate.fit, errors=fit.errors, scale=fit.scale))
 
 
 def _parts(iterates: Sequence[Iterate], whole: Covariance) -> list[Covariance]:

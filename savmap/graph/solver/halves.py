@@ -27,11 +27,12 @@ class HalfDifference:
 
 
 def half_differences(
-    problem: Problem, estimate: Estimate, kept: Bools, inflation: float, huber: float
+    problem: Problem, estimate: Estimate, kept: Bools, inflation: Floats, huber: Floats
 ) -> tuple[HalfDifference, ...]:
     """Of the landmarks that were seen in `LEAST_SEEN` frames of either half; none where there are few frames or the camera's path is given.
 
-    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` times as large as given. Raises
+    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` (n,) times as large as given, with Huber's loss
+    `huber` (n,). Raises
     SolveError where a half cannot be solved.
     """
     if problem.camera.fixed is not None or len(problem.used) < LEAST_FRAMES:
@@ -46,9 +47,10 @@ def half_differences(
     )
 
 
-def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: float, huber: float) -> Floats:
+def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: Floats, huber: Floats) -> Floats:
     """The landmarks (m, 3) by some of the measurements. Frames without any stay near their neighbours."""
-    graph = whole_graph(problem, estimate, problem.measurements.take(chosen), inflation, huber)
+    measurements = problem.measurements.inflated(inflation).take(chosen)
+    graph = whole_graph(problem, estimate, measurements, huber[chosen])
     row = f"row {problem.camera.facts.name}"
     solver = LevenbergMarquardt(row, aisle_ordering(problem, estimate), change=ROUGH)
     values = solver.minimum(graph, values_of(problem, estimate))

@@ -12,43 +12,54 @@ from savmap.errors import SolveError
 from savmap.graph.calibration.report import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.initial.start import Start, starts
+from savmap.graph.initial.observability import robust_fit
+from savmap.graph.initial.outlier_references import START_SIGMA_M
+from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.astray import frames_astray, without_frames
+from savmap.graph.solver.contradictions import Judgement, judged
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
-from savmap.graph.solver.reference_tests import tested_keys
+from savmap.graph.solver.lookalikes import measured_for
+from savmap.graph.solver.reference_tests import refuse_unseen, tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
+from savmap.graph.solver.soft_references import softened
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
 from savmap.types import Floats, Trajectory
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
+SOFT_ROUNDS = 3
+"""Rounds with soft references: what fits hardly changes after them, and the rounds with the given ones begin with it."""
 OUTLIER_COST, CLEARLY = 12.5, 12.5
 
 
 @dataclass(frozen=True)
 class SolveOptions:
     """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
-    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round."""
+    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round.
+    `judge`: references that all else contradicts are found first."""
 
     start: Literal["linear", "published"] = "linear"
     loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
+    judge: bool = True
 
 
-PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100)
+PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, judge=False)
 """Plain least squares from the published start, no measurement rejected (paper, section III.E)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit, and how
-    errors persist; `notes` of the start for the user, and the residuals' scale of the first round."""
+    errors persist; `notes` for the user and `doubts` from before it, references that something else than
+    their landmark was seen for, and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
@@ -56,22 +67,30 @@ class Iterate:
     fit: Fit
     persistence: Persistence
     notes: tuple[str, ...] = ()
+    judgement: Judgement | None = None
     first_scale: float = 0.0
 
     @property
-    def inflation(self) -> float:
-        """The factor by which measurements' variances are larger than given, in the solve and its tests."""
-        return self.fit.scale**2 * self.persistence.solved
+    def inflation(self) -> Floats:
+        """The factors (n,) by which measurements' variances are larger than given, in the solve and its tests."""
+        return np.asarray(self.fit.scales**2 * self.persistence.solved)
+
+    @property
+    def huber(self) -> Floats:
+        """Where (n,) Huber's loss of them turns from squares: persisting errors are not the more often outliers for that."""
+        return np.asarray(HUBER / np.sqrt(self.persistence.solved))
 
     @property
     def reported(self) -> "Iterate":
-        """With the factor for the standard deviations that are reported instead."""
-        return replace(self, persistence=replace(self.persistence, solved=self.persistence.reported))
+        """With the factors for the standard deviations that are reported instead."""
+        scales = self.fit.scales * self.fit.own
+        persisting = replace(self.persistence, solved=self.persistence.reported)
+        return replace(self, fit=replace(self.fit, scales=scales), persistence=persisting)
 
     @property
     def kept(self) -> ImageMeasurements:
-        """The measurements that fit."""
-        return self.problem.measurements.take(self.fit.kept)
+        """The measurements that fit, with the variances that they have."""
+        return self.problem.measurements.inflated(self.inflation).take(self.fit.kept)
 
 
 def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
@@ -91,12 +110,17 @@ class LocatedCamera:
 
 
 def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
-    """The camera's path by one round, good enough to track other structures. With `sigmas` its standard deviations come with it,
-    and references are tested. Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
+    """The camera's path by one round, good enough to track other structures. With `sigmas` its standard deviations come with it.
+    Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
     place are not observable."""
-    iterate = converged(problem, SolveOptions(rounds=1))
-    path = solution_of(iterate).trajectory if sigmas else trajectory(iterate.problem, iterate.estimate)
+    iterate = converged(problem, SolveOptions(rounds=1, judge=False))
+    path = _with_sigmas(iterate) if sigmas else trajectory(iterate.problem, iterate.estimate)
     return LocatedCamera(path, iterate.problem.assumed, positions(iterate.problem, iterate.estimate))
+
+
+def _with_sigmas(iterate: Iterate) -> Trajectory:
+    cameras = _covariance(iterate.reported, None).cameras
+    return trajectory(iterate.problem, iterate.estimate, np.sqrt(np.maximum(cameras, 0.0)))
 
 
 def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Floats]]:
@@ -108,14 +132,44 @@ def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Float
 
 
 def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
-    """The optimum, from the measurements that fit it. Raises SolveError as `solve` does."""
+    """The optimum, from the measurements that fit it; without the frames that are astray. Raises SolveError as `solve` does."""
     chosen = options or SolveOptions()
+    iterate = _converged(problem, chosen)
+    astray = frames_astray(iterate.problem, iterate.estimate.poses, iterate.estimate.points)
+    left = without_frames(problem, astray) if len(astray) else problem
+    if left is problem:
+        return iterate
+    again = _converged(left, chosen)
+    numbers = ", ".join(map(str, astray.tolist()))
+    note = f"frame {numbers} is left out: too little was seen in it to tell where the camera was"
+    return replace(again, notes=(*again.notes, note))
+
+
+def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    first, *later = _rounds(begin.problem, begin.estimate, chosen)
-    last = later[-1] if later else first
+    found, estimate, soft = _judged(begin, chosen)
+    *_, last = _rounds(found.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(last, notes=begin.notes, first_scale=first.fit.scale)
+    return replace(last, notes=(*begin.notes, *found.notes), judgement=found)
+
+
+def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
+    """The problem without wrong references, where to start with it, and the optimum with soft references, where there are any. Raises
+    SolveError where it is not clear which one is wrong."""
+    given, estimate = begin.given, begin.estimate
+    roughly = Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
+    if not options.judge:
+        return roughly
+    similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
+    if similarity.scale <= 0 or not misfits:
+        return roughly
+    soft = softened(given, misfits)
+    options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
+    *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
+    found = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
+    kept = last.fit.kept & ~measured_for(found.problem, found.mistaken)
+    return found, aligned(found.problem, last.estimate), replace(last, fit=replace(last.fit, kept=kept))
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
@@ -127,9 +181,12 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     term = iterate.problem.camera.calibration
     calibration = calibration_report(term, iterate.bias, joint.reported, iterate.first_scale, iterate.fit.scale)
     notes = (*iterate.notes, *calibration.notes)
-    inflation = iterate.reported.inflation
+    inflation = _by_class(iterate.problem.measurements, iterate.reported.inflation)
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
-    return build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+    judgement = iterate.judgement or Judgement(problem)
+    refuse_unseen(problem, fit, judgement.mistaken)
+    solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+    return replace(solution, doubts=judgement.doubts, unchecked=judgement.unchecked)
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
@@ -138,9 +195,9 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     if len(begins) == 1:
         return begins[0]
     firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]
-    inflation = min(iterate.inflation for iterate in firsts)
+    inflation = np.minimum.reduce([iterate.inflation for iterate in firsts])
     costs = [
-        _cost(iterate, inflation) + OUTLIER_COST * len(start.outlier_notes)
+        _cost(iterate, inflation) + OUTLIER_COST * len(start.refuted)
         for iterate, start in zip(firsts, begins, strict=True)
     ]
     best, second = (int(k) for k in np.argsort(costs, kind="stable")[:2])
@@ -153,39 +210,59 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     return begins[best]
 
 
-def _cost(iterate: Iterate, inflation: float) -> float:
+def _by_class(measurements: ImageMeasurements, inflation: Floats) -> dict[str, float]:
+    """The usual factor (n,) of each class of measurements, and of all."""
+    if not len(inflation):
+        return {}
+    names = enumerate(measurements.class_names)
+    of_class = {name: inflation[measurements.classes == number] for number, name in names}
+    usual = {f"variance_inflation, {name}": float(np.median(own)) for name, own in of_class.items() if len(own)}
+    return {"variance_inflation": float(np.median(inflation)), **usual}
+
+
+def _cost(iterate: Iterate, inflation: Floats) -> float:
     """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's loss."""
-    graph = whole_graph(iterate.problem, iterate.estimate, iterate.problem.measurements, inflation, HUBER)
+    measurements = iterate.problem.measurements.inflated(inflation)
+    graph = whole_graph(iterate.problem, iterate.estimate, measurements, HUBER)
     return float(graph.error(values_of(iterate.problem, iterate.estimate)))
 
 
-def _rounds(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterator[Iterate]:
-    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases."""
-    huber = HUBER if options.loss == "huber" else None
+def _rounds(
+    problem: Problem, estimate: Estimate, options: SolveOptions, begun: Iterate | None = None
+) -> Iterator[Iterate]:
+    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases. With what is
+    `begun` with other references, the measurements that fitted there come first."""
+    huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.measurements), dtype=bool)
-    bias, weight = np.zeros(len(problem.measurements.biases.prior)), 1.0
+    bias, weight, first_scale = np.zeros(len(problem.measurements.biases.prior)), np.ones(len(kept)), 0.0
+    if begun is not None:
+        kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
+        huber = None if huber is None else begun.huber
     row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):
+        near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
-        graph = whole_graph(corrected, estimate, corrected.measurements.take(kept), weight, huber)
+        weighed = corrected.measurements.inflated(weight).take(kept)
+        graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
         settings = LevenbergMarquardt(
-            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if number else ROUGH
+            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if near else ROUGH
         )
         values = settings.minimum(graph, values_of(corrected, estimate))
         estimate = estimate_of(corrected, values, estimate)
         corrected = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(corrected, estimate, kept, options.reject_sigma)
-        iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit))
+        first_scale = first_scale or fit.scale
+        iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit), first_scale=first_scale)
         weight = iterate.inflation
         yield iterate
-        huber = None if huber is None else HUBER / float(np.sqrt(iterate.persistence.solved))
+        huber = None if huber is None else iterate.huber
         step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
-        if number and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
+        if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
 
 
-def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
+def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
     """The step that brings the free biases (k,) to their optimum; zeros where that is near."""
     if not iterate.problem.measurements.biases.free.any():
         return np.zeros(len(iterate.bias))
@@ -194,30 +271,33 @@ def _bias_step(iterate: Iterate, huber: float | None) -> Floats:
     return np.zeros(len(iterate.bias)) if near.all() else joint.step
 
 
-def _covariance(iterate: Iterate, huber: float | None, only: Collection[int] | None = None) -> Covariance:
-    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, iterate.inflation, huber)
+def _covariance(iterate: Iterate, huber: Floats | None, only: Collection[int] | None = None) -> Covariance:
+    loss = None if huber is None else huber[iterate.fit.kept]
+    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, loss)
     used = iterate.problem.used.tolist()
     frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     values = values_of(iterate.problem, iterate.estimate)
     return covariance(graph, values, frames, centres, bias_unknowns(iterate, huber), only)
 
 
-def bias_unknowns(iterate: Iterate, huber: float | None) -> SharedUnknowns:
+def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
     """The biases of the kept measurements."""
-    inflation = iterate.inflation
-    errors = iterate.fit.errors[iterate.fit.kept] / np.sqrt(inflation)
-    columns = _bias_columns(iterate.kept, errors, inflation, huber)
+    kept, measurements = iterate.fit.kept, iterate.kept
+    errors = iterate.fit.errors[kept] / np.sqrt(iterate.inflation[kept])[:, None]
+    slopes = measurements.biases.scaled(iterate.fit.scales[kept])
+    columns = _bias_columns(measurements, slopes, errors, None if huber is None else huber[kept])
     biases = iterate.problem.measurements.biases
     return SharedUnknowns(columns, iterate.bias, biases.prior, biases.free)
 
 
-def _bias_columns(measurements: ImageMeasurements, errors: Floats, inflation: float, huber: float | None) -> csc_array:
-    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, weighted as Huber's loss weighs those."""
-    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(inflation * measurements.covariances)), 1, 2)
+def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, by which pixels move with `slopes` (n, 2, s), weighted as Huber's
+    loss weighs those."""
+    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
     biases = measurements.biases
-    values = np.sqrt(weight)[:, None, None] * (whiten @ biases.slopes)
+    values = np.sqrt(weight)[:, None, None] * (whiten @ slopes)
     rows = np.broadcast_to(np.arange(2 * len(values)).reshape(-1, 2, 1), values.shape)
     columns = np.broadcast_to(biases.indices[:, None, :], values.shape)
     shape = (2 * len(values), len(biases.prior))

@@ -1,6 +1,6 @@
 """Tests of each reference against the rest: Baarda's test, and references that contradict all measurements."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,27 +41,33 @@ class ReferenceTest:
 
 @dataclass(frozen=True, eq=False)
 class SolvedReference:
-    """A reference's value in the solution, and its derivative (3n,) to points by `keys` (n)."""
+    """A reference as it is given, its value in the solution, and that value's derivative (3n,) to points by `keys` (n)."""
 
-    value: float
+    use: ReferenceUse
     slope: Floats
-    covariance: Covariance
     keys: list[int]
 
-    @property
-    def considered(self) -> float:
+    def considered(self, covariance: Covariance) -> float:
         """The variance that comes from what was not estimated."""
-        return float(self.slope @ self.covariance.considered(self.keys) @ self.slope)
+        return float(self.slope @ covariance.considered(self.keys) @ self.slope)
 
-    @property
-    def estimated(self) -> float:
+    def estimated(self, covariance: Covariance) -> float:
         """The variance beside that."""
-        return float(self.slope @ self.covariance.of(self.keys) @ self.slope) - self.considered
+        return float(self.slope @ covariance.of(self.keys) @ self.slope) - self.considered(covariance)
 
 
 def reference_tests(problem: Problem, estimate: Estimate, covariance: Covariance) -> list[ReferenceTest]:
     """A test of every reference."""
-    return [*_heights(problem, estimate, covariance), *_relations(problem, estimate, covariance)]
+    return [_test(solved, covariance) for solved in solved_references(problem, estimate)]
+
+
+def solved_references(problem: Problem, estimate: Estimate) -> Iterator[SolvedReference]:
+    """Every reference: the camera's heights, unless its path is given, then the relations."""
+    heights = () if problem.camera.fixed is not None else problem.camera.references.camera_heights
+    for number, height in enumerate(heights):
+        use = ReferenceUse(height.name, height.value_m, height.sigma_m, float(estimate.heights[number]))
+        yield SolvedReference(use, np.eye(3)[1], [camera_height_key(number)])
+    yield from (_solved(problem, relation, estimate) for relation in problem.relations if relation.name)
 
 
 def tested_keys(problem: Problem) -> frozenset[int]:
@@ -71,47 +77,32 @@ def tested_keys(problem: Problem) -> frozenset[int]:
     return frozenset((*map(camera_height_key, heights), *named))
 
 
-def _heights(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[ReferenceTest]:
-    if problem.camera.fixed is not None:
-        return
-    for number, (height, solved) in enumerate(
-        zip(problem.camera.references.camera_heights, estimate.heights, strict=True)
-    ):
-        name = " ".join(("camera height", *height.passes))
-        solved_height = SolvedReference(float(solved), np.eye(3)[1], covariance, [camera_height_key(number)])
-        yield _test(name, height.value_m, height.sigma_m, solved_height)
-
-
-def _relations(problem: Problem, estimate: Estimate, covariance: Covariance) -> Iterator[ReferenceTest]:
-    for relation in problem.relations:
-        if relation.name:
-            yield _test(relation.name, relation.value, relation.sigma, _solved(problem, relation, estimate, covariance))
-
-
-def _solved(problem: Problem, relation: Relation, estimate: Estimate, covariance: Covariance) -> SolvedReference:
+def _solved(problem: Problem, relation: Relation, estimate: Estimate) -> SolvedReference:
     at = estimate.points[problem.index(relation.a)]
     if relation.b is None:
-        axis = relation.column
-        return SolvedReference(float(at[axis]), np.eye(3)[axis], covariance, [relation.a])
-    span = estimate.points[problem.index(relation.b)] - at
-    along = span / np.linalg.norm(span) if relation.axis is None else np.eye(3)[relation.column]
-    return SolvedReference(float(along @ span), np.concatenate([-along, along]), covariance, [relation.a, relation.b])
+        value, slope = float(at[relation.column]), np.eye(3)[relation.column]
+    else:
+        span = estimate.points[problem.index(relation.b)] - at
+        along = span / np.linalg.norm(span) if relation.axis is None else np.eye(3)[relation.column]
+        value, slope = float(along @ span), np.concatenate([-along, along])
+    use = ReferenceUse(relation.name, relation.value, relation.sigma, value)
+    return SolvedReference(use, slope, list(relation.keys))
 
 
-def _test(name: str, value: float, sigma: float, solved: SolvedReference) -> ReferenceTest:
+def _test(solved: SolvedReference, covariance: Covariance) -> ReferenceTest:
     """Baarda's test: a residual's variance is the reference's less the solution's, plus what comes from unknowns that are not
     estimated.
 
     The residual is only a share of the deviation of the rest, for the solution follows the reference. Where the rest hardly
     determines the quantity, it cannot be tested.
     """
-    share = max(1.0 - solved.estimated / sigma**2, LEAST_SPARE)
-    spread = float(np.sqrt(share * sigma**2 + solved.considered))
-    residual = solved.value - value
-    use = ReferenceUse(name, value, sigma, solved.value)
-    if spread / share > max(VAGUE_M, VAGUE_SHARE * abs(value)):
-        return ReferenceTest(use, solved.value, 0.0)
-    return ReferenceTest(use, value + residual / share, abs(residual) / spread)
+    use = solved.use
+    share = max(1.0 - solved.estimated(covariance) / use.sigma**2, LEAST_SPARE)
+    spread = float(np.sqrt(share * use.sigma**2 + solved.considered(covariance)))
+    residual = use.solved - use.value
+    if spread / share > max(VAGUE_M, VAGUE_SHARE * abs(use.value)):
+        return ReferenceTest(use, use.solved, 0.0)
+    return ReferenceTest(use, use.value + residual / share, abs(residual) / spread)
 
 
 def refuse_contradiction(problem: Problem, tests: list[ReferenceTest]) -> None:
@@ -122,14 +113,16 @@ def refuse_contradiction(problem: Problem, tests: list[ReferenceTest]) -> None:
         raise contradiction(problem, lines)
 
 
-def refuse_unseen(problem: Problem, fit: Fit) -> None:
-    """Raises SolveError where references fit only because all measurements of their landmarks were rejected: another reference is
-    grossly wrong and has won."""
+def refuse_unseen(problem: Problem, fit: Fit, mistaken: Collection[str] = ()) -> None:
+    """Raises SolveError where references fit only because all measurements of their landmarks were rejected, other than those that are
+    known to be of something else (`mistaken`): another reference is grossly wrong and has won."""
     seen, used = (np.bincount(keys, minlength=len(problem.keys)) for keys in (problem.at_key, problem.at_key[fit.kept]))
     lost = [
         relation.name
         for relation in problem.relations
-        if relation.name and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
+        if relation.name
+        and relation.name not in mistaken
+        and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
     ]
     if len(lost) >= UNSEEN:
         raise contradiction(problem, f"nothing that was seen of {', '.join(lost[:3])} fits the others")

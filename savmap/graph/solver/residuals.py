@@ -1,96 +1,154 @@
-"""Residuals: their scale, which measurements are outliers, and how errors persist from frame to frame."""
+"""Residuals: their scale class by class, which measurements are outliers, and how errors persist from frame to frame."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from savmap.graph.initial.linear import equal_coordinates
 from savmap.graph.problem import Estimate, Problem
-from savmap.types import Floats
+from savmap.graph.solver.redundancy import left_of
+from savmap.types import Bools, Floats, Ints
 
 MEDIAN_CHI2 = 0.55
-LEAST_SCALE = 0.5
+LOWER, LOWER_CHI2, SUSPECT = 0.2, 0.13, 1.5
+LEAST_ROBUST, LEAST_SCALE = 0.5, 0.2
+SURE = 10.0
+"""A class's scale is taken for 1 with the weight of so many equations."""
+UPPER, UPPER_CHI2 = 0.8, 1.62
 LAGS = 30
 LEAST_RATE = 0.05
 LEAST_LEFT = 0.4
 MOST_INFLATION = 30.0
+FEW_PAIRS = 30.0
+"""A class's autocorrelations are taken for those of all classes with the weight of so many pairs."""
 TURNS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Whitened errors (n, 2), which measurements are kept (n,), and the errors' scale: 1 if covariances were honest."""
+    """Whitened errors (n, 2), which measurements are kept (n,), and the errors' scale: 1 if covariances were honest, over all, and
+    `scales` (n,) that of each measurement's class. `own` (n,): by how much more (>= 1) the measurements of the same point vary."""
 
     errors: Floats
-    kept: NDArray[np.bool_]
+    kept: Bools
     scale: float
+    scales: Floats
+    own: Floats
 
 
-def fit_of(problem: Problem, estimate: Estimate, used: NDArray[np.bool_], reject_sigma: float) -> Fit:
-    """Judge all measurements by the scale of the errors among those `used` (n,): a robust scale first, then the mean one."""
+def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: float) -> Fit:
+    """Judge all measurements by the scale of the errors of their class among those `used` (n,): a robust scale first, then the mean
+    one (a variance component for each class, after Foerstner)."""
     if not len(problem.measurements):
-        return Fit(np.zeros((0, 2)), used, 1.0)
+        return Fit(np.zeros((0, 2)), used, 1.0, np.zeros(0), np.zeros(0))
     errors = problem.residuals(estimate.poses, estimate.points)
     squared = (errors**2).sum(axis=1)
-    worth = problem.measurements.dof
-    robust = max(LEAST_SCALE, float(np.sqrt(np.median((squared / worth)[used]) / MEDIAN_CHI2)))
+    worth, classes = problem.measurements.dof, problem.measurements.classes
+    robust = np.maximum(LEAST_ROBUST, _robust(squared / worth, classes, used))[classes]
     kept = squared < (reject_sigma * robust) ** 2
-    freedom = worth[kept].sum()
-    spare = max(float(freedom - _unknowns(problem)), 0.1 * float(freedom), 1.0)
-    scale = max(LEAST_SCALE, float(np.sqrt(squared[kept].sum() / spare)))
-    return Fit(errors, kept, scale)
+    freedom = np.bincount(classes[kept], worth[kept], len(problem.measurements.class_names)).astype(np.float64)
+    spare = freedom * left_of(problem, estimate, kept, freedom)
+    sums = np.bincount(classes[kept], squared[kept], len(freedom))
+    scale = max(LEAST_SCALE, float(np.sqrt(sums.sum() / max(float(spare.sum()), 1.0))))
+    scales = np.maximum(LEAST_SCALE, np.sqrt((sums + SURE) / (spare + SURE)))[classes]
+    return Fit(errors, kept, scale, scales, _own(problem, squared / (worth * scales**2)))
 
 
-def _unknowns(problem: Problem) -> int:
-    """Unknowns that the pictures alone determine: six a frame, unless it is held, and the free coordinates of the grid."""
-    frames = 0 if problem.camera.fixed is not None else 6 * len(problem.used)
-    return frames + max(3 * len(problem.keys) - sum(not relation.name for relation in problem.relations), 0)
+def _robust(squared: Floats, classes: Ints, used: Bools) -> Floats:
+    """Scale (c,) of each class's errors by the median of those used; by their lower fifth where that says that most are outliers."""
+    median, lower = (
+        np.sqrt(_quantiles(squared, classes, used, share) / usual)
+        for share, usual in ((0.5, MEDIAN_CHI2), (LOWER, LOWER_CHI2))
+    )
+    return np.where(median > SUSPECT, np.clip(lower, SUSPECT, np.maximum(median, SUSPECT)), median)
 
 
-@dataclass(frozen=True)
+def _quantiles(values: Floats, groups: Ints, used: Bools, share: float) -> Floats:
+    """A quantile of the used values of each group; of all, where a group has none."""
+    every = used if used.any() else np.ones_like(used)
+    of_all = float(np.quantile(values[every], share))
+    present = (values[used & (groups == group)] for group in range(int(groups.max()) + 1))
+    return np.array([float(np.quantile(group, share)) if len(group) else of_all for group in present])
+
+
+def _own(problem: Problem, squared: Floats) -> Floats:
+    """How much (n,) larger the standard deviation of the measurements of each point, and of the points of its lines, is than their
+    class's, by normalised `squared` (n,) errors, rejected ones included: a point of which many do not fit may be another one."""
+    lines = (equal_coordinates(problem, axis)[0][problem.at_key] for axis in range(3))
+    return np.asarray(np.maximum.reduce([_upper(group, squared) for group in (problem.at_key, *lines)]))
+
+
+def _upper(points: Ints, squared: Floats) -> Floats:
+    """The standard deviation (n,), at least 1, of measurements of the same group (n,), by where the upper fifth of their errors begins."""
+    order = np.lexsort((squared, points))
+    first, counts = np.unique(points[order], return_index=True, return_counts=True)[1:]
+    at = first + np.minimum((UPPER * counts).astype(np.int64), counts - 1)
+    upper = np.zeros(int(points.max()) + 1)
+    upper[points[order][first]] = squared[order][at]
+    own: Floats = np.sqrt(np.maximum(upper / UPPER_CHI2, 1.0))[points]
+    return own
+
+
+@dataclass(frozen=True, eq=False)
 class Persistence:
-    """Factors (>= 1) by which errors that persist from frame to frame raise variances: one for the solve and its tests, and
-    one for the standard deviations that are reported."""
+    """Factors (>= 1) by which errors that persist from frame to frame raise each measurement's variance: (n,) for the solve and its
+    tests, and (n,) for the standard deviations that are reported."""
 
-    solved: float = 1.0
-    reported: float = 1.0
+    solved: Floats
+    reported: Floats
 
 
 def persistence(problem: Problem, fit: Fit) -> Persistence:
-    """1 + 2 (r_1 + r_2 + ...), with r_k the errors' autocorrelations over k frames, summed until they vanish (Geyer's initial
-    sequence).
+    """1 + 2 (w_1 r_1 + w_2 r_2 + ...), with r_k the errors' autocorrelations over k frames, class by class, summed until they vanish
+    (Geyer's initial sequence), and w_k = 1 - k / n.
 
     Residuals show too little correlation, for each point's position has absorbed the mean of its errors: n measurements
     without their mean lose I / n in every r_k, I being the factor itself. The reported factor allows for that lag by lag, in
     turns; the factor for tests, which must not hide a contradiction, does so for their sum alone.
     """
+    classes = problem.measurements.classes
     if not fit.kept.any():
-        return Persistence()
-    rates, count = _autocorrelation(problem, fit)
+        return Persistence(*np.ones((2, len(classes))))
+    rates, counts = _autocorrelations(problem, fit)
+    factors = np.array([_factors(of_class, float(count)) for of_class, count in zip(rates, counts, strict=True)])
+    return Persistence(factors[classes, 0], factors[classes, 1])
+
+
+def _factors(rates: Floats, count: float) -> tuple[float, float]:
+    """The two factors of a class of which a point has usually so many measurements, by the autocorrelations (LAGS,)."""
+    weights = np.maximum(1 - np.arange(1, LAGS + 1) / max(count, 1.0), 0.0)
     lags = int(np.argmax(np.append(rates, 0.0) < LEAST_RATE))
-    total = 2 * float(rates[:lags].sum())
-    solved = min((1 + total) / max(1 + (total - 2 * lags) / count, LEAST_LEFT), MOST_INFLATION)
+    total, lost = 2 * float(weights[:lags] @ rates[:lags]), 2 * float(weights[:lags].sum())
+    solved = min((1 + total) / max(1 + (total - lost) / count, LEAST_LEFT), MOST_INFLATION)
     reported = 1.0
     for _ in range(TURNS):
         raised = rates * max(1 - reported / count, LEAST_LEFT) + reported / count
         lags = int(np.argmax(np.append(raised, 0.0) < LEAST_RATE))
-        reported = 1 + 2 * float(raised[:lags].sum())
-    return Persistence(solved, min(max(reported, solved), MOST_INFLATION))
+        reported = 1 + 2 * float(weights[:lags] @ raised[:lags])
+    return solved, min(max(reported, solved), MOST_INFLATION)
 
 
-def _autocorrelation(problem: Problem, fit: Fit) -> tuple[Floats, float]:
-    """Correlation (LAGS,) of a point's errors in frames 1, 2, ... apart, and the usual number of measurements of a point."""
+def _autocorrelations(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
+    """By class, the correlation (c, LAGS) of a point's errors in frames 1, 2, ... apart, and the usual number (c,) of measurements of
+    a point."""
     measurements = problem.measurements
+    size, errors = len(measurements.class_names), fit.errors / fit.scales[:, None]
     order = np.lexsort((measurements.frames, measurements.view, measurements.keys))
     order = order[fit.kept[order]]
-    both, squares = np.zeros(LAGS + 1), np.zeros(LAGS + 1)
+    both, squares = np.zeros((2, size, LAGS + 1))
     for shift in range(1, LAGS + 1):
         a, b = order[:-shift], order[shift:]
         apart = measurements.frames[b] - measurements.frames[a]
         same = (measurements.keys[a] == measurements.keys[b]) & (measurements.view[a] == measurements.view[b])
         near = same & (apart <= LAGS) & (apart > 0)
-        first, second = fit.errors[a[near]], fit.errors[b[near]]
-        both += np.bincount(apart[near], (first * second).sum(axis=1), LAGS + 1)
-        squares += np.bincount(apart[near], ((first**2).sum(axis=1) + (second**2).sum(axis=1)) / 2, LAGS + 1)
-    seen = np.bincount(problem.at_key[order])
-    return both[1:] / np.maximum(squares[1:], 1e-9), float(np.mean(seen[seen > 0])) if len(order) else 1.0
+        first, second, cell = errors[a[near]], errors[b[near]], measurements.classes[a[near]] * (LAGS + 1) + apart[near]
+        both += np.bincount(cell, (first * second).sum(axis=1), both.size).reshape(both.shape)
+        halves = ((first**2).sum(axis=1) + (second**2).sum(axis=1)) / 2
+        squares += np.bincount(cell, halves, squares.size).reshape(squares.shape)
+    usual = both.sum(axis=0) / np.maximum(squares.sum(axis=0), 1e-9)
+    rates = (both + FEW_PAIRS * usual) / (squares + FEW_PAIRS)
+    pairs = np.unique(np.stack([measurements.classes[order], problem.at_key[order]]), axis=1)[0]
+    counts = np.bincount(measurements.classes[order], minlength=size) / np.maximum(
+        np.bincount(pairs, minlength=size), 1
+    )
+    return rates[:, 1:], np.maximum(counts, 1.0)

@@ -11,12 +11,7 @@ from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.halves import HalfDifference
-from savmap.graph.solver.reference_tests import (
-    ReferenceTest,
-    reference_tests,
-    refuse_contradiction,
-    refuse_unseen,
-)
+from savmap.graph.solver.reference_tests import ReferenceTest, reference_tests, refuse_contradiction
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
 
@@ -25,6 +20,7 @@ VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 LEAST_APART_M = 0.01
+MISFIT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +48,8 @@ class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
-    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `halves`: how the
-    landmarks differ between odd and even frames."""
+    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
+    of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -66,6 +62,7 @@ class Solution:
     deviations: Mapping[str, float]
     variables: Mapping[int, Variable] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
+    unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
@@ -93,14 +90,13 @@ def build_solution(
     estimate: Estimate,
     fit: Fit,
     covariances: Covariances,
-    inflation: float,
+    inflation: Mapping[str, float],
     bias: Floats,
     notes: tuple[str, ...] = (),
     figures: Mapping[str, float | str] | None = None,
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    refuse_unseen(problem, fit)
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
@@ -120,7 +116,7 @@ def build_solution(
             "rejected_share": share,
             "residual_scale": fit.scale,
             "scale_sigma": scale_sigma,
-            "variance_inflation": inflation,
+            **inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
             **dict(_biases(problem, bias, covariance)),
@@ -130,7 +126,20 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
+        doubts=tuple(_misfits(problem, fit)),
     )
+
+
+def _misfits(problem: Problem, fit: Fit) -> Iterator[Doubt]:
+    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
+    however wide their sigmas are."""
+    for number, name in enumerate(problem.measurements.class_names):
+        of_class = problem.measurements.classes == number
+        rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
+        times = float(fit.scales[of_class].max(initial=0.0))
+        if rejected > MANY_REJECTED or times > MISFIT:
+            how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
+            yield Doubt("residuals", f"what was measured of `{name}` does not fit together: {how}")
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:

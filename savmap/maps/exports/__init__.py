@@ -17,6 +17,24 @@ Exporter = Callable[[SiteMap, Path], None]
 FORMATS = {
     "csv": "plain:write_csv",
     "ply": "plain:write_ply",
+    "tum": "trajectories.text:write_tum",
+    "colmap": "trajectories.text:write_colmap",
+    "nerfstudio": "trajectories.text:write_nerfstudio",
+    "mcap": "trajectories.foxglove:write_mcap",
+    "rosbag2": "trajectories.ros:write_rosbag2",
+    "rrd": "trajectories.rerun:write_rerun",
+    "glb": "models.glb:write_glb",
+    "usda": "models.usd:write_usda",
+    "usdc": "models.usd:write_usdc",
+    "ifc": "models.ifc:write_ifc4",
+    "ifc4x3": "models.ifc:write_ifc4x3",
+    "dxf": "models.dxf:write_dxf",
+    "nav2": "plans.nav2:write_nav2",
+    "lif": "plans.lif:write_lif",
+    "vda5050-zones": "plans.vda5050:write_zone_set",
+    "open-rmf": "plans.open_rmf:write_building",
+    "geojson": "plans.geojson:write_geojson",
+    "imdf": "plans.imdf:write_imdf",
 }
 """Formats that come with savmap, by name: the module and the function."""
 

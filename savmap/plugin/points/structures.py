@@ -123,12 +123,13 @@ def score_points(
     heading: str,
     ends_x: tuple[float, float] = (-np.inf, np.inf),
     points: Callable[[Structure], Floats] = lambda structure: structure.vertices,
+    asked: Mask | None = None,
 ) -> "Score":
     """How far the objects' vertices are from the surveyed points (n, k, 3), m; empty without a survey.
 
     Objects are matched one to one, as many as there can be whose points are all nearer than `gate_m`, then with the least sum of
     distances. ends_x: only objects between these are asked for; others may be mapped, and are not spurious. points: what of an object
-    is compared (k, 3), if not its k vertices.
+    is compared (k, 3), if not its k vertices. asked: only these of the surveyed (n,) are asked for.
     """
     from savmap.geometry.matching import matched
     from savmap.types import Distances, Score  # with scipy, which only scoring needs
@@ -139,6 +140,7 @@ def score_points(
     apart = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
     pairs = matched(apart.max(axis=-1, initial=0.0), gate_m)
     wanted, inside = (_between(points, ends_x) for points in (truth, mapped))
+    wanted &= np.ones(len(truth), np.bool_) if asked is None else asked
     hits = {j: apart[i, j] for i, j in pairs.items() if wanted[i]}
     spurious = [j for j in range(len(mapped)) if inside[j] and j not in pairs.values()]
     deviations = {structures[j].id: float(distances.max()) for j, distances in hits.items()}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.report.evaluation import mean_absolute_error, named_counts
+from savmap.report.footage import FootageView, footage_views
 from savmap.report.numbers import centimetres, duration, fixed
 from savmap.report.orthophotos import photo_view
 from savmap.report.page.summary import Report, Summary, total_counts
@@ -27,6 +28,7 @@ class Section:
     facts: Facts
     solve: Facts
     figures: tuple[Figure, ...]
+    footage: tuple[FootageView, ...] = ()
 
 
 def section(row: Summary) -> Section:
@@ -39,7 +41,8 @@ def section(row: Summary) -> Section:
     ]
     if row.row and row.photo:
         figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
-    return Section(row, _facts(row), _solve(row), tuple(figures))
+    footage = footage_views(row.row, row.stills) if row.row else ()
+    return Section(row, _facts(row), _solve(row), tuple(figures), footage)
 
 
 def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:

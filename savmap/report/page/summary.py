@@ -10,7 +10,7 @@ from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
-from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap
+from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap, Still
 
 OFF_SIGMAS = 3.0
 
@@ -18,7 +18,7 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, remarks for the reader, and orthophotos of rows by name."""
+    survey, remarks for the reader, orthophotos and stills of rows by name, and the name of the viewer's page beside this one."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -27,12 +27,14 @@ class Report:
     remarks: tuple[str, ...] = ()
     title: str = "Site map"
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
+    viewer: str = ""
+    stills: Mapping[str, Sequence[Still]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one."""
+    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its frames."""
 
     name: str
     anchor: str
@@ -44,6 +46,7 @@ class Summary:
     run: RowRun | None
     place: Placement | None = None
     photo: Orthophoto | None = None
+    stills: tuple[Still, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -88,6 +91,7 @@ class Summary:
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
             (skipped, f"{skipped} frames skipped"),
+            *((True, note) for note in (self.row.verdict.notes if self.row and self.row.verdict else ())),
         )
         return tuple(text for applies, text in remarks if applies)
 
@@ -113,6 +117,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             run=runs.get(name),
             place=site.placements.get(name),
             photo=report.photos.get(name),
+            stills=tuple(report.stills.get(name, ())),
         )
         for name in names
     )

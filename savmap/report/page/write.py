@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from savmap.files.atomic import write_bytes
 from savmap.report.box_plot import box_plot
+from savmap.report.page.alignment import alignment_table
 from savmap.report.page.errors import class_table, distance_table, headline, row_errors
 from savmap.report.page.sections import section, tiles
 from savmap.report.page.site_plan import site_plan, without_place
@@ -45,6 +46,7 @@ def page_text(report: Report) -> str:
         unplaced=without_place(rows, report.site_map),
         references=reference_table(rows),
         sigmas=sigma_table(rows),
+        alignment=alignment_table(report.site_map.alignment),
         **_ties(report, rows),
         **_errors(report, rows, score),
         **_times(report, rows),

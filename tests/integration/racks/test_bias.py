@@ -6,7 +6,7 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.graph import PUBLISHED, KnownLength, camera_priors, merge, solve
+from savmap.graph import PUBLISHED, KnownLength, SolveOptions, camera_priors, merge, solve
 from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, constrain, published
 from savmap_shelves.constraints.bias import NO_BIAS, BiasSettings, mask_biases
@@ -29,7 +29,9 @@ def wide() -> made.World:
     return replace(world, tracks=tracks)
 
 
-def mapped(world: made.World, settings: GridSettings, published_way: bool = False) -> tuple[float, float, dict]:
+def mapped(
+    world: made.World, settings: GridSettings, published_way: bool = False, options: SolveOptions | None = None
+) -> tuple[float, float, dict]:
     """Mean errors of the beams' heights and their sigmas, m, and the report. Two profiles' widths are known."""
     given = made.references(world)
     widths = [
@@ -39,7 +41,7 @@ def mapped(world: made.World, settings: GridSettings, published_way: bool = Fals
     given = replace(given, lengths=(*given.lengths, *widths))
     start = made.begin(world)
     grid = constrain(world.tracks, world.facts, start, settings=settings)
-    solution = solve(merge(camera_priors(world.facts, start, given), grid), PUBLISHED if published_way else None)
+    solution = solve(merge(camera_priors(world.facts, start, given), grid), PUBLISHED if published_way else options)
     errors, sigmas = [], []
     for section, beams in enumerate(world.rack.beams, 1):
         for beam in range(2 if section == 1 else 0, len(beams)):
@@ -53,7 +55,9 @@ def mapped(world: made.World, settings: GridSettings, published_way: bool = Fals
 def test_a_known_width_shows_the_bias(wide: made.World) -> None:
     estimated = GridSettings(wide.rack.lowest, bias=BiasSettings(1.0, 0.25, 0.0, "estimated"))
     error, sigma, report = mapped(wide, estimated)
-    assert float(report["bias 1, px"]) + float(report["bias 3, px"]) == pytest.approx(BIAS_PX, abs=0.1)
+    assert float(report["bias 1, px"]) + float(report["bias 3, px"]) == pytest.approx(
+        BIAS_PX, abs=0.15
+    )  # their standard deviations are 0.2
     assert abs(error) < 0.002
     assert sigma < 0.003
 
@@ -69,8 +73,9 @@ def test_believed_masks_make_widths_too_large(wide: made.World) -> None:
 @pytest.mark.slow
 def test_sigmas_allow_for_a_bias_that_is_not_estimated(wide: made.World) -> None:
     plain, considered = (
-        mapped(wide, GridSettings(wide.rack.lowest, bias=bias)) for bias in (NO_BIAS, BiasSettings(0.5, 0.25, 0.25))
+        mapped(wide, GridSettings(wide.rack.lowest, bias=bias), options=SolveOptions(judge=False))
+        for bias in (NO_BIAS, BiasSettings(0.5, 0.25, 0.25))
     )
-    assert considered[0] == pytest.approx(plain[0], abs=1e-6)
+    assert considered[0] == pytest.approx(plain[0], abs=2e-4)
     assert considered[1] > 2 * plain[1]
     assert abs(considered[0]) < 3 * considered[1]

@@ -1,4 +1,4 @@
-"""A row mapped one bay short is refused where its length or its sections are known."""
+"""A row mapped one bay short is doubted or refused where its length or its sections are known."""
 
 from dataclasses import replace
 
@@ -20,8 +20,11 @@ def test_length_of_a_row_with_one_bay_more() -> None:
     given = References(
         made.references(world).camera_heights, (KnownLength("upright 1 / left", "upright 4 / right", length, 0.003),)
     )
+    [doubt] = made.solved(world, given=given).doubts
+    assert f"length upright 1 / left to upright 4 / right is given as {length:.3f} m" in doubt.what
+    assert "see whether a part of the row is missing" in doubt.what
     with pytest.raises(SolveError, match="contradict"):
-        made.solved(world, given=given)
+        made.solved(world, given=replace(given, on_contradiction="refuse"))
 
 
 def test_heights_of_one_section_less() -> None:

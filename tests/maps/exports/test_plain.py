@@ -119,7 +119,7 @@ def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match="format obj: known formats are csv, ply"):
+    with pytest.raises(SiteError, match="format obj: known formats are colmap, csv, "):
         export(one, "obj", tmp_path / "map.obj")
 
 

@@ -1,5 +1,6 @@
 """Mapped lamps against a survey, and how they are drawn."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,33 @@ def test_a_perfect_map_scores_zero_for_lamps_above_the_row(surveyed: Row) -> Non
     own = found(evaluate(strips(surveyed), surveyed))
     assert own.distances_m.tolist() == [0.0] * 4
     assert (own.missing, own.spurious) == (0, 0)
+
+
+def test_lamps_over_other_aisles_are_not_asked_for(surveyed: Row) -> None:
+    lamps = strips(surveyed)
+    others = [[[x, y, z + aside] for x, y, z in own["ends"]] for own in surveyed["lights"] for aside in (-4, 5)]
+    surveyed["lights"] += [{"ends": own} for own in others]
+    own = found(evaluate(lamps, surveyed))
+    assert (len(own.distances_m), own.missing, own.spurious) == (4, 0, 0)
+    assert found(evaluate([], surveyed)).missing == 4
+    far = evaluate([lamp(1, *others[2]), lamp(2, [2.0, 8.2, 3.5])], surveyed)
+    assert found(far).spurious == 1
+
+
+def test_ends_of_strips_are_compared_whichever_comes_first(surveyed: Row) -> None:
+    long = lamp(1, [1.7, 8.2, 1.2], [0.3, 8.2, 1.2])
+    score = evaluate([long], surveyed)
+    assert found(score).distances_m == pytest.approx([0.0])
+    assert score.apart["ends of lights"].distances_m == pytest.approx([0.1, 0.1])
+    assert "ends of lights" not in evaluate([lamp(1, [1.0, 8.2, 1.2])], surveyed).apart
+
+
+def test_a_strip_with_an_unknown_end_is_not_compared(surveyed: Row) -> None:
+    (first, *_) = strips(surveyed)[1:]
+    covariances = first.covariances.copy()
+    covariances[1, 0, 0] = 1000.0**2
+    own = found(evaluate([replace(first, covariances=covariances)], surveyed))
+    assert (len(own.distances_m), own.missing, own.spurious) == (0, 4, 0)
 
 
 def test_compact_lamps_and_swapped_ends_are_compared_by_centre(surveyed: Row) -> None:

@@ -18,6 +18,7 @@ WHOLE = Grid(POSTS, [LEVELS] * 3)
 def seen(*changes: tuple[int, tuple[float, float], tuple[float, float], float]) -> PlaneEvidence:
     """Evidence of the whole grid, changed within rectangles (class, x, y) to values."""
     patch = face_patch(WHOLE)
+    assert patch is not None
     mean = np.zeros((2, *patch.shape), np.float32)
     x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
     posts = [(0, (low, high), (0.0, 4.0), 0.9) for low, high in POSTS.tolist()]
@@ -37,6 +38,12 @@ def is_whole(grid: Grid | None) -> bool:
     return grid.posts.mean(axis=1) == pytest.approx(posts, abs=0.03) and all(
         own.mean(axis=1) == pytest.approx(levels, abs=0.03) for own in grid.sections
     )
+
+
+def test_a_grid_that_makes_no_sense_has_no_patch() -> None:
+    assert face_patch(Grid(1000 * WHOLE.posts, [1000 * levels for levels in WHOLE.sections])) is not None
+    thin = [np.array([[0.3, 0.3001], [90.0, 90.0001]]) for _ in WHOLE.sections]
+    assert face_patch(Grid(WHOLE.posts, thin)) is None
 
 
 def test_evidence_of_what_was_tracked_changes_nothing() -> None:
@@ -134,7 +141,7 @@ def test_every_object_has_an_outline() -> None:
     assert np.ptp(objects[4].outline, axis=0) == pytest.approx([2.6, 0.12, 0.0])
 
 
-RED, GREY, WOOD = (200, 40, 30), (120, 125, 120), (190, 150, 100)
+RED, GREY, WOOD, DARK = (200, 40, 30), (120, 125, 120), (190, 150, 100), (30, 8, 6)
 
 
 def painted(evidence: PlaneEvidence, *stripes: tuple[tuple[float, float], tuple[int, int, int]]) -> PlaneEvidence:
@@ -187,6 +194,13 @@ def test_a_level_below_guarded_feet_is_told_by_paint(colour: tuple[int, int, int
     evidence = seen(*[(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()])
     found = expected_grid(painted(evidence, ((0.4, 0.52), colour)), tracked)
     assert is_whole(found) if believed else found is None
+
+
+@pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])
+def test_paint_says_nothing_where_the_network_is_sure(value: float, believed: bool) -> None:
+    evidence = painted(seen_as(seen(), (0.4, 0.52), value), ((0.4, 0.52), DARK))
+    found = expected_grid(evidence, WHOLE)
+    assert found is None if believed else found is not None and [len(levels) for levels in found.sections] == [2] * 3
 
 
 def behind(height: float, share: float) -> PlaneEvidence:

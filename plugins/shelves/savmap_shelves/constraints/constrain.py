@@ -105,6 +105,7 @@ def constrain(
         initial | {track.name: _initial_foot(track, grid, initial) for track in feet},
         dict(_edge_names(grid, keys)),
         alternatives=alternatives if len(alternatives) > 1 else {},
+        alike=tuple(_profiles(grid, keys)),
     )
 
 
@@ -202,7 +203,9 @@ def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float
     lowest = min(beam for number, beam, edge in grid.rows if number == section and edge == "lower")
     name = f"height of the lowest edge of section {section}"
     doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
-    return known_coordinate("y", keys[grid.rows[section, lowest, "lower"][0]], value, settings.sigma_m, name, doubt)
+    edge = keys[grid.rows[section, lowest, "lower"][0]]
+    common = isinstance(settings.lowest_beam_bottom_height_m, int | float)
+    return replace(known_coordinate("y", edge, value, settings.sigma_m, name, doubt), may_be_missing=common)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
@@ -212,6 +215,14 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
         yield known_coordinate(
             "y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}"
         )
+
+
+def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[Axis, int, int]]:
+    """Lower and upper edge of every beam: most beams of a row have one profile."""
+    for (section, beam, edge), (first, *_) in grid.rows.items():
+        upper = grid.rows.get((section, beam, "upper"))
+        if edge == "lower" and upper:
+            yield "y", keys[first], keys[upper[0]]
 
 
 def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:

@@ -19,17 +19,18 @@ def share_edges(
 
     Where n corners and the upright's ends are seen on one edge in one view, the corners' variance along the beam (which
     is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen. `apart`: beams
-    and uprights lie on different planes. Corners then say nothing along the beam where the ends do: corners of a thousand
-    pixels, however faint, would hold the beams to the face plane.
+    and uprights lie on different planes. Corners then say nothing along the beam where the ends of the upright's edge are seen in any
+    view: corners of a thousand pixels, however faint, would hold the beams to the face plane, and so would a dozen good ones.
     """
     corners = Counter(line for track in tracks if track.label == "beam" for line in _lines(track))
     ends = Counter(line for track in tracks if track.label != "beam" for line in _lines(track))
+    placed = {column for _, _, column in ends} if apart else set[Column]()
     shared, worth = [], {}
     for track in tracks:
         lines = _lines(track)
         if track.label == "beam":
             alone = np.array([corners[line] for line in lines])
-            with_ends = np.array([ends[line] > 0 for line in lines])
+            with_ends = np.array([ends[line] > 0 or line[2] in placed for line in lines])
             count = np.where(with_ends, alone * (APART if apart else 2.0), alone)
             shared.append(_stretched(track, count, directions(track, views, start)))
             worth[track.name] = 1.0 + 1.0 / count

@@ -11,6 +11,8 @@ from savmap.types import Expected, Floats, PlanePatch
 FACE = "face"
 CELLS_ACROSS = 5.0
 BEYOND = 1.3
+MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
+"""What OpenCV samples at once, and what memory holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +78,16 @@ def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: in
     return np.array([[np.median(rows[section, beam, edge]) for edge in (0, 1)] for beam in whole]).reshape(-1, 2)
 
 
-def face_patch(grid: Grid) -> PlanePatch:
-    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post."""
+def face_patch(grid: Grid) -> PlanePatch | None:
+    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post. None for a grid that
+    makes no sense, such as one of frames on both sides of a cut: it has far more cells than any face."""
     low, high = _reach_up(grid)
     left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
     cell = min(grid.width, grid.thickness) / CELLS_ACROSS
     origin = np.array([left, low, 0.0])
-    return PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], np.array([right - left, high - low]), cell)
+    patch = PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], np.array([right - left, high - low]), cell)
+    rows, columns = patch.shape
+    return patch if max(rows, columns) < MOST_SIDE and rows * columns <= MOST_CELLS else None
 
 
 def _reach_up(grid: Grid) -> tuple[float, float]:

@@ -22,7 +22,8 @@ Singles = NDArray[np.float32]
 
 BODY = (0.12, 0.92)
 APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
-ALIKE, NEITHER, STRONG, WHOLE = 0.95, 0.8, 0.6, 0.9
+ALIKE, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
+ALIKE_BELOW = 0.85
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class EvidenceSettings:
 
     Where paint tells beams from the rest (`Paint.tells`), 1 is as like the other beams' as theirs is one another's, 0 as the rest of the
     face: what is `strange` is no level, nor what is `doubted`, unless it shows all along or is `plain` (its cover times its
-    strength); `painted` is the cover that is enough, in its own section or in half of them, for one that is like the others.
+    strength); `painted` is the cover that is enough, in its own section or in half of them, for one that is like the others. Of what the
+    network is sure all along, in all frames, paint says nothing: the lowest beams stand in the shade.
     """
 
     clear: float = 0.2
@@ -217,22 +219,23 @@ class GridSearch:
     def _stays(self, cover: Floats, left: float, right: float, level: Floats) -> bool:
         """Whether the evidence lets a level be that was tracked between two posts."""
         shown = float(_greatest(cover, self.y, level[None])[0])
-        strength = self._level_strength(left, right, *level) / self.usual_level
+        seen = self._level_strength(left, right, *level)
+        strength, sure = seen / self.usual_level, shown > WHOLE and seen > SURE
         sunk = strength < FAINT and level.mean() < self.floor + SUNK * self.tracked.thickness
         like, plain = self._storey_likeness(left, right, level), shown > WHOLE or shown * strength > self.settings.plain
         strange = like < self.settings.strange or (like < self.settings.doubted and not plain)
-        return shown >= self.settings.lost and not sunk and not strange
+        return shown >= self.settings.lost and not sunk and (sure or not strange)
 
     def _is_level(self, cover: float, left: float, right: float, centre: float) -> bool:
         """Whether a height at which nothing was tracked is a level's: by its cover, its paint, and where it is.
 
         Below the posts' feet are goods and markings; but a guard hides feet, and what is as strong there as the beams and painted like
-        them is a beam.
+        them in most sections is a beam: the paint of one section alone is judged by what the light and the goods there leave of it.
         """
         half, like = self.tracked.thickness / 2, self._likeness(left, right, centre)
         strong = self._level_strength(left, right, centre - half, centre + half) > STRONG * self.usual_level
         if centre <= self.floor + half:
-            return cover > self.settings.level and like >= ALIKE and strong
+            return cover > self.settings.level and self._usual_likeness(centre) >= ALIKE_BELOW and strong
         behind = not strong and self.rear.shows(self._tracked_beside(left, right), centre)
         if centre >= self.ceiling + half or like < self.settings.strange or behind:
             return False
@@ -255,6 +258,11 @@ class GridSearch:
             if len(levels) and np.abs(levels.mean(axis=1) - centre).min() < thickness
         ]
         return max(self._likeness(left, right, centre), float(np.median(alike)))
+
+    def _usual_likeness(self, centre: float) -> float:
+        """How like the tracked beams' the paint at a height is in half of the sections at least."""
+        spans = [(float(before[1]), float(after[0])) for before, after in pairwise(self.tracked.posts)]
+        return float(np.median([self._likeness(*span, centre) for span in spans]))
 
     def _usual_cover(self, centre: float) -> float:
         """The cover at a height that half of the tracked sections have: levels often go on from bay to bay."""

@@ -94,7 +94,7 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
-            kept = ~_sunk(levels, edges, which, support, floor)
+            kept = ~_sunk(levels, edges, which, support, floor) | _expected(sightings, which, len(levels))
         if kept.all():
             kept = ~_unlike(levels, edges, which, support, floor)
         if kept.all():
@@ -174,6 +174,13 @@ def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: fl
         beams = float(np.median(thickness[~below]))
         like &= (thickness > THIN * beams) & (thickness < beams / THIN)
     return np.asarray(below & ~(like & (support > SURE * np.median(support))))
+
+
+def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
+    """Which levels (k,) all frames together show: the evidence has told them from what lies on the floor, by more than a thickness."""
+    corner = sightings.corners.reshape(len(which), -1).max(axis=1)
+    expected = sightings.points.expected[corner] & (corner >= 0)
+    return np.array([bool(expected[which == k].mean() > 0.5) for k in range(count)], dtype=np.bool_)
 
 
 def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> Bools:

@@ -22,13 +22,15 @@ Key = tuple[int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,)."""
+    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,); whether all frames
+    together show their object, too (N,)."""
 
     frame: Ints
     view: Ints
     pixels: Floats
     covariance: Floats
     score: Floats
+    expected: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +156,7 @@ def feature_points(features: Sequence[Feature], views: Sequence[str]) -> Feature
         np.concatenate([np.zeros((0, 2)), *(f.pixels for f in features)]),
         np.concatenate([np.zeros((0, 2, 2)), *(f.covariance for f in features)]),
         np.array([f.score for f in features for _ in f.pixels], dtype=np.float64),
+        np.array([f.expected for f in features for _ in f.pixels], dtype=np.bool_),
     )
 
 

@@ -10,6 +10,7 @@ from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 
 LEAST_AT_END = 0.3
 NARROW = 0.75
+LEAST_BEAMS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ def find_uprights(
     sizes: kernel bandwidth and reach of a cluster, in x; and the least support, as a share of the usual one.
     """
     bandwidth, reach, least = sizes
-    x = _positions(sightings, states)
+    x, beams = _positions(sightings, states), _beam_heights(sightings, states)
     usable = np.isin(sightings.upright_frame, frames) & np.isfinite(x).all(axis=1)
     centre = np.where(usable, x.mean(axis=1), np.nan)
     centres = modes(centre[usable], bandwidth)
@@ -53,7 +54,8 @@ def find_uprights(
         support, sized, count = _support(sightings, centres, which, states, frames)
         kept = _strong(centres, support, sized, count, least, 2 * reach)
         if kept.all():
-            kept = _trimmed(centres, medians(np.diff(x, axis=1)[:, 0], which, len(centres)), count)
+            width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
+            kept = _trimmed(centres, width, count, _beams_at_ends(Uprights(x, which), sightings, beams, centres))
         if kept.all():
             break
         centres = centres[kept]
@@ -88,13 +90,40 @@ def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, 
     return supported(support, shown, count, least) if kept.all() else kept
 
 
-def _trimmed(x: Floats, width: Floats, count: Ints) -> Bools:
-    """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others.
+def _trimmed(x: Floats, width: Floats, count: Ints, beams: Floats) -> Bools:
+    """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others, unless the beams that end
+    at it are as high as others: `beams` (2,), by the first and the last upright, as shares of what is usual.
 
-    The section of the first is seen only in part. The second is of another row that comes into view behind the end of this.
+    The section of the first is seen only in part. The second is of another row that comes into view behind the end of this: farther away,
+    so that its beams look lower, too.
     """
     kept = np.ones(len(x), dtype=np.bool_)
     if len(x) > 2:
         ends = np.argsort(x)[[0, -1]]
-        kept[ends] = (count[ends] >= LEAST_AT_END * np.median(count)) & (width[ends] >= NARROW * np.median(width))
+        near = (width[ends] >= NARROW * np.median(width)) | (beams >= NARROW)
+        kept[ends] = (count[ends] >= LEAST_AT_END * np.median(count)) & near
     return kept
+
+
+def _beam_heights(sightings: FaceSightings, states: Floats) -> Floats:
+    """How high each sighted beam (m,) is where both corners at one end were sighted; nan where they were not."""
+    q = np.where(sightings.corners >= 0, sightings.face.q[sightings.corners], np.nan)
+    height = np.diff(q, axis=2)[:, :, 0] / states[sightings.beam_frame, :1]
+    known = np.isfinite(height)
+    total = np.where(known, height, 0.0).sum(axis=1)
+    return np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
+
+
+def _beams_at_ends(uprights: Uprights, sightings: FaceSightings, heights: Floats, x: Floats) -> Floats:
+    """The usual height (2,) of the beams that end at the first and at the last upright on their inner sides, as a share of the others';
+    0 where few do."""
+    order = np.argsort(x)
+    bounds, ends = uprights.beside(sightings), order[[0, -1]]
+    inner = [bounds[:, 0] == ends[0], bounds[:, 1] == ends[1]]
+    known = np.isfinite(heights) & (bounds >= 0).any(axis=1)
+    others = heights[known & ~inner[0] & ~inner[1]]
+    if not len(others):
+        return np.zeros(2)
+    usual = float(np.median(others))
+    found = [heights[at & known] for at in inner]
+    return np.array([np.median(own) / usual if len(own) >= LEAST_BEAMS else 0.0 for own in found])

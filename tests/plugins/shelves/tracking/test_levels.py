@@ -1,5 +1,7 @@
 """What counts as a beam level: support over the frames, and the floor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synth
@@ -53,6 +55,12 @@ MARKINGS = {"far below": (-0.75, -0.65), "thin": (-0.25, -0.21), "wide": (-0.4, 
 def test_markings_on_the_floor_are_no_beams(marking: tuple[float, float]) -> None:
     footage = footage_with(marking)
     assert levels_of(footage, *feet(footage)) == counts(footage, 1)
+
+
+def test_what_all_frames_show_together_is_no_marking() -> None:
+    footage = footage_with(MARKINGS["wide"])
+    expected = replace(footage, features=[replace(feature, expected=True) for feature in footage.features])
+    assert levels_of(expected, *feet(footage)) == counts(footage, 0)
 
 
 def test_nothing_says_where_the_floor_is() -> None:

@@ -1,0 +1,91 @@
+"""What is implausible about mapped lamps: heights that disagree, lengths, gaps in a regular line, ends that were never seen."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.plugin import Doubt, Floats, Structure
+
+UNKNOWN_M = 1000.0
+"""The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""
+
+LIGHT_BEYOND = "light beyond, x m"
+"""The attribute of a lamp that tells where, before the next one, something shines that no lamp explains."""
+
+FEWEST = 4
+OFF_SIGMA, OFF_M = 5.0, 0.05
+REGULAR, MOST = 0.05, 0.75
+GAP = 1.5
+LONGER = 1.3
+
+
+def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
+    """Doubts about the lamps of one row."""
+    ordered = sorted(lamps, key=lambda lamp: float(lamp.vertices[:, 0].mean()))
+    whole = [lamp for lamp in ordered if is_whole(lamp)]
+    return [*_heights(whole), *_lengths(whole), *_gaps(ordered), *_open(ordered)]
+
+
+def is_whole(lamp: Structure) -> bool:
+    """Whether all of a lamp's ends were seen."""
+    return bool((np.diagonal(lamp.covariances, axis1=1, axis2=2) < (UNKNOWN_M / 2) ** 2).all())
+
+
+def _middle(lamp: Structure) -> tuple[float, float, float]:
+    x, y, z = lamp.vertices.mean(axis=0).tolist()
+    return x, y, z
+
+
+def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A lamp at another height than the others, further off than its uncertainty explains."""
+    if len(lamps) < FEWEST:
+        return
+    heights = np.array([lamp.vertices[:, 1].mean() for lamp in lamps])
+    usual = float(np.median(heights))
+    for lamp, height in zip(lamps, heights.tolist(), strict=True):
+        sigma = float(np.sqrt(lamp.covariances[:, 1, 1].max()))
+        if abs(height - usual) > max(OFF_SIGMA * sigma, OFF_M):
+            what = f"{lamp.id} is at {height:.2f} m, the other lamps at {usual:.2f} m: is it a lamp, and theirs?"
+            yield Doubt("shape", what, (lamp.id,), _middle(lamp))
+
+
+def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A strip longer or shorter than most, where most are equal; of the outermost, seen from afar, joints may not show."""
+    strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
+    lengths = np.array([np.linalg.norm(lamp.vertices[1] - lamp.vertices[0]) for lamp in strips])
+    if len(strips) < FEWEST or not _are_regular(lengths):
+        return
+    usual = float(np.median(lengths))
+    for lamp, length in zip(strips[1:-1], lengths[1:-1].tolist(), strict=True):
+        if not 1 / LONGER < length / usual < LONGER:
+            what = f"{lamp.id} is {length:.2f} m long, most are {usual:.2f} m: an end or a joint may be wrong"
+            yield Doubt("shape", what, (lamp.id,), _middle(lamp))
+
+
+def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A gap in a line of lamps that is regular but for it, and in which something shines. A dark one is a lamp that is out, or none."""
+    x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
+    steps = np.diff(x)
+    if len(steps) < FEWEST or not _are_regular(steps):
+        return
+    usual = float(np.median(steps))
+    for before, after in pairwise(lamps):
+        step = float(after.vertices[:, 0].mean() - before.vertices[:, 0].mean())
+        if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
+            what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
+            yield Doubt("shape", what, (before.id, after.id), _middle(before))
+
+
+def _are_regular(sizes: Floats) -> bool:
+    usual = float(np.median(sizes))
+    return bool((np.abs(sizes - usual) < REGULAR * usual).mean() >= MOST)
+
+
+def _open(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A strip between others, one of whose ends no frame showed."""
+    for lamp in lamps[1:-1]:
+        if not is_whole(lamp):
+            yield Doubt(
+                "shape", f"an end of {lamp.id} was never seen: its length is not known", (lamp.id,), _middle(lamp)
+            )

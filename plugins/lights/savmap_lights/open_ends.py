@@ -1,0 +1,83 @@
+"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where most of these are alike,
+otherwise mapped as far as they were seen, with a standard deviation that says so; light that no lamp explains is told."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from savmap.plugin import Structure, Track
+from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M
+from savmap_lights.tracking import BEYOND, SEEN_TO
+
+FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
+ENOUGH = 0.6
+
+
+def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
+    """The lamps; those with one end in sight get a vertex for the other: at the length of most other strips, if these have one and it was
+    seen lit for most of that; else as far as it was, `UNKNOWN_M` along x."""
+    seen_to = _by_lamp(tracks, SEEN_TO)
+    length = common_length([lamp for lamp in lamps if len(lamp.vertices) == 2])
+    return [_opened(lamp, seen_to[lamp.id], length, lamps) if lamp.id in seen_to else lamp for lamp in lamps]
+
+
+def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
+    """The lamps, with an attribute: x, m, of light between a lamp and the next one that no lamp explains."""
+    beyond = _by_lamp(tracks, BEYOND)
+    return [
+        replace(lamp, attributes={**lamp.attributes, LIGHT_BEYOND: beyond[lamp.id]}) if lamp.id in beyond else lamp
+        for lamp in lamps
+    ]
+
+
+def _by_lamp(tracks: Sequence[Track], name: str) -> dict[str, float]:
+    """By lamp, what is said in m in its tracks' places in mm."""
+    return {
+        f"{track.label} {track.place[track.label]}": float(track.place[name]) / 1000
+        for track in tracks
+        if name in track.place
+    }
+
+
+def common_length(strips: Sequence[Structure]) -> float | None:
+    """The length, m, that most strips have within a centimetre or two: of the outermost, joints may not show. None where they differ, or
+    are few."""
+    lengths = np.array([np.linalg.norm(strip.vertices[1] - strip.vertices[0]) for strip in strips])
+    if len(lengths) < FEWEST:
+        return None
+    usual = float(np.median(lengths))
+    alike = np.abs(lengths - usual) < ALIKE * usual + ALIKE_M
+    return usual if alike.sum() >= FEWEST and alike.mean() >= MOST else None
+
+
+def _opened(lamp: Structure, seen_to: float, length: float | None, lamps: Sequence[Structure]) -> Structure:
+    here = lamp.vertices[0]
+    way = 1.0 if lamp.vertex_labels[0] == "end 0" else -1.0
+    known = length is not None and way * (seen_to - here[0]) > ENOUGH * length
+    far, covariance = here.copy(), lamp.covariances[0].copy()
+    if known and length is not None:
+        far[0] = here[0] + way * length
+        covariance[0, 0] += ALIKE_M**2
+        known = not _is_another_there(lamp, float(far[0]), way, lamps)
+    if not known:
+        far[0] = seen_to
+        covariance[0, :] = covariance[:, 0] = 0.0
+        covariance[0, 0] = UNKNOWN_M**2
+    vertices, covariances = np.stack([here, far]), np.stack([lamp.covariances[0], covariance])
+    order = [0, 1] if way > 0 else [1, 0]
+    return replace(
+        lamp,
+        vertices=vertices[order],
+        covariances=covariances[order],
+        vertex_labels=("end 0", "end 1"),
+        edges=np.array([[0, 1]], np.int64),
+        attributes={**lamp.attributes, **({"end not seen": f"end {1 if way > 0 else 0}"})},
+    )
+
+
+def _is_another_there(lamp: Structure, far: float, way: float, lamps: Sequence[Structure]) -> bool:
+    """Whether another lamp's vertex lies between a lamp's end and where its other would be."""
+    others = np.concatenate([[np.inf], *(other.vertices[:, 0] for other in lamps if other is not lamp)])
+    ahead = way * (others - lamp.vertices[0, 0])
+    return bool(((ahead > 0) & (ahead < way * (far - lamp.vertices[0, 0]) - ALIKE_M)).any())

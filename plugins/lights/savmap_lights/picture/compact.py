@@ -1,0 +1,81 @@
+"""Compact lamps in a ceiling-facing view: all four sides by where the picture's brightness falls."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.plugin import Floats
+from savmap_lights.picture.profiles import (
+    BORDER_PX,
+    DROP,
+    STEP_PX,
+    VIEW_AXES,
+    Singles,
+    falls_aside,
+    is_covered,
+    places_within,
+    profile_of,
+    sampled_aslant,
+)
+from savmap_lights.picture.seeds import STRIP_RATIO, Seed
+
+SLICES = 24
+WIDER = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Compact:
+    """A compact lamp: its middle (2,) px, its sizes px along the view's axes, and whether something before it may hide a side."""
+
+    middle: Floats
+    sizes: tuple[float, float]
+    covered: bool
+
+    @property
+    def sides(self) -> list[Floats]:
+        """The middles (2,) px of its four sides."""
+        halves = [size / 2 * axis for size, axis in zip(self.sizes, VIEW_AXES, strict=True)]
+        return [self.middle + sign * half for half in halves for sign in (-1, 1)]
+
+
+def compact_of(grey: Singles, seed: Seed) -> Compact | None:
+    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; None where it does not, or not well
+    within the picture."""
+    if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
+        return None
+    middle, covered, sizes = seed.middle, False, [0.0, 0.0]
+    for number, axis in enumerate(VIEW_AXES):
+        across = VIEW_AXES[1 - number]
+        aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
+        along = np.linspace(-0.3 * seed.width, 0.3 * seed.width, SLICES)
+        values = sampled_aslant(grey, middle, axis, across, along, aside)
+        left, right = (falls_aside(values, aside, seed.level, side) for side in (-1, 1))
+        both = np.isfinite(left) & np.isfinite(right)
+        if both.sum() < SLICES / 2 or float(np.median((right - left)[both])) < 0.6 * seed.width:
+            return None
+        low, high = (float(np.median(side[both])) for side in (left, right))
+        sizes[1 - number] = high - low
+        covered |= any(is_covered(grey, middle, across, seed.width, at) for at in (low, high))
+        middle = middle + (low + high) / 2 * across
+    return None if max(sizes) > STRIP_RATIO * min(sizes) else Compact(middle, (sizes[0], sizes[1]), covered)
+
+
+def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
+    """Compact lamps of one size on lines with a lamp, along the view's axes."""
+    found: list[Compact] = []
+    for number, axis in enumerate(VIEW_AXES):
+        places = places_within(grey, lamp.middle, axis)
+        lit = profile_of(grey, lamp.middle, axis, places, 0.3 * lamp.sizes[1 - number]) >= seed.level - DROP
+        changes = np.flatnonzero(np.diff(np.concatenate([[False], lit, [False]]).astype(np.int8)))
+        for first, last in zip(places[changes[::2]], places[changes[1::2] - 1], strict=True):
+            if abs(last - first - lamp.sizes[number]) <= WIDER * lamp.sizes[number] and not first <= 0 <= last:
+                like = replace(seed, middle=lamp.middle + (first + last) / 2 * axis)
+                other = compact_of(grey, like)
+                if other is not None and np.allclose(other.sizes, lamp.sizes, rtol=WIDER, atol=1.0):
+                    found.append(other)
+    return found
+
+
+def _within_picture(grey: Singles, middle: Floats, margin: float) -> bool:
+    size = np.array([grey.shape[1], grey.shape[0]]) - 1.0
+    return bool((middle > margin).all() and (middle < size - margin).all())

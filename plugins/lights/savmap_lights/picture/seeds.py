@@ -1,0 +1,45 @@
+"""What a network's masks say of lamps: where to look for what shines, how wide it may be, and how bright."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.plugin import Detection, Floats
+from savmap_lights.picture.profiles import Singles
+
+STRIP_RATIO = 2.5
+SURE = 0.7
+LEAST_PX = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Seed:
+    """What a mask says of a lamp: number of its detection, middle (2,) px, long axis (2,), length and width px, and brightness."""
+
+    number: int
+    middle: Floats
+    axis: Floats
+    length: float
+    width: float
+    level: float
+
+
+def seeds_of(grey: Singles, detections: Sequence[Detection]) -> list[Seed]:
+    """The detections' seeds, the largest first."""
+    found = [_seed(grey, detection, number) for number, detection in enumerate(detections)]
+    return sorted((seed for seed in found if seed is not None), key=lambda seed: -seed.length * seed.width)
+
+
+def _seed(grey: Singles, detection: Detection, number: int) -> Seed | None:
+    rows, columns = np.nonzero(detection.mask)
+    if len(rows) < LEAST_PX:
+        return None
+    weights = detection.probability[rows, columns].astype(np.float64)
+    pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+    middle = np.average(pixels, axis=0, weights=weights)
+    spread, axes = np.linalg.eigh(np.cov((pixels - middle).T, aweights=weights) + 1e-9 * np.eye(2))
+    long, wide = np.sqrt(12 * spread[1]), np.sqrt(12 * spread[0])
+    sure = weights >= min(SURE, float(weights.max()))
+    level = float(np.percentile(grey[rows, columns][sure], 75))
+    return Seed(number, middle, axes[:, 1], float(long), float(wide), level)

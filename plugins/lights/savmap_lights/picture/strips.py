@@ -1,0 +1,226 @@
+"""Lit strips in a ceiling-facing view: the network says where a lamp is, the picture's brightness how far it reaches.
+
+A network knows a long lamp by its ends and fades between them, so that masks end in the midst of it. What shines is the brightest
+thing in the picture: from a mask, it is followed along its axis to where the brightness falls.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from savmap.plugin import Floats
+from savmap_lights.picture.profiles import (
+    DROP,
+    STEP_PX,
+    VIEW_AXES,
+    Singles,
+    fall,
+    falls_aside,
+    is_covered,
+    places_within,
+    profile_of,
+    sampled,
+)
+from savmap_lights.picture.seeds import STRIP_RATIO, Seed
+
+VARIES = 20.0
+WIDER = 0.3
+FIRST_STRIP = 10_000
+BOTH_ENDS = 2
+SAME_AXIS = np.cos(np.radians(4))
+SLICES, FEWEST, PARTS = 24, 6, 5
+THIN_PX, ROUNDS = 3.0, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,) px along the
+    axis, None where it is cut, hidden or blurred; `covered`: where something that runs across hides an end; `reach`: how far it is seen
+    either way (2, 2) px."""
+
+    instance: int
+    numbers: tuple[int, ...]
+    axis: Floats
+    width: float
+    ends: tuple[Floats | None, Floats | None]
+    covered: tuple[Floats, ...]
+    reach: Floats
+
+
+def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
+    """The strips that seeds are parts of; in a line of light, each up to its joints."""
+    found: list[Body] = []
+    taken: set[int] = set()
+    for seed in seeds:
+        if seed.number not in taken:
+            line = _strip(grey, seed, seeds)
+            found += [body for body in line if not any(_overlap(body, other) for other in found)]
+            taken |= {number for body in line for number in body.numbers}
+    return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(found)]
+
+
+def _overlap(body: Body, other: Body) -> bool:
+    """Whether the middle of the shorter of two strips lies in the other."""
+    short, long = sorted((body, other), key=_length)
+    offset = short.reach.mean(axis=0) - long.reach[0]
+    return _within(offset, long.axis, long.width, 0.0, _length(long))
+
+
+def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
+    """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then the longest, of all
+    axes and of two tolerances to how much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
+    best: list[Body] = []
+    for axis in _axes(seed, seeds):
+        for varies in (VARIES, 0.0):
+            line = _along(grey, replace(seed, level=seed.level - varies), axis, seeds)
+            if line and _worth(line) == BOTH_ENDS:
+                return line
+            best = max((line, best), key=_size)
+    return best
+
+
+def _size(line: Sequence[Body]) -> tuple[int, float]:
+    return (_worth(line), _length(line[0])) if line else (0, 0.0)
+
+
+def _worth(line: Sequence[Body]) -> int:
+    return sum(end is not None for end in line[0].ends)
+
+
+def _length(body: Body) -> float:
+    return float(np.linalg.norm(body.reach[1] - body.reach[0]))
+
+
+def _axes(seed: Seed, seeds: Sequence[Seed]) -> list[Floats]:
+    """Directions (2,) in which a seed's lamp may lie: its own where it is long, else those of the view and those to its likes."""
+    if seed.length > STRIP_RATIO * seed.width:
+        return [seed.axis]
+    away = [other.middle - seed.middle for other in seeds if other is not seed]
+    axes: list[Floats] = []
+    for axis in (*VIEW_AXES, *(step / np.linalg.norm(step) for step in away if np.linalg.norm(step) > seed.width)):
+        if all(abs(float(axis @ other)) < SAME_AXIS for other in axes):
+            axes.append(axis)
+    return axes
+
+
+def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> list[Body]:
+    """The strip through a seed along an axis, and those that continue it beyond joints; none where what is lit there is no strip."""
+    middle, width = seed.middle, THIN_PX
+    for number in range(ROUNDS):
+        runs = _runs(grey, seed, middle, axis, width, others=number == ROUNDS - 1)
+        if not runs or runs[0].high - runs[0].low < STRIP_RATIO * width:
+            return []
+        straight = _straightened(grey, seed, middle, axis, runs[0])
+        if straight is None:
+            return []
+        middle, axis, width = straight
+    alike = [run for run in runs[1:] if _is_strip(grey, seed.level, middle, axis, width, run)]
+    return [_body(grey, run, middle, axis, width, seed, seeds) for run in (runs[0], *alike)]
+
+
+def _is_strip(grey: Singles, level: float, middle: Floats, axis: Floats, width: float, run: "Run") -> bool:
+    """Whether what is lit further along a strip's axis is as wide as this, and ends sharply somewhere."""
+    along = np.linspace(run.low, run.high, SLICES * PARTS + 2)[1:-1]
+    aside = np.arange(-1.5 * width - 4, 1.5 * width + 4.01, STEP_PX)
+    values = sampled(grey, middle, axis, along, aside).reshape(SLICES, PARTS, -1).mean(axis=1)
+    left, right = (falls_aside(values, aside, level, side) for side in (-1, 1))
+    alike = np.abs(right - left - width) <= WIDER * width + 1
+    return bool(alike.mean() > 0.5 and (run.low_sharp or run.high_sharp))
+
+
+def _body(
+    grey: Singles, run: "Run", middle: Floats, axis: Floats, width: float, seed: Seed, seeds: Sequence[Seed]
+) -> Body:
+    low, high = (middle + at * axis for at in (run.low, run.high))
+    inside = {other.number for other in seeds if _within(other.middle - middle, axis, width, run.low, run.high)}
+    numbers = tuple(sorted(inside)) or (seed.number,)
+    sharp = [(low, run.low, run.low_sharp), (high, run.high, run.high_sharp)]
+    hidden = [is_sharp and is_covered(grey, middle, axis, width, at) for _, at, is_sharp in sharp]
+    ends = [
+        pixel if is_sharp and not hides else None for (pixel, _, is_sharp), hides in zip(sharp, hidden, strict=True)
+    ]
+    covered = tuple(pixel for (pixel, _, _), hides in zip(sharp, hidden, strict=True) if hides)
+    return Body(0, numbers, axis, width, (ends[0], ends[1]), covered, np.array([low, high]))
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is lit along an axis around a place: from `low` to `high` px, and whether it ends there sharply."""
+
+    low: float
+    high: float
+    low_sharp: bool
+    high_sharp: bool
+
+
+def _within(offset: Floats, axis: Floats, width: float, low: float, high: float) -> bool:
+    along = float(offset @ axis)
+    aside = abs(float(offset[0] * axis[1] - offset[1] * axis[0]))
+    return low - 1 <= along <= high + 1 and aside < 0.75 * width
+
+
+def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float, others: bool) -> list[Run]:
+    """What is lit along an axis: the seed's own run first, then, if they are asked for, others as long as a strip; none without the first."""
+    places = places_within(grey, middle, axis)
+    if len(places) < 2:
+        return []
+    profile = profile_of(grey, middle, axis, places, 0.3 * width)
+    lit = np.concatenate([[False], profile >= seed.level - DROP, [False]])
+    changes = np.flatnonzero(lit[1:] != lit[:-1])
+    firsts, lasts = changes[::2], changes[1::2] - 1
+    if not len(firsts):
+        return []
+    away = np.maximum(np.maximum(places[firsts], -places[lasts]), 0.0)
+    own = int(np.argmin(away))
+    if away[own] > seed.length / 2:
+        return []
+    long = np.flatnonzero(places[lasts] - places[firsts] >= width).tolist() if others else []
+    return [_run(profile, places, int(firsts[k]), int(lasts[k])) for k in (own, *(k for k in long if k != own))]
+
+
+def _run(profile: Floats, places: Floats, first: int, last: int) -> Run:
+    end = len(places) - 1
+    low = fall(profile[::-1], places[::-1], end - first + 1) if first > 0 else (float(places[0]), False)
+    high = fall(profile, places, last + 1) if last < end else (float(places[end]), False)
+    return Run(low[0], high[0], low[1], high[1])
+
+
+def _straightened(
+    grey: Singles, seed: Seed, middle: Floats, axis: Floats, run: Run
+) -> tuple[Floats, Floats, float] | None:
+    """Middle, axis and width of a strip by where its brightness falls sharply to either side; None where it does not in most places."""
+    margin = 0.1 * (run.high - run.low)
+    along = np.linspace(run.low + margin, run.high - margin, SLICES * PARTS).reshape(SLICES, PARTS)
+    aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
+    values = sampled(grey, middle, axis, along.ravel(), aside).reshape(SLICES, PARTS, -1).mean(axis=1)
+    along = along.mean(axis=1)
+    left, right = (falls_aside(values, aside, seed.level, side) for side in (-1, 1))
+    both = np.isfinite(left) & np.isfinite(right)
+    width = float(np.median((right - left)[both])) if both.sum() >= FEWEST else seed.width
+    both &= np.abs(right - left - width) <= 0.3 * width + 1
+    either = np.where(np.isfinite(left), left + width / 2, right - width / 2)
+    centre = np.where(both, (left + right) / 2, either)
+    known = both if both.sum() >= FEWEST else np.isfinite(centre)
+    if known.sum() < SLICES / 3:
+        return None
+    slope, shift, off = _line(along[known], centre[known])
+    if off > 0.15 * width + 0.7:
+        return None
+    normal = np.array([-axis[1], axis[0]])
+    turned = axis + slope * normal
+    return middle + shift * normal, turned / np.linalg.norm(turned), width
+
+
+def _line(at: Floats, values: Floats) -> tuple[float, float, float]:
+    """Slope and value at 0 of a line through values (n,), without those that are far from it, and the median distance to it."""
+    slope, shift = 0.0, float(np.median(values))
+    for _ in range(4):
+        off = np.abs(values - slope * at - shift)
+        near = off <= max(3 * float(np.median(off)), 0.3)
+        if near.sum() < FEWEST:
+            break
+        offset, height = at[near] - at[near].mean(), values[near].mean()
+        slope = float(offset @ values[near] / (offset @ offset))
+        shift = float(height - slope * at[near].mean())
+    return slope, shift, float(np.median(np.abs(values - slope * at - shift)))

@@ -1,0 +1,90 @@
+"""Ends and centres of lamps in space, from a known path: places along a line, heights, and how thick the lamps are.
+
+What is seen of a box from below: its lower edge at an end that lies beyond the camera, its upper edge at an end that faces the camera.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.plugin import Floats, Ints
+
+Mask = NDArray[np.bool_]
+
+ROUNDS = 12
+TUKEY = 4.7
+APART_M = 0.05
+THICKEST_M = 0.2
+SURELY = 3.0
+FLOOR_M = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Rays to places along an axis: the number of the place and of its lamp (n,), where the ray starts along the axis and in height
+    (n,) m, its slope (n,), which edge it touches (n,), +1 the upper, -1 the lower, 0 neither, and its standard deviation (n,) m."""
+
+    place: Ints
+    lamp: Ints
+    origin: Floats
+    height: Floats
+    slope: Floats
+    edge: Ints
+    sigma: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the lamps' thickness m;
+    and which rays (n,) fit."""
+
+    places: Floats
+    heights: Floats
+    height_sigmas: Floats
+    half_m: float
+    kept: Mask
+
+
+def fit(rays: Rays, level_m: float) -> Fitted:
+    """Places, heights and thickness by robust least squares. Heights differ by centimetres at most, unless the rays say more; a
+    thickness is believed where it is significant and no more than a lamp's."""
+    with_edges = _fit(rays, level_m, bool((rays.edge != 0).any()))
+    half, sigma = with_edges[0].half_m, with_edges[1]
+    if SURELY * sigma < half < THICKEST_M or not (rays.edge != 0).any():
+        return with_edges[0]
+    return _fit(rays, level_m, False)[0]
+
+
+def _fit(rays: Rays, level_m: float, thick: bool) -> tuple[Fitted, float]:
+    count, lamps = int(rays.place.max()) + 1, int(rays.lamp.max()) + 1
+    size = count + 1 + lamps + int(thick)
+    left = np.zeros((len(rays.place), size))
+    row = np.arange(len(rays.place))
+    left[row, rays.place] = 1.0
+    left[row, count] = -rays.slope
+    left[row, count + 1 + rays.lamp] = -rays.slope
+    if thick:
+        left[row, -1] = -rays.edge * rays.slope
+    right = rays.origin + (level_m - rays.height) * rays.slope
+    prior = np.zeros((lamps + 1, size))
+    prior[np.arange(lamps), count + 1 + np.arange(lamps)] = 1 / APART_M
+    prior[lamps, count] = 1e-3
+    weight = 1 / rays.sigma
+    scale, answer, normal = 1.0, np.zeros(size), np.eye(size)
+    for _ in range(ROUNDS):
+        whole = np.concatenate([left * weight[:, None], prior])
+        normal = whole.T @ whole + 1e-9 * np.eye(size)
+        answer = np.linalg.solve(normal, whole.T @ np.concatenate([right * weight, np.zeros(lamps + 1)]))
+        errors = (left @ answer - right) / rays.sigma
+        scale = max(1.0, 1.48 * float(np.median(np.abs(errors))))
+        off = np.abs(errors) / (TUKEY * scale)
+        weight = np.where(off < 1, 1 - np.minimum(off, 1) ** 2, 1e-6) / rays.sigma
+    spread = scale**2 * np.linalg.inv(normal)
+    to_heights = np.zeros((lamps, size))
+    to_heights[:, count] = 1.0
+    to_heights[np.arange(lamps), count + 1 + np.arange(lamps)] = 1.0
+    sigmas = np.sqrt(np.einsum("ij,jk,ik->i", to_heights, spread, to_heights))
+    half = float(answer[-1]) if thick else 0.0
+    fitted = Fitted(answer[:count], level_m + to_heights @ answer, sigmas, half, off < 1)
+    return fitted, float(np.sqrt(spread[-1, -1])) if thick else 0.0

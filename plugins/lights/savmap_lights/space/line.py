@@ -1,0 +1,133 @@
+"""The plane and the line that lamps are on: a sweep through heights until the sightings of all frames fall on one another."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.plugin import Floats, Ints, Sightings, StructureError
+from savmap.vision import peaks
+
+Mask = NDArray[np.bool_]
+
+HEIGHTS_M = (0.5, 20.0)
+FINE_STEP, COARSE_STEP = 1.002, 1.01
+COARSE, FINE = 0.012, 0.006
+FINE_REACH = 10
+NEAR_M = 2.5
+NEIGHBOURS = 8
+SAME_LINE_M = 0.4
+LEAST_OF_BEST = 0.25
+LEAST_FRAMES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Sightings of what has a place: ends and centres of lamps. `outward` (n, 2): the direction along x and z, 0 or +-1, in which a
+    lamp ends there; (0, 0) for centres. `middles` (n, 2): the slopes of the rays to the middle of what was seen of each one's lamp."""
+
+    seen: Sightings
+    outward: Ints
+    middles: Floats
+
+    def where(self, keep: Mask) -> "Marks":
+        """Those for which a mask (n,) is true."""
+        return replace(self, seen=self.seen.where(keep), outward=self.outward[keep], middles=self.middles[keep])
+
+    def aside(self, level_m: float) -> Floats:
+        """z (n,) m of the lamps' middles at a level."""
+        origins = self.seen.origins
+        return np.asarray(origins[:, 2] + (level_m - origins[:, 1]) * self.middles[:, 1])
+
+    @property
+    def kind(self) -> Ints:
+        """A number (n,) for each outward direction."""
+        return np.asarray(3 * self.outward[:, 0] + self.outward[:, 1])
+
+
+def marks_of(seen: Sightings) -> Marks:
+    """The ends of strips, and the centres of compact lamps. An end points away from the middle of what was seen of its strip."""
+    middles = {
+        (feature.frame, feature.view, feature.instance): slope
+        for feature, slope in zip(seen.features, seen.slopes, strict=True)
+        if feature.part == "middle"
+    }
+    outward = np.zeros((len(seen.features), 2), np.int64)
+    towards = seen.slopes.copy()
+    kept = np.zeros(len(seen.features), np.bool_)
+    for index, (feature, slope) in enumerate(zip(seen.features, seen.slopes, strict=True)):
+        middle = middles.get((feature.frame, feature.view, feature.instance))
+        kept[index] = feature.part == "centre" if middle is None else feature.part.startswith("end")
+        if middle is not None and kept[index]:
+            towards[index] = middle
+            axis = int(np.argmax(np.abs(slope - middle)))
+            outward[index, axis] = int(np.sign(slope[axis] - middle[axis]))
+    return Marks(seen.where(kept), outward[kept], towards[kept])
+
+
+def level_of(marks: Marks) -> float:
+    """The height, m, at which marks of one kind in different frames fall on one another best, searched above the camera, coarsely, then
+    finely. The tolerance grows with the height tried: otherwise the lowest, where all rays are close, always wins."""
+    base = float(marks.seen.origins[:, 1].mean())
+    steps = int(np.log(HEIGHTS_M[1] / HEIGHTS_M[0]) / np.log(COARSE_STEP))
+    above = HEIGHTS_M[0] * COARSE_STEP ** np.arange(steps)
+    best = above[np.argmax([_gathering(marks, base, height, COARSE) for height in above])]
+    fine = best * FINE_STEP ** np.arange(-FINE_REACH, FINE_REACH + 1.0)
+    return base + float(fine[np.argmax([_gathering(marks, base, height, FINE) for height in fine])])
+
+
+def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
+    """How many pairs of marks of one kind, of different frames, lie within `width` times the height of one another, softly."""
+    places = marks.seen.at(base + above)
+    near = over_aisle(marks, base + above)
+    total = 0.0
+    for kind in np.unique(marks.kind):
+        own = near & (marks.kind == kind)
+        order = np.argsort(places[own, 0], kind="stable")
+        points, frames = places[own][order] / (width * above), marks.seen.frames[own][order]
+        certainty = marks.seen.certainty[own][order]
+        for step in range(1, min(NEIGHBOURS, len(points) - 1) + 1):
+            apart = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
+            counts = np.exp(-0.5 * apart) * (frames[step:] != frames[:-step])
+            total += float((counts * certainty[step:] * certainty[:-step]).sum())
+    return total
+
+
+def over_aisle(marks: Marks, level_m: float) -> Mask:
+    """Which marks' (n,) lamps would be before the face, and not far aside of the camera, at a level."""
+    z = marks.aside(level_m)
+    near: Mask = (z > 0) & (np.abs(z - marks.seen.origins[:, 2]) < NEAR_M)
+    return near
+
+
+def line_of(marks: Marks, level_m: float) -> float:
+    """z of the line of lamps, parallel to x, that runs nearest above the camera, of those with marks that many frames agree on.
+
+    Raises StructureError where there is none."""
+    places, above = marks.seen.at(level_m), level_m - float(marks.seen.origins[:, 1].mean())
+    weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.seen.certainty
+    z = marks.aside(level_m)
+    weight[(_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
+    firm = z[weight > 0]
+    lines = peaks.peaks(firm, SAME_LINE_M, LEAST_FRAMES)
+    if not len(lines):
+        raise no_lamp()
+    support = np.array([weight[np.abs(z - line) <= SAME_LINE_M].sum() for line in lines])
+    good = lines[support >= LEAST_OF_BEST * support.max()]
+    return float(good[np.argmin(np.abs(good - np.median(marks.seen.origins[:, 2])))])
+
+
+def _partners(marks: Marks, places: Floats, width_m: float) -> Ints:
+    """In how many other frames each mark (n,) has one of its kind within `width_m` at a level."""
+    near = (np.abs(places[:, None] - places[None]) <= width_m).all(axis=-1) & (marks.kind[:, None] == marks.kind[None])
+    frames, index = np.unique(marks.seen.frames, return_inverse=True)
+    counts = np.zeros((len(places), len(frames)), np.int64)
+    np.maximum.at(counts.T, index, near.T.astype(np.int64))
+    return np.asarray(counts.sum(axis=1) - 1)
+
+
+def no_lamp() -> StructureError:
+    """What is said where no lamps are found."""
+    return StructureError(
+        "no lamp was seen in three frames or more: does the ceiling view show lamps, and was the network trained on such?"
+    )

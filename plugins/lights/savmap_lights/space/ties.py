@@ -1,0 +1,88 @@
+"""What lamps have in common, tested on the data: equal heights, and a line parallel to the aisle."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+import savmap.plugin as door
+from savmap.plugin import Floats, RowFacts, Track, Trajectory
+
+AXES: tuple[door.Axis, ...] = ("y", "z")
+ALIKE_SIGMA = 3.0
+HANGS_M = 0.005
+TIED_M = 0.003
+MOST = 0.6
+FEWEST = 3
+STATED = 4
+"""As many measurements as the stated standard deviations count for, beside how well the rays meet."""
+
+
+def ties(
+    tracks: Sequence[Track],
+    keys: Mapping[str, Mapping[str, int]],
+    facts: RowFacts,
+    path: Trajectory,
+    on_a_line: bool,
+) -> list[door.Relation]:
+    """Relations between the same parts of neighbouring lamps: all of them where the user says that the lamps are `on_a_line`, at one
+    height; otherwise those of y and those of z that hold for most lamps, between the lamps that they hold for."""
+    if on_a_line:
+        points = [key for parts in keys.values() for key in parts.values()]
+        return [door.equal_coordinate(axis, points[0], other) for other in points[1:] for axis in AXES]
+    return [relation for axis in AXES for relation in _tied(tracks, keys, facts, path, axis)]
+
+
+def _tied(
+    tracks: Sequence[Track],
+    keys: Mapping[str, Mapping[str, int]],
+    facts: RowFacts,
+    path: Trajectory,
+    axis: door.Axis,
+) -> Iterator[door.Relation]:
+    column = "xyz".index(axis)
+    parts: dict[str, list[Track]] = {}
+    for track in tracks:
+        parts.setdefault("" if axis == "y" else str(track.place["part"]), []).append(track)
+    for own in parts.values():
+        placed = [place_of(track, facts, path) for track in own]
+        values = np.array([point[column] for point, _ in placed])
+        sigmas = np.array([np.sqrt(covariance[column, column]) for _, covariance in placed])
+        chosen = [own[index] for index in np.flatnonzero(alike(values, sigmas)).tolist()]
+        pairs = pairwise(
+            keys[f"{track.label} {track.place[track.label]}"][str(track.place["part"])] for track in chosen
+        )
+        yield from (door.equal_coordinate(axis, first, second, TIED_M) for first, second in pairs)
+
+
+def alike(values: Floats, sigmas: Floats) -> np.ndarray:
+    """Which of some values (n,) with standard deviations (n,) agree with the most likely one; none where most do not."""
+    if len(values) < FEWEST:
+        return np.zeros(len(values), np.bool_)
+    spread = np.hypot(sigmas, HANGS_M)
+    centre = _weighted_median(values, 1 / spread**2)
+    agree = np.abs(values - centre) < ALIKE_SIGMA * spread
+    return agree if agree.mean() >= MOST else np.zeros(len(values), np.bool_)
+
+
+def _weighted_median(values: Floats, weights: Floats) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def place_of(track: Track, facts: RowFacts, path: Trajectory) -> tuple[Floats, Floats]:
+    """Where the rays of a track meet (3,) m, and its covariance (3, 3) m^2, the path being taken for true."""
+    origins, rays = door.sight_lines(track, facts, path)
+    across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
+    focal = np.array([facts.views[view].camera[0, 0] for view in track.views])
+    angle = (np.sqrt(track.covariances[:, 0, 0]) / focal)[: len(origins)]
+    point = np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, origins), rcond=None)[0]
+    for _ in range(3):
+        away = np.linalg.norm(point - origins, axis=1)
+        weight = 1 / np.square(angle * away)
+        normal = np.einsum("n,nij->ij", weight, across) + 1e-6 * np.eye(3)
+        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weight, across, origins))
+    off = np.einsum("nij,nj->ni", across, point - origins)
+    scale = float((weight * (off**2).sum(axis=1)).sum() + STATED) / (2 * len(origins) - 3 + STATED)
+    return point, np.linalg.inv(normal) * scale

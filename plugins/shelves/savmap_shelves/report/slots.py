@@ -1,0 +1,207 @@
+"""The openings of racks: where goods stand, how wide and high each is, and how surely that is known."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.maps.exports.frames import in_site, in_world
+from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
+from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
+
+FRAMES = ("world", "row")
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Slot:
+    """An opening of a row's face, between two uprights, on a beam (level 1, 2, ...) or on the floor (level 0).
+
+    `centre` (3,) m lies in the face, in the world's frame (z up), or, with `frame` "row", in the row's own turned z up; `covariance` (3, 3).
+    The topmost opening is open above (`clear_height` None): its centre is on its load level. `load_height` is that of what goods stand on
+    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's.
+    """
+
+    row: str
+    frame: str
+    bay: int
+    level: int
+    signs: tuple[str, ...]
+    bay_signs: tuple[str, ...]
+    centre: Floats
+    covariance: Floats
+    clear_width: Measured | None
+    clear_height: Measured | None
+    load_height: Measured
+    depth_m: float
+    depth_assumed: bool
+
+
+@dataclass(frozen=True)
+class Bay:
+    """A section of a row: from where to where it is open along x, its clear width, its depth, z of its face and the beams from the floor
+    up, each as its lower and its upper edge; all m in the row's frame."""
+
+    number: int
+    extent: tuple[Measured, Measured]
+    clear_width: Measured | None
+    depth_m: float
+    depth_assumed: bool
+    face: Measured
+    beams: Sequence[Structure]
+
+
+def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
+    """The openings of all rows, row by row, from left to right and from the floor up. Raises OutputError for a map whose structures are not
+    such as the plugin makes them."""
+    return [slot for row in site.rows.values() for slot in _slots_of_row(site, row, plugin)]
+
+
+def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
+    """The row's slots in the world's frame; in the row's own if there are other rows and it has no place among them."""
+    bays = bays_of(row, plugin)
+    signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
+    placement = site.placements.get(row.name)
+    known = placement is not None or len(site.rows) == 1
+    slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs)]
+    if not slots:
+        return []
+    centres = np.array([slot.centre for slot in slots])
+    covariances = np.array([slot.covariance for slot in slots])
+    points = Structure("slots", "slot", centres, covariances, ("",) * len(slots), np.zeros((0, 2), np.int64))
+    moved = in_world(in_site(points, placement), site.alignment if known else None)
+    frame = FRAMES[0] if known else FRAMES[1]
+    return [
+        replace(slot, frame=frame, centre=centre, covariance=covariance)
+        for slot, centre, covariance in zip(slots, moved.vertices, moved.covariances, strict=True)
+    ]
+
+
+def bays_of(row: RowMap, plugin: str) -> list[Bay]:
+    """The sections that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
+    structures = row.structures.get(plugin, ())
+    uprights = {number_of(part, "upright"): part for part in structures if part.label == "upright"}
+    grouped: dict[int, list[Structure]] = {}
+    for part in structures:
+        if part.label == "beam":
+            grouped.setdefault(number_of(part, "section"), []).append(part)
+    sides = {number: (uprights.get(number), uprights.get(number + 1)) for number in grouped}
+    return [
+        _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), *sides[number], row.joint, plugin)
+        for number, beams in sorted(grouped.items())
+    ]
+
+
+def _bay(
+    number: int,
+    beams: Sequence[Structure],
+    left: Structure | None,
+    right: Structure | None,
+    joint: JointCovariance | None,
+    plugin: str,
+) -> Bay:
+    """A bay between uprights, if both were mapped; where one was not, the bay ends with its beams."""
+    beside = [upright for upright in (left, right) if upright is not None]
+    extent = (
+        edge(left, 0, "right") if left else edge(beams[0], 0, "left"),
+        edge(right, 0, "left") if right else edge(beams[0], 0, "right"),
+    )
+    solid = next((upright.solid for upright in beside if upright.solid), None)
+    face = edge(beside[0], 2) if beside else edge(beams[0], 2)
+    return Bay(
+        number,
+        extent,
+        gap(joint, plugin, (left, "right"), (right, "left"), 0) if left and right else None,
+        USUAL_RACK_DEPTH_M if solid is None else float(np.linalg.norm(solid.depth)),
+        solid is None or solid.assumed,
+        face,
+        beams,
+    )
+
+
+def edge(structure: Structure, axis: int, side: str = "") -> Measured:
+    """Coordinate of a structure's edge: the mean of its vertices on that side, which share their error. Raises OutputError where no
+    vertex is on it."""
+    value = mean_of(structure, axis, side) if side else float(structure.vertices[:, axis].mean())
+    chosen = [not side or side in label.split() for label in structure.vertex_labels]
+    variance = float(structure.covariances[chosen, axis, axis].mean())
+    return Measured(value, float(np.sqrt(max(variance, 0.0))))
+
+
+def gap(
+    joint: JointCovariance | None, plugin: str, first: tuple[Structure, str], second: tuple[Structure, str], axis: int
+) -> Measured:
+    """From an edge, a structure and a side of it, to another one along an axis, m. The standard deviation leaves out what both share; of a map
+    that does not know that, it is that of two edges whose errors are independent."""
+    start, end = edge(first[0], axis, first[1]), edge(second[0], axis, second[1])
+    if joint is None:
+        return Measured(end.value - start.value, float(np.hypot(start.sigma, end.sigma)))
+    ends = [(plugin, structure, _vertex_on(structure, side)) for structure, side in (first, second)]
+    variance = joint.of_difference(ends[0], ends[1])[axis, axis]
+    return Measured(end.value - start.value, float(np.sqrt(max(variance, 0.0))))
+
+
+def _vertex_on(structure: Structure, side: str) -> int:
+    return next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
+
+
+def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]) -> Iterator[Slot]:
+    """The openings of a bay from the floor up, in the row's frame."""
+    here = sorted((part for part in signs if part.attributes["bay"] == f"section {bay.number}"), key=_middle_x)
+    at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
+    for level, (below, above) in enumerate(pairwise((None, *bay.beams, None))):
+        floor = Measured(0.0, 0.0) if below is None else edge(below, 1, "upper")
+        roof = None if above is None else edge(above, 1, "lower")
+        height = roof
+        if above is not None and below is not None:
+            height = gap(row.joint, plugin, (below, "upper"), (above, "lower"), 1)
+        centre, covariance = _centre(bay, floor, roof or floor)
+        texts = tuple(_text(part) for part in here if _between_uprights(part, bay) and _level(part, bay) == level)
+        depth = bay.depth_m, bay.depth_assumed
+        yield Slot(
+            row.name,
+            "row",
+            bay.number,
+            level,
+            texts,
+            at_bay,
+            centre,
+            covariance,
+            bay.clear_width,
+            height,
+            floor,
+            *depth,
+        )
+
+
+def _centre(bay: Bay, floor: Measured, roof: Measured) -> tuple[Floats, Floats]:
+    """The middle (3,) of an opening in the bay's face and its covariance (3, 3), opposite edges taken for independent."""
+    sides = (*bay.extent,), (floor, roof), (bay.face, bay.face)
+    middle = np.array([(first.value + second.value) / 2 for first, second in sides])
+    sigmas = [np.hypot(first.sigma, second.sigma) / 2 for first, second in sides[:2]]
+    return middle, np.diag(np.square([*sigmas, bay.face.sigma]))
+
+
+def _is_sign(structure: Structure) -> bool:
+    return bool(structure.attributes.get("text")) and "bay" in structure.attributes
+
+
+def _text(sign: Structure) -> str:
+    return str(sign.attributes["text"])
+
+
+def _middle_x(sign: Structure) -> float:
+    return float(sign.vertices[:, 0].mean())
+
+
+def _between_uprights(sign: Structure, bay: Bay) -> bool:
+    """Whether a sign hangs in front of an opening or a beam; what hangs on an upright names the bay."""
+    left, right = bay.extent
+    return left.value <= _middle_x(sign) <= right.value
+
+
+def _level(sign: Structure, bay: Bay) -> int:
+    """The level that a sign names: that of the beam on which it hangs, or of the opening in which it hangs."""
+    middle = float(sign.vertices[:, 1].mean())
+    return sum(edge(beam, 1, "lower").value <= middle for beam in bay.beams)

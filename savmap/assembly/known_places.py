@@ -1,0 +1,168 @@
+"""Places of a map that the user knows in their own world, and the equations that they give for where the site stands there."""
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SiteError
+from savmap.files.validation import Location
+from savmap.maps.exports.frames import Z_UP, in_site
+from savmap.site.load import KnownAlignment
+from savmap.site.sections import AlignLine, AlignPoint
+from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class MappedPlace:
+    """A place of a row in the site's frame turned z up: position (3,) m, the covariance (3, 3) that the row's own map gives it, and its
+    derivatives (3, 3) by the row's x m, z m and heading in degrees."""
+
+    row: str
+    at: str
+    position: Floats
+    covariance: Floats
+    slopes: Floats
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class KnownPlace:
+    """A mapped place, and where it is in the user's world: at `world` (2,), or, if there is a `normal` (2,), on the line through it at right
+    angles to that. `height` is its z there, where it is known. Metres; `sigma` is that of each number. `location`: its key in the file."""
+
+    place: MappedPlace
+    world: Floats
+    sigma: float
+    location: Location
+    normal: Floats | None = None
+    height: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Row and place, for people."""
+        return f"row {self.place.row}, {self.place.at}"
+
+    @property
+    def axes(self) -> Floats:
+        """The directions (k, 2) of the world along which the place is known."""
+        axes: Floats = np.eye(2) if self.normal is None else self.normal[None]
+        return axes
+
+
+@dataclass(frozen=True)
+class KnownPlaces:
+    """Known places; `directed`: numbers of the first and the last place of each line that has several, in its order; `left_out`: what is
+    known of rows that were not mapped."""
+
+    places: Sequence[KnownPlace]
+    directed: Sequence[tuple[int, int]]
+    left_out: Sequence[str]
+
+
+def known_places(site: SiteMap, known: KnownAlignment) -> KnownPlaces:
+    """The places that the section's points and lines name. Raises SiteError with file and line for one that is not in the map."""
+    finder = _Finder(site, known)
+    places: list[KnownPlace] = []
+    directed: list[tuple[int, int]] = []
+    for number, point in enumerate(known.section.points):
+        found = finder.places(point, ("points", number), (point.at,))
+        places += [_on_point(place, point, ("points", number)) for place in found]
+    for number, line in enumerate(known.section.lines):
+        found = finder.places(line, ("lines", number), line.through)
+        if len(found) > 1:
+            directed.append((len(places), len(places) + len(found) - 1))
+        places += [_on_line(place, line, ("lines", number)) for place in found]
+    return KnownPlaces(places, directed, finder.left_out)
+
+
+class _Finder:
+    """Looks places up in a site map; `left_out` gathers what is said of rows that failed."""
+
+    def __init__(self, site: SiteMap, known: KnownAlignment) -> None:
+        self.site, self.known = site, known
+        self.left_out: list[str] = []
+
+    def places(self, entry: AlignPoint | AlignLine, location: Location, names: Sequence[str]) -> list[MappedPlace]:
+        """The places of these names in the entry's row; none where that row was not mapped."""
+        row = self._row(entry, location)
+        if row is None:
+            self.left_out.append(self.known.line(location, f"row {entry.row} was not mapped; it is aligned without it"))
+            return []
+        try:
+            return [place_at(self.site, row, name) for name in names]
+        except SiteError as error:
+            raise SiteError(self.known.line(location, str(error))) from None
+
+    def _row(self, entry: AlignPoint | AlignLine, location: Location) -> RowMap | None:
+        rows = self.site.rows
+        if entry.row is None and len(rows) + len(self.site.failed) == 1:
+            return next(iter(rows.values()), None)
+        if entry.row is not None and (entry.row in rows or entry.row in self.site.failed):
+            return rows.get(entry.row)
+        names = f"the map's rows are {', '.join(rows)}"
+        what = f"there is no row `{entry.row}`" if entry.row is not None else "say which `row` it is in"
+        raise SiteError(self.known.line(location, f"{what}; {names}"))
+
+
+def place_at(site: SiteMap, row: RowMap, at: str) -> MappedPlace:
+    """The place of a row that is called so: a vertex by its label, the mean of those whose labels begin so, or of a structure's. Raises
+    SiteError where there is none, where there are several, or where the row has no place among others."""
+    placement = site.placements.get(row.name)
+    if placement is None and len(site.rows) > 1:
+        raise SiteError(
+            f"row {row.name} has no place in the site's frame, so that nothing in it tells where the site stands"
+        )
+    structure, chosen = _find(row, at)
+    vertices = structure.vertices[chosen].mean(axis=0)[None]
+    covariances = structure.covariances[chosen].mean(axis=0)[None]
+    turn = Z_UP if placement is None else Z_UP @ placement.site_from_row[:3, :3]
+    labels = structure.vertex_labels[:1]
+    point = Structure(at, "", vertices, covariances, labels, np.zeros((0, 2), np.int64))
+    position = Z_UP @ in_site(point, placement).vertices[0]
+    slopes = np.zeros((3, 3)) if placement is None else Z_UP @ placement.slopes(vertices)[0]
+    return MappedPlace(row.name, at, position, turn @ covariances[0] @ turn.T, slopes)
+
+
+def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
+    """The structure and the numbers of its vertices that are meant: by the whole label first, then by the structure, then by how labels
+    begin."""
+    parts = [part for group in row.structures.values() for part in group]
+    for named in (_labelled, _whole, _beginning):
+        found = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
+        if len(found) > 1:
+            raise SiteError(f"there are {len(found)} structures in row {row.name} that `{at}` may mean")
+        if found:
+            return found[0]
+    known = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
+    near = difflib.get_close_matches(at, known, 3)
+    raise SiteError(f"row {row.name} has no `{at}`" + (f"; nearest: {', '.join(near)}" if near else ""))
+
+
+def _labelled(part: Structure, at: str) -> Iterator[int]:
+    return (k for k, label in enumerate(part.vertex_labels) if at in (label, f"{part.id} / {label}"))
+
+
+def _whole(part: Structure, at: str) -> Iterator[int]:
+    return iter(range(len(part.vertices)) if part.id == at else ())
+
+
+def _beginning(part: Structure, at: str) -> Iterator[int]:
+    return (k for k, label in enumerate(part.vertex_labels) if label.startswith(f"{at} / "))
+
+
+def _beginnings(part: Structure) -> set[str]:
+    return {label.rpartition(" / ")[0] for label in part.vertex_labels} - {""}
+
+
+def _on_point(place: MappedPlace, point: AlignPoint, location: Location) -> KnownPlace:
+    height = point.world_m[2] if len(point.world_m) == 3 else None
+    return KnownPlace(place, np.array(point.world_m[:2]), point.sigma_m, location, height=height)
+
+
+def _on_line(place: MappedPlace, line: AlignLine, location: Location) -> KnownPlace:
+    first, second = np.array(line.world_m)
+    along = (second - first) / np.linalg.norm(second - first)
+    return KnownPlace(place, first, line.sigma_m, location, normal=np.array([-along[1], along[0]]))

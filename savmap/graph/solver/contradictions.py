@@ -1,0 +1,240 @@
+"""References that the pictures and the other references contradict are found before any measurement is rejected in favour of one.
+
+In a solve with stiff references, a wrong one wins: what was seen of its own landmark does not fit any more, and is rejected. So the row is
+solved with `softened` references first. Its shape is that of the pictures then, and only what they leave open follows the references,
+which are compared with it and with one another (see `agreement`).
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import orth
+
+from savmap.graph.constraints import Relation
+from savmap.graph.covariance import Covariance
+from savmap.graph.initial.gaps import where_frames_are_missing
+from savmap.graph.initial.observability import SCALE_LIMIT
+from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross, line_of
+from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.agreement import Agreement, Names, Solved
+from savmap.graph.solver.lookalikes import Span, spans_of
+from savmap.graph.solver.reference_tests import solved_references
+from savmap.graph.solver.soft_references import with_sigmas, without
+from savmap.types import Doubt, Floats, ReferenceUse
+
+KNOWN_M = 0.05
+UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
+SURELY = 1.0
+"""Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
+NAMED, AT_LEAST_NAMED = 4, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
+    contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user,
+    what remains doubtful, and errors of references that nothing would notice."""
+
+    problem: Problem
+    mistaken: Names = frozenset()
+    notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+    unchecked: tuple[str, ...] = ()
+
+
+def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
+    """How the given references agree with the estimate of the softened problem, which has this covariance."""
+    solved = list(solved_references(soft, estimate))
+    keys = sorted({key for one in solved for key in one.keys})
+    slopes = np.zeros((len(solved), 3 * len(keys)))
+    for row, one in zip(slopes, solved, strict=True):
+        row.reshape(-1, 3)[[keys.index(key) for key in one.keys]] = one.slope.reshape(-1, 3)
+    sigmas = np.array([one.use.sigma for one in solved_references(given, estimate)])
+    values, softness, found = np.array([(one.use.value, one.use.sigma, one.use.solved) for one in solved]).T
+    names = tuple(one.use.name for one in solved)
+    joint = slopes @ covariance.of(keys) @ slopes.T
+    return Agreement.of(names, values, sigmas, Solved(found, softness, joint, _gauge(soft, found, slopes)))
+
+
+def _gauge(problem: Problem, found: Floats, slopes: Floats) -> Floats:
+    """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved along each axis whose
+    origin is not fixed: orthonormal (r, g). Nothing is free where the camera's path is given."""
+    if problem.camera.fixed is not None:
+        return np.zeros((len(found), 0))
+    fixed = {one.column for one in problem.relations if one.b is None and not one.name}
+    moved = slopes.reshape(len(found), -1, 3).sum(axis=1)
+    return np.asarray(orth(np.column_stack([found, moved[:, [axis for axis in range(3) if axis not in fixed]]])))
+
+
+def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
+    """The problem without what is wrong in it, from the estimate of the softened problem and its covariance.
+
+    Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
+    wrong, or at all where the user wants that.
+    """
+    agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
+    explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
+    if explained and not explained[0]:
+        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, explained[0])))
+    clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
+    suspects = _suspects(agreed, explained, clear)
+    lines = [_line(agreed, name, out) for name, out in suspects]
+    wanted = problem.camera.references.on_contradiction
+    mistaken = _mistaken(agreed, explained[0], spans) if clear else frozenset[str]()
+    flat = frozenset(name for name in mistaken if spans[name].is_flat)
+    refused = wanted == "refuse" and not (clear and explained[0] == flat)
+    if not explained or refused or (not clear and _is_gross(agreed, suspects)):
+        raise contradiction(problem, "; or ".join(lines[:NAMED]))
+    if clear:
+        found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
+        return _with_mistaken(found, agreed, explained[0], mistaken, flat)
+    return _uncertain(problem, agreed, suspects, lines)
+
+
+def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
+    """References that may be wrong, each with those that are left out with it: those that explain the contradiction and, where these are
+    few or nothing explains it, those that deviate most."""
+    found = {name: (name, out) for out in explained for name in sorted(out)}
+    deviations = agreed.deviations()
+    for name in sorted(deviations, key=lambda name: -deviations[name]):
+        if not clear and len(found) < AT_LEAST_NAMED:
+            found.setdefault(name, (name, frozenset({name})))
+    return list(found.values())
+
+
+def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
+    """Whether the rest determines what the references that are left out would have, and they are not all those that give the scale."""
+    scales = _scales(problem)
+    known = (agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value)) for name in out)
+    return all(known) and not (len(scales) > 1 and scales <= out)
+
+
+def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
+    """One explanation instead of several where none of them says that a reference is wrong."""
+    union = frozenset[str]().union(*explained)
+    all_right = all(_mistaken(agreed, out, spans) == out for out in (*explained, union))
+    return [union] if explained and all_right else explained
+
+
+def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names:
+    """References of which something else was seen: it is odd, and would be usual were it where the reference says."""
+    odd = (name for name in out if name in spans and spans[name].is_odd())
+    return frozenset(
+        name for name in odd if not spans[name].is_odd(agreed.rest(name, out)[0] - _given(agreed, name).value)
+    )
+
+
+def _left_out(
+    problem: Problem, soft: Estimate, agreed: Agreement, out: Names, wrong: Names, doubted: bool
+) -> Judgement:
+    """Without the `wrong` ones of those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
+    a note."""
+    notes, doubts = list[str](), list[Doubt]()
+    for name in sorted(wrong):
+        relation = next((one for one in problem.relations if one.name == name), None)
+        otherwise, _ = agreed.rest(name, out)
+        if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
+            line, harmless = line_of(relation, otherwise), relation.may_be_missing
+        else:
+            line, harmless = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
+        notes.append(line)
+        if doubted and not harmless:
+            doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
+    unchecked = tuple(_unchecked(problem, agreed, out))
+    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
+
+
+def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
+    """With references that are used although something else was seen: that is sure where two landmarks are one (`flat`); otherwise it only
+    is the likeliest, whatever the user wants to do about wrong references."""
+    notes = [
+        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(flat)
+    ]
+    lines = [
+        f"{_line(agreed, name, out)}: it is used, for what was seen looks odd; look at it"
+        for name in sorted(mistaken - flat)
+    ]
+    doubts = tuple(Doubt("reference", line) for line in lines)
+    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes, *lines), doubts=(*found.doubts, *doubts))
+
+
+def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
+    """What to do about a reference that is not used."""
+    if not is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
+        return "measure it again"
+    gap = where_frames_are_missing(problem)
+    return f"measure it again, and see whether a part of the row is missing from the map{f' ({gap})' if gap else ''}"
+
+
+def _uncertain(
+    problem: Problem, agreed: Agreement, suspects: Sequence[tuple[str, Names]], lines: Sequence[str]
+) -> Judgement:
+    """With all of them, each as uncertain as it deviates."""
+    wider = {name: abs(_given(agreed, name).value - agreed.rest(name, out)[0]) for name, out in suspects}
+    what = f"references contradict one another, and which one is wrong is not clear: {'; or '.join(lines[:NAMED])}; measure them again"
+    return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
+
+
+def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
+    """Of references that agree without those that are `out`: a line about those that nothing can contradict, for they alone give scale or
+    place, and a line about those that the others check so loosely that an error of many standard deviations would go unnoticed, the largest
+    first."""
+    alone, loose = list[str](), list[tuple[float, str]]()
+    for what, names in _errors(problem, agreed, out):
+        unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
+        uses = [_given(agreed, name) for name in names]
+        if unnoticed > max(UNKNOWN_M, *(abs(use.value) for use in uses)):
+            alone += [what] if len(names) == 1 or not alone else []
+        elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
+            loose.append((unnoticed, what))
+    if len(alone) == 1:
+        what = "scale" if alone[0] in _scales(problem) else "place"
+        yield f"one reference gives the {what}, {alone[0]}: nothing checks it; a measured length would"
+    elif alone:
+        yield f"nothing checks {' and '.join(alone)}: scale and place are as right as these; a second measured length would tell"
+    loose.sort(key=lambda one: -one[0])
+    sizes = [f"of {unnoticed:.2f} m in {name}" for unnoticed, name in loose[:NAMED]]
+    if len(loose) > NAMED:
+        sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
+    if loose:
+        yield f"nothing would notice an error {', '.join(sizes)}; a second measured length would tell"
+
+
+def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
+    """What may be wrong of the references that are not `out`: each, and last all heights on the structure, measured from a wrong floor or to a
+    wrong edge. A height of 0 is the floor's, by definition."""
+    yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
+    levels = (one for one in problem.relations if one.name and one.axis == "y" and one.b is None and one.value)
+    heights = frozenset(one.name for one in levels) - out
+    if len(heights) > 1:
+        yield "all given heights together", heights
+
+
+def _scales(problem: Problem) -> Names:
+    """References that give the scale each by itself, with where the floor is: camera heights and distances."""
+    heights = (one.name for one in problem.camera.references.camera_heights)
+    return frozenset((*heights, *(one.name for one in problem.relations if one.name and one.b is not None)))
+
+
+def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
+    return any(is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]) for name, out in suspects)
+
+
+def _line(agreed: Agreement, name: str, out: Names) -> str:
+    use = _given(agreed, name)
+    otherwise, sigma = agreed.rest(name, out)
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {otherwise:.3f} m +- {sigma:.3f} m"
+
+
+def _given(agreed: Agreement, name: str) -> ReferenceUse:
+    index = int(agreed.at(name)[0])
+    return ReferenceUse(name, float(agreed.values[index]), float(agreed.sigmas[index]), float("nan"))
+
+
+def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> tuple[float, float, float] | None:
+    """Where a reference's landmark is, m."""
+    if relation is None:
+        return None
+    x, y, z = soft.points[problem.index(relation.a)].tolist()
+    return x, y, z

@@ -1,0 +1,109 @@
+"""The distance between two vertices of a map, with a standard deviation that knows what errors they share."""
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import SiteError
+from savmap.maps.exports.frames import in_site
+from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class MapVertex:
+    """One vertex of a map: its row, plugin, structure and number in it."""
+
+    row: str
+    plugin: str
+    structure: Structure
+    number: int
+
+    @property
+    def label(self) -> str:
+        return self.structure.vertex_labels[self.number]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class VertexDistance:
+    """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's, with its covariance
+    (3, 3) m^2. `joint`: the errors that both share are left out of it."""
+
+    first: MapVertex
+    second: MapVertex
+    apart: Floats
+    covariance: Floats
+    joint: bool
+
+    @property
+    def length_m(self) -> float:
+        return float(np.linalg.norm(self.apart))
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the length, m; that of the longest axis where the length is zero."""
+        length = self.length_m
+        if length == 0:
+            return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
+        along = self.apart / length
+        return float(np.sqrt(np.maximum(along @ self.covariance @ along, 0.0)))
+
+    def __str__(self) -> str:
+        sigmas = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        axes = ", ".join(
+            f"{axis} {_metres(value, sigma)}" for axis, value, sigma in zip("xyz", self.apart, sigmas, strict=True)
+        )
+        remark = "" if self.joint else "; errors that both share count twice, for this map does not say which they are"
+        return f"{_metres(self.length_m, self.sigma_m)} ({axes}){remark}"
+
+
+def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
+    """From a vertex to another, each by its label ("upright 1 / right / bottom"), after its row and a colon where rows have the same
+    ("A: upright 1 / right / bottom"). Raises SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
+    a, b = _vertex(site, first), _vertex(site, second)
+    if a.row != b.row:
+        return _between_rows(site, a, b)
+    row: RowMap = site.rows[a.row]
+    apart = b.structure.vertices[b.number] - a.structure.vertices[a.number]
+    if row.joint is None:
+        covariance = a.structure.covariances[a.number] + b.structure.covariances[b.number]
+        return VertexDistance(a, b, apart, covariance, joint=False)
+    ends = ((one.plugin, one.structure, one.number) for one in (a, b))
+    return VertexDistance(a, b, apart, row.joint.of_difference(*ends), joint=True)
+
+
+def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
+    apart = [one.row for one in (a, b) if one.row not in site.placements]
+    if apart:
+        raise SiteError(f"row {apart[0]} has no place in the site's frame: distances to other rows are not known")
+    first, second = (in_site(one.structure, site.placements[one.row]) for one in (a, b))
+    covariance = first.covariances[a.number] + second.covariances[b.number]
+    return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, joint=True)
+
+
+def _vertex(site: SiteMap, name: str) -> MapVertex:
+    row, _, label = name.rpartition(":")
+    vertices = [vertex for vertex in _vertices(site) if not row or vertex.row == row.strip()]
+    hits = [vertex for vertex in vertices if vertex.label.lower() == label.strip().lower()]
+    if not hits:
+        near = difflib.get_close_matches(label.strip(), sorted({vertex.label for vertex in vertices}), 3)
+        raise SiteError(f"`{name}` is no vertex of the map" + (f"; nearest: {'; '.join(near)}" if near else ""))
+    if len(hits) > 1:
+        rows = ", ".join(sorted({vertex.row for vertex in hits}))
+        raise SiteError(f"`{name}` is in rows {rows}: put the row before it, such as `{hits[0].row}: {label.strip()}`")
+    return hits[0]
+
+
+def _vertices(site: SiteMap) -> Iterator[MapVertex]:
+    for row in site.rows.values():
+        for plugin, structures in row.structures.items():
+            for structure in structures:
+                for number in range(len(structure.vertices)):
+                    yield MapVertex(row.name, plugin, structure, number)
+
+
+def _metres(value: float, sigma: float) -> str:
+    return f"{value:.3f} m +- {1000 * sigma:.1f} mm"

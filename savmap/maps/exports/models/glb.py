@@ -1,0 +1,199 @@
+"""A map as binary glTF 2.0 (https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): metres, y up.
+
+A node for each row stands at the row's origin, with a node for each structure below it. What is known of a structure beside its shape is in
+its node's `extras`.
+"""
+
+import json
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from savmap.files.atomic import write_bytes
+from savmap.files.texts import json_visible
+from savmap.maps.exports.models.marks import attributes, colours, linear, maker, sigmas
+from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.types import Floats, Ints, SiteMap
+
+SCENE_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+"""glTF's axes: y up; z is what comes towards one."""
+FLOAT, UNSIGNED_INT = 5126, 5125
+CORNERS, NUMBERS = 34962, 34963
+POINTS, LINES, TRIANGLES = 0, 1, 4
+MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
+Entry = dict[str, Any]
+
+
+def write_glb(site: SiteMap, path: Path) -> None:
+    """The map as one file. Raises OutputError where rows have no common frame."""
+    write_bytes(path, glb_of(site))
+
+
+def glb_of(site: SiteMap) -> bytes:
+    """The file's bytes."""
+    rows = parts_of(site)
+    palette = colours(part.structure.label for row in rows for part in row.parts)
+    binary = _Binary()
+    nodes, meshes, tops = list[Entry](), list[Entry](), list[int]()
+    for row in rows:
+        tops.append(len(nodes))
+        nodes.append(_row_node(site, row, len(nodes)))
+        for part in row.parts:
+            mesh = _mesh(part, row.origin, list(palette).index(part.structure.label), binary)
+            nodes.append(_part_node(part) | ({"mesh": len(meshes)} if mesh else {}))
+            meshes += [mesh] if mesh else []
+    content = {
+        "asset": {"version": "2.0", "generator": maker()},
+        "scene": 0,
+        "scenes": [_filled({"name": "map", "nodes": tops})],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": [_material(label, colour) for label, colour in palette.items()] if meshes else [],
+        **binary.entries(),
+    }
+    return _file(_filled(content), binary.content())
+
+
+def in_scene(points: Floats) -> Floats:
+    """Points (n, 3) of the world's frame with glTF's axes."""
+    turned: Floats = points @ SCENE_FROM_WORLD.T
+    return turned
+
+
+@dataclass
+class _Binary:
+    """The binary part as it grows: accessors, and the bytes of corners and of numbers."""
+
+    accessors: list[Entry] = field(default_factory=list)
+    corners: bytearray = field(default_factory=bytearray)
+    numbers: bytearray = field(default_factory=bytearray)
+
+    def add_corners(self, points: Floats, bounds: bool) -> int:
+        """The accessor's number of vectors (n, 3). `bounds`: whether it says how far they reach, as positions' must."""
+        values = points.astype("<f4")
+        entry = {
+            "bufferView": 0,
+            "byteOffset": len(self.corners),
+            "componentType": FLOAT,
+            "count": len(values),
+            "type": "VEC3",
+        }
+        if bounds:
+            entry |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        self.corners += values.tobytes()
+        return self._added(entry)
+
+    def add_numbers(self, numbers: Ints) -> int:
+        """The accessor's number of the numbers of corners."""
+        values = numbers.astype("<u4").ravel()
+        entry = {
+            "bufferView": 1,
+            "byteOffset": len(self.numbers),
+            "componentType": UNSIGNED_INT,
+            "count": len(values),
+            "type": "SCALAR",
+        }
+        self.numbers += values.tobytes()
+        return self._added(entry)
+
+    def content(self) -> bytes:
+        """All bytes; each number takes four, so that all are aligned."""
+        return bytes(self.corners + self.numbers)
+
+    def entries(self) -> Entry:
+        """What the JSON part says of the binary one."""
+        if not self.accessors:
+            return {}
+        views = [{"buffer": 0, "byteOffset": 0, "byteLength": len(self.corners), "byteStride": 12, "target": CORNERS}]
+        if self.numbers:
+            views += [
+                {"buffer": 0, "byteOffset": len(self.corners), "byteLength": len(self.numbers), "target": NUMBERS}
+            ]
+        whole = len(self.corners) + len(self.numbers)
+        return {"accessors": self.accessors, "bufferViews": views, "buffers": [{"byteLength": whole}]}
+
+    def _added(self, entry: Entry) -> int:
+        self.accessors.append(entry)
+        return len(self.accessors) - 1
+
+
+def _mesh(part: Part, origin: Floats, material: int, binary: _Binary) -> Entry | None:
+    """A structure's shape around its row's origin: its body, or its edges, or its vertices; None where it has none of them."""
+    thing = part.structure
+    if part.body is not None:
+        points, normals, triangles = part.body.flat_faces()
+        shape = {"POSITION": binary.add_corners(in_scene(points - origin), True)}
+        shape |= {"NORMAL": binary.add_corners(in_scene(normals), False)}
+        primitive = {"attributes": shape, "indices": binary.add_numbers(triangles), "mode": TRIANGLES}
+    elif not len(thing.vertices):
+        return None
+    else:
+        primitive = {"attributes": {"POSITION": binary.add_corners(in_scene(thing.vertices - origin), True)}}
+        lines = len(thing.edges) > 0
+        primitive |= {"indices": binary.add_numbers(thing.edges), "mode": LINES} if lines else {"mode": POINTS}
+    return {"name": thing.id, "primitives": [primitive | {"material": material}]}
+
+
+def _row_node(site: SiteMap, row: RowParts, number: int) -> Entry:
+    verdict = site.rows[row.name].verdict
+    extras = {"row": row.name} | ({"grade": verdict.grade} if verdict else {})
+    children = list(range(number + 1, number + 1 + len(row.parts)))
+    place = [float(value) for value in in_scene(row.origin)]
+    return _filled({"name": row.name, "translation": place, "children": children, "extras": extras})
+
+
+def _part_node(part: Part) -> Entry:
+    thing = part.structure
+    spread = sigmas(thing) @ np.abs(SCENE_FROM_WORLD.T)
+    vertices = [
+        {"label": label, "position_m": place, "sigma_m": sigma}
+        for label, place, sigma in zip(
+            thing.vertex_labels, _rounded(in_scene(thing.vertices)), _rounded(spread), strict=True
+        )
+    ]
+    extras = {
+        "row": part.row,
+        "plugin": part.plugin,
+        "id": thing.id,
+        "label": thing.label,
+        "attributes": attributes(thing),
+        "vertices": vertices,
+        "ifc_class": part.ifc_class,
+        "doubts": list(part.doubts),
+    }
+    assumed = {} if part.body is None else {"depth_assumed": part.assumed}
+    return {"name": thing.id, "extras": _filled(extras) | assumed}
+
+
+def _material(label: str, colour: str) -> Entry:
+    surface = {"baseColorFactor": [*linear(colour), 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+    return {"name": label, "pbrMetallicRoughness": surface}
+
+
+def _rounded(values: Floats) -> list[list[float]]:
+    """To a thousandth of a millimetre."""
+    return [[round(value, 6) + 0.0 for value in line] for line in values.tolist()]
+
+
+def _filled(entry: Mapping[str, Any]) -> Entry:
+    """Without what is empty, which glTF does not allow."""
+    return {name: value for name, value in entry.items() if value not in ([], {}, "")}
+
+
+def _file(content: Entry, binary: bytes) -> bytes:
+    text = json_visible(json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))).encode()
+    chunks = [(JSON_CHUNK, _padded(text, b" "))] + ([(BINARY_CHUNK, _padded(binary, b"\0"))] if binary else [])
+    body = b"".join(_chunks(chunks))
+    return struct.pack("<III", MAGIC, 2, 12 + len(body)) + body
+
+
+def _chunks(chunks: Sequence[tuple[int, bytes]]) -> Iterable[bytes]:
+    return (struct.pack("<II", len(content), kind) + content for kind, content in chunks)
+
+
+def _padded(content: bytes, filler: bytes) -> bytes:
+    return content + filler * (-len(content) % 4)

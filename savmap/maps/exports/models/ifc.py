@@ -1,0 +1,323 @@
+"""A map as a building model, IFC4 or IFC4.3 (ISO 16739-1), by the library `ifcopenshell`: metres, z up.
+
+A row is an assembly of the storey, a structure an element of the class that its plugin gives its solid, or a proxy. What is known of it beside
+its shape is in the property sets `Savmap` and `Savmap_Attributes`: names that begin with `Pset_` are buildingSMART's own. Identifiers are made
+of the names of row, plugin and structure, and so the same in each export.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import UUID, uuid5
+
+import numpy as np
+
+from savmap.files.atomic import write_text
+from savmap.files.texts import SURROGATES
+from savmap.maps.exports import require_library
+from savmap.maps.exports.models.bodies import Body
+from savmap.maps.exports.models.marks import attributes, bytes_of, colours, maker, sigmas, unique
+from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.types import Floats, SiteMap
+
+NAMESPACE = UUID("5c3c2f43-5a0b-5d6e-9b55-0a6d1f1b7c21")
+"""Of the identifiers that are made of names."""
+PROXY = "IfcBuildingElementProxy"
+LONGEST_LABEL = 255
+"""Letters of an IfcLabel."""
+FLAT_M = 5e-5
+"""An outline that is off its plane by more is given as triangles."""
+NO_TIME = "1970-01-01T00:00:00"
+"""The same map gives the same file."""
+UNITS = (
+    ("LENGTHUNIT", "METRE"),
+    ("AREAUNIT", "SQUARE_METRE"),
+    ("VOLUMEUNIT", "CUBIC_METRE"),
+    ("PLANEANGLEUNIT", "RADIAN"),
+)
+Entity = Any
+"""An entity of ifcopenshell."""
+
+
+def write_ifc4(site: SiteMap, path: Path) -> None:
+    """The map as IFC4. Raises OutputError where rows have no common frame, or `ifcopenshell` is missing."""
+    write_text(path, ifc_text(site, "IFC4"))
+
+
+def write_ifc4x3(site: SiteMap, path: Path) -> None:
+    """The map as IFC4.3; errors as those of `write_ifc4`."""
+    write_text(path, ifc_text(site, "IFC4X3"))
+
+
+def ifc_text(site: SiteMap, schema: str) -> str:
+    """The file's text."""
+    require_library("ifcopenshell", "bim")
+    import ifcopenshell
+    import ifcopenshell.guid
+
+    rows = parts_of(site)
+    file = ifcopenshell.file(schema=schema)
+    header = file.header
+    header.file_description.description = ("ViewDefinition [notYetAssigned]",)
+    header.file_name.time_stamp = NO_TIME
+    header.file_name.preprocessor_version = header.file_name.originating_system = maker()
+    classes = _ElementClasses(ifcopenshell.schema_by_name(file.schema_identifier))
+    _Model(file, classes, ifcopenshell.guid.compress).build(site, rows)
+    text: str = file.to_string()
+    return text
+
+
+@dataclass
+class _Styles:
+    """The styles of one label: of surfaces and of curves."""
+
+    surface: Entity
+    curve: Entity
+
+
+class _Model:
+    """An IFC file as it grows."""
+
+    def __init__(self, file: Any, classes: "_ElementClasses", compress: Callable[[str], str]) -> None:
+        self.file, self.classes, self.compress = file, classes, compress
+
+    def build(self, site: SiteMap, rows: Sequence[RowParts]) -> None:
+        """Everything from the project to the last element."""
+        make = self.file.create_entity
+        self.axes = make("IfcAxis2Placement3D", self.point((0.0, 0.0, 0.0)))
+        context = make("IfcGeometricRepresentationContext", None, "Model", 3, 1e-5, self.axes)
+        self.contexts = {
+            name: make("IfcGeometricRepresentationSubContext", name, "Model", ParentContext=context, TargetView=view)
+            for name, view in (("Body", "MODEL_VIEW"), ("Axis", "GRAPH_VIEW"))
+        }
+        palette = colours(part.structure.label for row in rows for part in row.parts)
+        self.styles = {label: self.style(label, colour) for label, colour in palette.items()}
+        units = make("IfcUnitAssignment", [make("IfcSIUnit", UnitType=kind, Name=name) for kind, name in UNITS])
+        names = json.dumps(sorted(site.rows))
+        project = make("IfcProject", self.guid("project", names), Name="Map", UnitsInContext=units)
+        project.RepresentationContexts = [context]
+        storey = self.place_of_rows(site, project, names)
+        assemblies = [self.row(site, row, storey) for row in rows]
+        if assemblies:
+            guid = self.guid("contained", names)
+            make("IfcRelContainedInSpatialStructure", guid, RelatedElements=assemblies, RelatingStructure=storey)
+
+    def place_of_rows(self, site: SiteMap, project: Entity, names: str) -> Entity:
+        """Site, building and storey, of which nothing is known but where the site is on Earth, and that perhaps."""
+        whole, placement = project, None
+        for kind in ("Site", "Building", "BuildingStorey"):
+            placement = self.file.create_entity("IfcLocalPlacement", placement, self.axes)
+            part = self.file.create_entity(
+                f"Ifc{kind}", self.guid(kind, names), Name=kind, ObjectPlacement=placement, CompositionType="ELEMENT"
+            )
+            if kind == "Site" and site.alignment and site.alignment.anchor:
+                part.RefLatitude, part.RefLongitude = map(_compound, site.alignment.anchor)
+            self.aggregate(whole, [part], kind, names)
+            whole = part
+        return whole
+
+    def row(self, site: SiteMap, row: RowParts, storey: Entity) -> Entity:
+        """A row's assembly with its elements."""
+        axes = self.file.create_entity("IfcAxis2Placement3D", self.point(row.origin))
+        placement = self.file.create_entity("IfcLocalPlacement", storey.ObjectPlacement, axes)
+        assembly = self.file.create_entity(
+            "IfcElementAssembly",
+            self.guid("row", row.name),
+            Name=_label(row.name),
+            ObjectType="row",
+            ObjectPlacement=placement,
+            PredefinedType="USERDEFINED",
+        )
+        keys = unique([json.dumps([part.plugin, part.structure.id]) for part in row.parts])
+        parts = [self.element(part, row, placement, key) for part, key in zip(row.parts, keys, strict=True)]
+        self.aggregate(assembly, parts, "parts", row.name)
+        verdict = site.rows[row.name].verdict
+        known: dict[str, Any] = {"Row": row.name} | ({"Grade": verdict.grade} if verdict else {})
+        self.describe(assembly, "Savmap", known, row.name)
+        return assembly
+
+    def element(self, part: Part, row: RowParts, whole: Entity, key: str) -> Entity:
+        """A structure's element, with its shape and what is known of it. `whole`: the row's placement; `key`: its name in the row."""
+        thing = part.structure
+        axes, shapes = self.shape(part, row.origin)
+        product = self.file.create_entity(
+            self.classes.best(part.ifc_class),
+            self.guid("element", row.name, key),
+            Name=_label(thing.id),
+            ObjectType=_label(thing.label) or None,
+            ObjectPlacement=self.file.create_entity("IfcLocalPlacement", whole, axes),
+            Tag=_label(thing.id),
+        )
+        if shapes:
+            product.Representation = self.file.create_entity("IfcProductDefinitionShape", Representations=shapes)
+        self.describe(product, "Savmap", _known(part), row.name, key)
+        plain = attributes(thing)
+        names = unique([_label(name) for name in plain])
+        self.describe(product, "Savmap_Attributes", dict(zip(names, plain.values(), strict=True)), row.name, key)
+        return product
+
+    def shape(self, part: Part, origin: Floats) -> tuple[Entity, list[Entity]]:
+        """Where a structure's element stands from its row's origin, and its shape there."""
+        thing, styles = part.structure, self.styles[part.structure.label]
+        if part.body is not None and part.body.flatness_m() < FLAT_M:
+            return self.extruded(part.body, origin, styles)
+        if part.body is not None:
+            points = self.file.create_entity("IfcCartesianPointList3D", _listed(part.body.points - origin))
+            corners = [[k + 1 for k in corner] for corner in part.body.triangles.tolist()]
+            item = self.file.create_entity(
+                "IfcTriangulatedFaceSet", Coordinates=points, Closed=True, CoordIndex=corners
+            )
+            return self.axes, [self.representation("Body", "Tessellation", item, styles.surface)]
+        points = [self.point(vertex) for vertex in thing.vertices - origin]
+        if len(thing.edges):
+            lines = [self.file.create_entity("IfcPolyline", [points[a], points[b]]) for a, b in thing.edges.tolist()]
+            item = self.file.create_entity("IfcGeometricCurveSet", lines)
+            return self.axes, [self.representation("Axis", "GeometricCurveSet", item, styles.curve)]
+        if not points:
+            return self.axes, []
+        return self.axes, [
+            self.representation("Axis", "GeometricSet", self.file.create_entity("IfcGeometricSet", points))
+        ]
+
+    def extruded(self, body: Body, origin: Floats, styles: _Styles) -> tuple[Entity, list[Entity]]:
+        """A body as an area pushed along its depth: the element's z axis looks into it, its x axis is one of the outline's sides."""
+        outline = body.outline[::-1]
+        z, x = -body.normal, outline[1] - outline[0]
+        x = x - (x @ z) * z
+        x /= np.linalg.norm(x)
+        frame = np.stack([x, np.cross(z, x), z])
+        make = self.file.create_entity
+        direction = [make("IfcDirection", _numbers(axis)) for axis in (z, x)]
+        axes = make("IfcAxis2Placement3D", self.point(outline[0] - origin), *direction)
+        flat = (outline - outline[0]) @ frame.T
+        corners = [make("IfcCartesianPoint", _numbers(corner[:2])) for corner in flat]
+        area = make("IfcArbitraryClosedProfileDef", "AREA", None, make("IfcPolyline", [*corners, corners[0]]))
+        length = float(np.linalg.norm(body.depth))
+        way = make("IfcDirection", _numbers(frame @ body.depth / length))
+        item = make("IfcExtrudedAreaSolid", SweptArea=area, ExtrudedDirection=way, Depth=length)
+        return axes, [self.representation("Body", "SweptSolid", item, styles.surface)]
+
+    def representation(self, name: str, kind: str, item: Entity, style: Entity = None) -> Entity:
+        """A shape of one item in the context of this name."""
+        if style is not None:
+            self.file.create_entity("IfcStyledItem", item, [style])
+        return self.file.create_entity("IfcShapeRepresentation", self.contexts[name], name, kind, [item])
+
+    def style(self, label: str, colour: str) -> _Styles:
+        """The styles of a label's colour."""
+        make = self.file.create_entity
+        shade = make("IfcColourRgb", None, *(value / 255 for value in bytes_of(colour)))
+        surface = make("IfcSurfaceStyle", _label(label), "BOTH", [make("IfcSurfaceStyleShading", shade)])
+        return _Styles(surface, make("IfcCurveStyle", Name=_label(label), CurveColour=shade))
+
+    def describe(self, thing: Entity, name: str, known: Mapping[str, Any], *key: str) -> None:
+        """A property set for an element, where something is known."""
+        properties = [self.property(*entry) for entry in known.items() if entry[1] not in ("", [], None)]
+        if properties:
+            properties_of = self.file.create_entity(
+                "IfcPropertySet", self.guid(name, *key), Name=name, HasProperties=properties
+            )
+            self.file.create_entity(
+                "IfcRelDefinesByProperties",
+                self.guid(f"{name} defines", *key),
+                RelatedObjects=[thing],
+                RelatingPropertyDefinition=properties_of,
+            )
+
+    def property(self, name: str, value: Any) -> Entity:
+        """A property of one value, or of a list of them; numbers in a list are lengths."""
+        if isinstance(value, list):
+            lengths = isinstance(value[0], float)
+            values = [self.file.create_entity("IfcLengthMeasure", one) if lengths else self.value(one) for one in value]
+            return self.file.create_entity("IfcPropertyListValue", name, ListValues=values)
+        return self.file.create_entity("IfcPropertySingleValue", name, NominalValue=self.value(value))
+
+    def value(self, value: bool | float | int | str) -> Entity:
+        """A value with its type."""
+        if isinstance(value, bool):
+            return self.file.create_entity("IfcBoolean", value)
+        if isinstance(value, str):
+            text = _text(value)
+            return self.file.create_entity("IfcLabel" if len(text) <= LONGEST_LABEL else "IfcText", text)
+        if isinstance(value, int) and abs(value) < 2**31:
+            return self.file.create_entity("IfcInteger", value)
+        return self.file.create_entity("IfcReal", float(value))
+
+    def aggregate(self, whole: Entity, parts: Sequence[Entity], *key: str) -> None:
+        """Say of which parts a whole consists."""
+        guid = self.guid("aggregates", *key)
+        self.file.create_entity("IfcRelAggregates", guid, RelatingObject=whole, RelatedObjects=list(parts))
+
+    def guid(self, *key: str) -> str:
+        """The identifier that is made of these names."""
+        text = SURROGATES.sub("\ufffd", json.dumps(key, ensure_ascii=False))
+        return self.compress(uuid5(NAMESPACE, text).hex)
+
+    def point(self, place: Iterable[float]) -> Entity:
+        """A point (2) or (3)."""
+        return self.file.create_entity("IfcCartesianPoint", _numbers(place))
+
+
+class _ElementClasses:
+    """The classes of a schema that an element may have that is made of names and shapes alone."""
+
+    def __init__(self, schema: Any) -> None:
+        self.schema = schema
+        self.known = dict[str, str]()
+
+    def best(self, name: str) -> str:
+        """This class, or that of proxies where the schema has none of this name for elements."""
+        if name not in self.known:
+            self.known[name] = name if self._fits(name) else PROXY
+        return self.known[name]
+
+    def _fits(self, name: str) -> bool:
+        try:
+            entity = self.schema.declaration_by_name(name).as_entity()
+        except RuntimeError:
+            return False
+        if entity is None or entity.is_abstract() or not entity._is("IfcElement") or entity._is("IfcFeatureElement"):
+            return False
+        return all(one.optional() for one in entity.all_attributes()[1:])
+
+
+def _known(part: Part) -> dict[str, Any]:
+    thing = part.structure
+    spread = sigmas(thing)
+    return {
+        "Row": part.row,
+        "Plugin": part.plugin,
+        "Id": thing.id,
+        "Label": thing.label,
+        "DepthAssumed": None if part.body is None else part.assumed,
+        "Doubts": list(part.doubts),
+        "VertexLabels": list(thing.vertex_labels),
+        **{f"Vertex{axis.upper()}": thing.vertices[:, k].round(6).tolist() for k, axis in enumerate("xyz")},
+        **{f"Sigma{axis.upper()}": spread[:, k].round(6).tolist() for k, axis in enumerate("xyz")},
+    }
+
+
+def _compound(degrees: float) -> list[int]:
+    """An angle as degrees, minutes, seconds and millionths of a second, none of which has the other sign."""
+    rest = round(abs(degrees) * 3_600_000_000)
+    parts = rest // 3_600_000_000, rest // 60_000_000 % 60, rest // 1_000_000 % 60, rest % 1_000_000
+    return [-part if degrees < 0 else part for part in parts]
+
+
+def _label(text: str) -> str:
+    return _text(text)[:LONGEST_LABEL]
+
+
+def _text(text: str) -> str:
+    return SURROGATES.sub("\ufffd", text).replace("\x00", "\ufffd")
+
+
+def _listed(points: Floats) -> list[list[float]]:
+    return [_numbers(point) for point in points]
+
+
+def _numbers(values: Iterable[float]) -> list[float]:
+    """To a nanometre: sums of rounded numbers are given as they are meant."""
+    return [round(float(value), 9) + 0.0 for value in values]

@@ -1,0 +1,78 @@
+"""What models say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given once."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from savmap.types import Floats, Measured, SiteMap, Structure
+
+Colour = tuple[float, float, float]
+PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999")
+"""Okabe and Ito's colours, which the colour-blind tell apart, without black."""
+
+
+def maker() -> str:
+    """The program and its version."""
+    return f"savmap {version('savmap')}"
+
+
+def colours(labels: Iterable[str]) -> dict[str, str]:
+    """A colour, such as "#0072b2", for each label."""
+    return {label: PALETTE[k % len(PALETTE)] for k, label in enumerate(sorted(set(labels)))}
+
+
+def bytes_of(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of a colour, 0 to 255."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def linear(colour: str) -> Colour:
+    """Red, green and blue of a colour as amounts of light, 0 to 1 (the inverse of sRGB's curve)."""
+    red, green, blue = (
+        round((value / 255 / 12.92) if value <= 10 else ((value / 255 + 0.055) / 1.055) ** 2.4, 4)
+        for value in bytes_of(colour)
+    )
+    return red, green, blue
+
+
+def sigmas(structure: Structure) -> Floats:
+    """Standard deviations (n, 3) m of a structure's vertices along the axes."""
+    spread: Floats = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
+    return spread
+
+
+def attributes(structure: Structure) -> dict[str, float | int | str]:
+    """A structure's attributes; the standard deviation of one that was measured is another one, named "NAME sigma"."""
+    plain = dict[str, float | int | str]()
+    for name, value in structure.attributes.items():
+        if isinstance(value, Measured):
+            plain |= {name: value.value, f"{name} sigma": value.sigma}
+        else:
+            plain[name] = value
+    return plain
+
+
+def doubts(site: SiteMap) -> Mapping[tuple[str, str], list[str]]:
+    """What is doubted of structures, by row and id."""
+    said = dict[tuple[str, str], list[str]]()
+    for row in site.rows.values():
+        for doubt in row.verdict.doubts if row.verdict else ():
+            for name in doubt.structures:
+                said.setdefault((row.name, name), []).append(doubt.what)
+    return said
+
+
+def unique(names: Sequence[str], key: Callable[[str], str] = str, between: str = "_") -> list[str]:
+    """The names, each once: one that was there before, `key` of both being equal, has a number added."""
+    taken, given = set[str](), list[str]()
+    counts = dict[str, int]()
+    for name in names:
+        new = name
+        while key(new) in taken:
+            counts[key(name)] = counts.get(key(name), 1) + 1
+            new = f"{name}{between}{counts[key(name)]}"
+        taken.add(key(new))
+        given.append(new)
+    return given

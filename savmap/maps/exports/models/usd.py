@@ -1,0 +1,205 @@
+"""A map as Universal Scene Description (https://openusd.org): metres, z up, as text (.usda), or binary (.usdc) by the library `usd-core`.
+
+Below `/World`, a transform for each row stands at the row's origin, with a prim for each structure below it: a mesh that other things collide
+with, curves, or points. Labels are those of UsdSemantics; what else is known of a structure is in attributes that begin with `savmap:`.
+"""
+
+import re
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from savmap.errors import OutputError
+from savmap.files.atomic import write_bytes
+from savmap.files.texts import SURROGATES
+from savmap.maps.exports import require_library
+from savmap.maps.exports.models.marks import attributes, colours, linear, maker, sigmas, unique
+from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.types import Floats, SiteMap
+
+THICKNESS_M = 1 / 128
+"""Of drawn lines and points: what shows at ten metres, and has a half that is exact in single precision, as validators compare it."""
+LONGEST_NAME = 60
+CONTROL = re.compile("[\x00-\x1f\x7f]")
+ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t", "\x00": "\ufffd"}
+HEAD = """#usda 1.0
+(
+    customLayerData = {{
+        string creator = {maker}
+    }}
+    defaultPrim = "World"
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+"""
+
+
+def write_usda(site: SiteMap, path: Path) -> None:
+    """The map as text. Raises OutputError where rows have no common frame."""
+    write_bytes(path, usda_text(site).encode())
+
+
+def write_usdc(site: SiteMap, path: Path) -> None:
+    """The same, binary. Raises OutputError, also where `usd-core` is missing."""
+    require_library("pxr.Sdf", "usd")
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous()
+    with tempfile.TemporaryDirectory() as folder:
+        binary = Path(folder) / "map.usdc"
+        if not (layer.ImportFromString(usda_text(site)) and layer.Export(str(binary))):
+            raise OutputError(f"{path}: usd-core cannot write this map")
+        write_bytes(path, binary.read_bytes())
+
+
+def usda_text(site: SiteMap) -> str:
+    """The text of the stage."""
+    rows = parts_of(site)
+    palette = colours(part.structure.label for row in rows for part in row.parts)
+    looks = dict(zip(palette, unique([prim_name(label) for label in palette]), strict=True))
+    names = unique(["Looks", *(prim_name(row.name) for row in rows)])[1:]
+    lines = ['def Xform "World"', "{", '    def Scope "Looks"', "    {"]
+    for label, colour in palette.items():
+        lines += _indented(_indented(_material(looks[label], linear(colour))))
+    lines += ["    }"]
+    for name, row in zip(names, rows, strict=True):
+        lines += ["", *_indented(_row(site, row, name, looks))]
+    return "\n".join([HEAD.format(maker=quoted(maker())), *lines, "}", ""])
+
+
+def prim_name(text: str) -> str:
+    """A name that a prim or an attribute may have, of any text."""
+    name = re.sub("[^A-Za-z0-9_]", "_", text[:LONGEST_NAME])
+    return name if re.match("[A-Za-z_]", name) else f"_{name}"
+
+
+def quoted(text: str) -> str:
+    """A text as USD's text files hold it."""
+    whole = SURROGATES.sub("\ufffd", text).replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + CONTROL.sub(lambda found: ESCAPES.get(found[0], f"\\{ord(found[0]):03o}"), whole) + '"'
+
+
+def _material(name: str, colour: tuple[float, float, float]) -> Iterator[str]:
+    yield from (f'def Material "{name}"', "{")
+    yield f"    token outputs:surface.connect = </World/Looks/{name}/Surface.outputs:surface>"
+    yield from ("", '    def Shader "Surface"', "    {")
+    yield '        uniform token info:id = "UsdPreviewSurface"'
+    yield f"        color3f inputs:diffuseColor = {_vector(colour)}"
+    yield from ("        float inputs:roughness = 0.8", "        token outputs:surface", "    }", "}")
+
+
+def _row(site: SiteMap, row: RowParts, name: str, looks: dict[str, str]) -> Iterator[str]:
+    verdict = site.rows[row.name].verdict
+    yield from (f'def Xform "{name}" (', f"    displayName = {quoted(row.name)}", ")", "{")
+    yield f"    custom string savmap:row = {quoted(row.name)}"
+    if verdict:
+        yield f"    custom token savmap:grade = {quoted(verdict.grade)}"
+    yield f"    double3 xformOp:translate = ({', '.join(repr(float(value)) for value in row.origin)})"
+    yield '    uniform token[] xformOpOrder = ["xformOp:translate"]'
+    names = unique([prim_name(part.structure.id) for part in row.parts])
+    for prim, part in zip(names, row.parts, strict=True):
+        yield ""
+        yield from _indented(_prim(part, row.origin, prim, looks[part.structure.label]))
+    yield "}"
+
+
+def _prim(part: Part, origin: Floats, name: str, look: str) -> Iterator[str]:
+    kind, schemas, shape = _shape(part, origin)
+    applied = ", ".join(f'"{schema}"' for schema in (*schemas, "MaterialBindingAPI", "SemanticsLabelsAPI:class"))
+    yield f'def {kind} "{name}" ('
+    yield f"    prepend apiSchemas = [{applied}]"
+    yield f"    displayName = {quoted(part.structure.id)}"
+    yield from (")", "{")
+    yield from _indented(shape)
+    yield f"    token[] semantics:labels:class = [{quoted(part.structure.label)}]"
+    yield f"    rel material:binding = </World/Looks/{look}>"
+    yield from _indented(_known(part))
+    yield "}"
+
+
+def _shape(part: Part, origin: Floats) -> tuple[str, tuple[str, ...], list[str]]:
+    """The kind of prim, the schemas that are applied to it, and what it says of its shape."""
+    thing = part.structure
+    if part.body is not None:
+        points, triangles = part.body.points - origin, part.body.triangles
+        return (
+            "Mesh",
+            ("PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"),
+            [
+                *_points(points, 0.0),
+                f"int[] faceVertexCounts = [{_listed('3' for _ in triangles)}]",
+                f"int[] faceVertexIndices = [{_listed(map(str, triangles.ravel().tolist()))}]",
+                f"normal3f[] normals = [{_vectors(part.body.normals)}] (",
+                '    interpolation = "uniform"',
+                ")",
+                'uniform token orientation = "rightHanded"',
+                'uniform token subdivisionScheme = "none"',
+                'uniform token physics:approximation = "none"',
+            ],
+        )
+    if len(thing.edges):
+        ends = thing.vertices[thing.edges.ravel()] - origin
+        lines = ['uniform token type = "linear"', f"int[] curveVertexCounts = [{_listed('2' for _ in thing.edges)}]"]
+        return "BasisCurves", (), [*_points(ends, THICKNESS_M), *lines, *_widths()]
+    if len(thing.vertices):
+        return "Points", (), [*_points(thing.vertices - origin, THICKNESS_M), *_widths()]
+    return "Scope", (), []
+
+
+def _points(points: Floats, thickness: float) -> list[str]:
+    single = np.round(points, 6).astype(np.float32)
+    half = np.float32(thickness / 2)
+    low, high = (
+        f"({_listed(f'{value:.9g}' for value in end)})" for end in (single.min(0) - half, single.max(0) + half)
+    )
+    return [f"float3[] extent = [{low}, {high}]", f"point3f[] points = [{_vectors(points)}]"]
+
+
+def _widths() -> list[str]:
+    return [f"float[] widths = [{THICKNESS_M}] (", '    interpolation = "constant"', ")"]
+
+
+def _known(part: Part) -> Iterator[str]:
+    """What is known of a structure beside its shape. Its vertices are those of the world's frame."""
+    thing = part.structure
+    for name, text in (("row", part.row), ("plugin", part.plugin), ("id", thing.id), ("label", thing.label)):
+        yield f"custom string savmap:{name} = {quoted(text)}"
+    if part.ifc_class:
+        yield f"custom token savmap:ifcClass = {quoted(part.ifc_class)}"
+    if part.body is not None:
+        yield f"custom bool savmap:depthAssumed = {'true' if part.assumed else 'false'}"
+    if part.doubts:
+        yield f"custom string[] savmap:doubts = [{_listed(map(quoted, part.doubts))}]"
+    yield f"custom string[] savmap:vertexLabels = [{_listed(map(quoted, thing.vertex_labels))}]"
+    yield f"custom double3[] savmap:vertices = [{_vectors(thing.vertices)}]"
+    yield f"custom double3[] savmap:sigmas = [{_vectors(sigmas(thing))}]"
+    plain = attributes(thing)
+    for name, value in zip(unique([prim_name(name) for name in plain]), plain.values(), strict=True):
+        yield f"custom {_typed(f'savmap:attributes:{name}', value)}"
+
+
+def _typed(name: str, value: float | int | str) -> str:
+    if isinstance(value, str):
+        return f"string {name} = {quoted(value)}"
+    if not isinstance(value, float) and abs(value) < 2**63:
+        return f"int64 {name} = {int(value)}"
+    return f"double {name} = {float(value)!r}"
+
+
+def _vectors(points: Floats) -> str:
+    return _listed(map(_vector, points.tolist()))
+
+
+def _vector(values: Iterable[float]) -> str:
+    """To a thousandth of a millimetre."""
+    return f"({', '.join(f'{round(float(value), 6) + 0.0!r}' for value in values)})"
+
+
+def _listed(texts: Iterable[str]) -> str:
+    return ", ".join(texts)
+
+
+def _indented(lines: Iterable[str]) -> list[str]:
+    return [f"    {line}" if line else line for line in lines]

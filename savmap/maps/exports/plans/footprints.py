@@ -1,0 +1,108 @@
+"""What stands on the floor: the outlines of solids as seen from above."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.errors import visible
+from savmap.maps.exports.frames import Element
+from savmap.types import Floats, Solid, array_record
+
+CLEARANCE_M = 2.5
+"""What hangs higher above the floor is in no vehicle's way."""
+LEAST_SIDE_M = 1e-4
+"""Corners nearer to one another are one."""
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Footprint:
+    """A solid from above: its convex outline (n, 2) m, counter-clockwise, from `bottom_m` to `top_m` in the world. `name` is its own among all.
+    `assumed`: its depth was neither measured nor given."""
+
+    name: str
+    row: str
+    plugin: str
+    id: str
+    label: str
+    outline: Floats
+    bottom_m: float
+    top_m: float
+    assumed: bool
+
+    @property
+    def axis(self) -> Floats:
+        """The line (2, 2) along its middle, from one short side to the other: of the rectangle around it along its longest side."""
+        sides = np.roll(self.outline, -1, axis=0) - self.outline
+        along = sides[int(np.argmax(np.linalg.norm(sides, axis=1)))]
+        along = along / np.linalg.norm(along)
+        across = np.array([-along[1], along[0]])
+        reach, breadth = self.outline @ along, self.outline @ across
+        middle = (breadth.min() + breadth.max()) / 2 * across
+        ends: Floats = np.array([reach.min() * along + middle, reach.max() * along + middle])
+        return ends
+
+
+def footprints(elements: Sequence[Element]) -> list[Footprint]:
+    """The footprints of all elements that have a solid, in their order. Texts are on one line and show what they do."""
+    solids = [(element, element.structure.solid) for element in elements if element.structure.solid is not None]
+    names = unique(f"{element.row} / {element.structure.id}" for element, _ in solids)
+    return [_footprint(name, element, solid) for name, (element, solid) in zip(names, solids, strict=True) if solid]
+
+
+def in_the_way(found: Iterable[Footprint], floor_m: float) -> list[Footprint]:
+    """Those that begin lower than `CLEARANCE_M` above the floor."""
+    return [footprint for footprint in found if footprint.bottom_m < floor_m + CLEARANCE_M]
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """Names on one line, with a number behind those that occur again."""
+    taken: set[str] = set()
+    result: list[str] = []
+    for name in map(visible, names):
+        number, chosen = 1, name
+        while chosen in taken:
+            number += 1
+            chosen = f"{name} ({number})"
+        taken.add(chosen)
+        result.append(chosen)
+    return result
+
+
+def hull(points: Floats) -> Floats:
+    """The convex hull (m, 2) of points (n, 2), counter-clockwise from the leftmost, without corners on straight sides."""
+    ordered = sorted(set(map(tuple, np.asarray(points).tolist())))
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    corners: Floats = np.array([*lower[:-1], *upper[:-1]] or ordered, dtype=np.float64)
+    return corners
+
+
+def _chain(points: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    chain: list[tuple[float, ...]] = []
+    for point in points:
+        while len(chain) > 1 and _area(chain[-2], chain[-1], point) <= 0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _area(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _footprint(name: str, element: Element, solid: Solid) -> Footprint:
+    corners = np.vstack([solid.outline, solid.outline + solid.depth])
+    structure = element.structure
+    row, plugin, own, label = map(visible, (element.row, element.plugin, structure.id, structure.label))
+    low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
+    return Footprint(name, row, plugin, own, label, _thick(hull(corners[:, :2])), low, high, solid.assumed)
+
+
+def _thick(outline: Floats) -> Floats:
+    """An outline that is a line or a point, such as that of a plate that lies askew, as a strip of the least width."""
+    spread = outline - outline.mean(axis=0)
+    if len(outline) > 2 and np.linalg.svd(spread, compute_uv=False)[-1] > LEAST_SIDE_M / 2:
+        return outline
+    square = LEAST_SIDE_M / 2 * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    return hull((outline[:, None] + square).reshape(-1, 2))

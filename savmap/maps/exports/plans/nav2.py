@@ -1,0 +1,137 @@
+"""Nav2 (ROS 2): a keep-out mask, a route graph and vector objects, in one archive.
+
+The mask is that of the keep-out filter (map_server: PGM and YAML), the graph that of the route server (GeoJSON in metres), the objects are
+parameters of the vector object server.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from savmap.errors import OutputError
+from savmap.maps.exports.frames import elements
+from savmap.maps.exports.plans.archive import json_text, write_zip
+from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
+from savmap.maps.exports.plans.routes import RouteGraph, route_graph
+from savmap.types import Floats, SiteMap
+
+RESOLUTION_M = 0.05
+MARGIN_M = 1.0
+MOST_CELLS = 100_000_000
+FREE, OCCUPIED = 254, 0
+DECIMALS = 4
+FRAME = "map"
+CRS = "urn:ogc:def:crs:EPSG::3857"
+"""What Nav2's own graphs say: metres of a plane, not of the Earth."""
+
+
+def write_nav2(site: SiteMap, path: Path) -> None:
+    """A .zip with keepout.pgm, keepout.yaml, route_graph.geojson and vector_objects.yaml. Raises OutputError, also for a site that is too
+    large for a mask."""
+    floor = site.alignment.z_m if site.alignment else 0.0
+    found = in_the_way(footprints(elements(site)), floor)
+    graph = route_graph(site)
+    if not found:
+        raise OutputError("nothing in this map stands in the way: it has no solids near the floor")
+    picture, about = keepout(found, graph.nodes)
+    write_zip(
+        path,
+        {
+            "keepout.pgm": picture,
+            "keepout.yaml": about,
+            "route_graph.geojson": json_text(route_content(graph)),
+            "vector_objects.yaml": vector_objects(found),
+        },
+    )
+
+
+def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
+    """A PGM picture, black where any footprint touches a cell, of all footprints and of places driven (n, 2), and what map_server wants to know
+    of it. Raises OutputError."""
+    places = np.vstack([*(footprint.outline for footprint in found), driven])
+    origin = np.floor((places.min(axis=0) - MARGIN_M) / RESOLUTION_M) * RESOLUTION_M
+    columns, rows = (int(n) for n in np.ceil((places.max(axis=0) + MARGIN_M - origin) / RESOLUTION_M))
+    if columns * rows > MOST_CELLS:
+        size = f"{columns * RESOLUTION_M:.0f} x {rows * RESOLUTION_M:.0f} m"
+        raise OutputError(f"a site of {size} is too large for a mask with cells of {100 * RESOLUTION_M:.0f} cm")
+    cells = np.full((rows, columns), FREE, np.uint8)
+    for footprint in found:
+        _mark(cells, (footprint.outline - origin) / RESOLUTION_M)
+    about = {
+        "image": "keepout.pgm",
+        "mode": "trinary",
+        "resolution": RESOLUTION_M,
+        "origin": [round(float(value), DECIMALS) + 0.0 for value in origin] + [0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+    }
+    head = f"P5\n{columns} {rows}\n255\n".encode()
+    return head + np.ascontiguousarray(cells[::-1]).tobytes(), yaml.safe_dump(about, sort_keys=False)
+
+
+def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
+    """Mark all cells that a convex outline (n, 2), in cells from the lower left corner, touches: no straight line separates them."""
+    low = np.maximum(np.floor(outline.min(axis=0)).astype(int), 0)
+    high = np.minimum(np.ceil(outline.max(axis=0)).astype(int), np.array(cells.shape[::-1]))
+    x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
+    touched = np.ones(x.shape, bool)
+    sides = np.roll(outline, -1, axis=0) - outline
+    for (dx, dy), corner in zip(sides, outline, strict=True):
+        outside = dy * (x - corner[0]) - dx * (y - corner[1])
+        touched &= outside <= 0.5 * (abs(dx) + abs(dy))
+    cells[low[1] : high[1], low[0] : high[0]][touched] = OCCUPIED
+
+
+def route_content(graph: RouteGraph) -> dict[str, Any]:
+    """The graph of Nav2's route server: ids of nodes, then of edges, all different; an edge for each way that it is driven."""
+    nodes = np.round(graph.nodes, DECIMALS).tolist()
+    features = [
+        _feature("Point", at, {"id": number, "frame": FRAME, "metadata": {"name": name, "row": row}})
+        for number, (at, name, row) in enumerate(zip(nodes, graph.names, graph.rows, strict=True))
+    ]
+    ways = [way for a, b in graph.edges for way in ((a, b), (b, a))]
+    features += [
+        _feature("MultiLineString", [[nodes[a], nodes[b]]], {"id": len(nodes) + number, "startid": a, "endid": b})
+        for number, (a, b) in enumerate(ways)
+    ]
+    crs = {"type": "name", "properties": {"name": CRS}}
+    return {"type": "FeatureCollection", "name": "graph", "crs": crs, "features": features}
+
+
+def vector_objects(found: list[Footprint]) -> str:
+    """Parameters of the vector object server: a closed, filled polygon for each footprint. Their names are numbers, because names of
+    parameters may hold letters, digits and underscores alone; the comments above say which is which."""
+    shapes = {
+        f"solid_{number}": {
+            "type": "polygon",
+            "frame_id": FRAME,
+            "closed": True,
+            "value": 100,
+            "points": np.round(footprint.outline, DECIMALS).ravel().tolist(),
+        }
+        for number, footprint in enumerate(found, start=1)
+    }
+    settings = {
+        "map_topic": "vo_map",
+        "global_frame_id": FRAME,
+        "resolution": RESOLUTION_M,
+        "default_value": -1,
+        "overlay_type": 0,
+        "update_frequency": 1.0,
+        "transform_tolerance": 0.1,
+        "shapes": list(shapes),
+        **shapes,
+    }
+    names = "".join(f"# solid_{number}: {footprint.name}\n" for number, footprint in enumerate(found, start=1))
+    text = yaml.safe_dump(
+        {"vector_object_server": {"ros__parameters": settings}}, sort_keys=False, default_flow_style=None
+    )
+    return names + text
+
+
+def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}

@@ -1,0 +1,1 @@
+"""Where the camera was, and what it saw, for programs that reconstruct, record and replay."""

@@ -1,0 +1,34 @@
+"""Where the site stands in the user's world, and how well the places that are known there agree."""
+
+import numpy as np
+
+from savmap.report.numbers import fixed
+from savmap.report.page.summary import OFF_SIGMAS
+from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, heads, number_cell
+from savmap.types import Alignment, AlignmentResidual
+
+
+def alignment_table(alignment: Alignment | None) -> Table | None:
+    """A line for each known place; None where the site is not aligned. The caption says where the site stands."""
+    if alignment is None:
+        return None
+    x, y, turn = (float(sigma) for sigma in np.sqrt(np.diag(alignment.covariance)))
+    where = (
+        f"The site\u2019s origin is at x {fixed(alignment.x_m, 3)} \u00b1 {fixed(x, 3)}, y {fixed(alignment.y_m, 3)} \u00b1 {fixed(y, 3)}, "
+        f"z {fixed(alignment.z_m, 3)} m, its x axis at {fixed(alignment.heading_deg, 3)} \u00b1 {fixed(turn, 3)}\u00b0"
+    )
+    names = ("place", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3", "'used")
+    lines = tuple(map(_line, alignment.residuals))
+    return Table("alignment", where, heads(*names), lines)
+
+
+def _line(residual: AlignmentResidual) -> Line:
+    axes = (None if np.isnan(value) else float(value) for value in residual.residual_m)
+    cells = (
+        Cell(residual.at),
+        Cell(residual.row),
+        *(centimetre_cell(value, True) for value in axes),
+        number_cell(residual.deviation, 1),
+        Cell("yes" if residual.used else "left out"),
+    )
+    return Line(cells, "off" if residual.deviation > OFF_SIGMAS or not residual.used else "")

@@ -1,0 +1,79 @@
+"""A server of one viewer's page, and of what lies beside it, to this machine alone."""
+
+from functools import partial
+from http import HTTPStatus
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path, PurePosixPath
+from types import TracebackType
+from urllib.parse import unquote, urlsplit
+
+from savmap.errors import OutputError
+from savmap.files.atomic import reason
+from savmap.report.viewer.beside import FACES, JOINTS, STILLS
+
+LOOPBACK = "127.0.0.1"
+
+
+class ViewServer:
+    """Serves a page on a port of the loopback device; 0 for one that is free. Raises OutputError where the port is taken."""
+
+    def __init__(self, page: Path, port: int = 0) -> None:
+        try:
+            self._server = ThreadingHTTPServer((LOOPBACK, port), partial(_Handler, page))
+        except OSError as error:
+            raise OutputError(f"port {port}: cannot be served on ({reason(error)})") from error
+
+    @property
+    def address(self) -> str:
+        """The page's address."""
+        return f"http://{LOOPBACK}:{self._server.server_port}/"
+
+    def run(self) -> None:
+        """Serve until the user ends it."""
+        try:
+            self._server.serve_forever()
+        except KeyboardInterrupt:
+            return
+
+    def stop(self) -> None:
+        """End `run` in another thread."""
+        self._server.shutdown()
+
+    def __enter__(self) -> "ViewServer":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._server.server_close()
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    """Gives out the page and the scripts beside it, and nothing else of the folder."""
+
+    def __init__(self, page: Path, *args: object) -> None:
+        self._page = page
+        super().__init__(*args, directory=str(page.parent))  # type: ignore[arg-type]  # socketserver's own three
+
+    def send_head(self) -> object:  # type: ignore[override]
+        """Refuse other hosts' names (a web site may have its name point here) and files that are no part of the viewer."""
+        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
+        path = PurePosixPath(unquote(urlsplit(self.path).path))
+        if host not in (LOOPBACK, "localhost"):
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+            return None
+        if str(path) == "/":
+            self.path = f"/{self._page.name}"
+        elif not (path.suffix == ".js" and path.parts[1] in (FACES, STILLS, JOINTS) and ".." not in path.parts):
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return None
+        return super().send_head()
+
+    def end_headers(self) -> None:
+        """Nothing is guessed about a file, and a newer map is shown at once."""
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cache-Control", "no-cache")
+        super().end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""

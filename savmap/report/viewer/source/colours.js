@@ -1,0 +1,68 @@
+// Colours that are told apart by colour-blind people (Okabe and Ito, darkened for a light ground; viridis without its brightest part).
+import { text } from "./text.js";
+
+const LABELS = ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"];
+const RAMP = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151"];
+const GREY = "#8a929c", GOOD = "#0b6096", CHECK = "#d0450b";
+const OFF_M = 0.05;
+
+export const MODES = ["label", "verdict", "uncertainty", "support", "error"];
+
+export function modesOf(site) {
+  const has = {
+    label: true,
+    verdict: site.rows.some((row) => row.grade),
+    uncertainty: true,
+    support: site.elements.some((one) => one.support !== null),
+    error: site.surveyed,
+  };
+  return MODES.filter((mode) => has[mode]);
+}
+
+// The colour of each element, and the legend: lines of [colour, text], or a ramp from one number to another.
+export function colouring(site, mode) {
+  if (mode === "label") return byLabel(site);
+  if (mode === "verdict") return byVerdict();
+  if (mode === "support") return byNumber(site, (one) => one.support, (value) => `${Math.round(100 * value)} %`, [0, 1], true);
+  if (mode === "error") return byError(site);
+  const sigmas = site.elements.map((one) => one.sigma).sort((a, b) => a - b);
+  const most = sigmas[Math.floor(0.98 * (sigmas.length - 1))] || 1e-3;
+  const least = Math.max(sigmas[0] ?? 0, most / 1000);
+  return byNumber(site, (one) => Math.log(Math.max(one.sigma, least)), (value) => `${(1000 * Math.exp(value)).toFixed(1)} mm`, [Math.log(least), Math.log(most)]);
+}
+
+function byLabel(site) {
+  const counts = new Map();
+  for (const one of site.elements) counts.set(one.label, (counts.get(one.label) ?? 0) + 1);
+  const labels = [...counts].sort((a, b) => b[1] - a[1]).map(([label]) => label);
+  const colours = new Map(labels.map((label, k) => [label, LABELS[Math.min(k, LABELS.length - 1)]]));
+  return { of: (one) => colours.get(one.label), legend: labels.map((label) => [colours.get(label), `${label} (${counts.get(label)})`]) };
+}
+
+function byVerdict() {
+  const of = (one) => (one.row.grade === null ? GREY : one.row.doubtful.has(one.id) ? CHECK : GOOD);
+  return { of, legend: [[GOOD, text.trusted], [CHECK, text.check], [GREY, text.notJudged]] };
+}
+
+function byError(site) {
+  const finite = (one) => (typeof one.off === "number" ? Math.min(one.off, OFF_M) : null);
+  const ramp = byNumber(site, finite, (value) => `${Math.round(1000 * value)} mm`, [0, OFF_M]);
+  const of = (one) => (one.off === "spurious" ? CHECK : ramp.of(one));
+  return { of, ramp: ramp.ramp, legend: [[CHECK, text.spurious], [GREY, text.notCompared]] };
+}
+
+function byNumber(site, value, shown, [low, high], reversed = false) {
+  const stops = reversed ? [...RAMP].reverse() : RAMP;
+  const of = (one) => {
+    const given = value(one);
+    return given === null ? GREY : mixed(stops, (given - low) / Math.max(high - low, 1e-12));
+  };
+  return { of, ramp: { stops, low: shown(low), high: shown(high) }, legend: [] };
+}
+
+function mixed(stops, share) {
+  const place = Math.min(Math.max(share, 0), 1) * (stops.length - 1);
+  const k = Math.min(Math.floor(place), stops.length - 2);
+  const [a, b] = [stops[k], stops[k + 1]].map((one) => [1, 3, 5].map((n) => parseInt(one.slice(n, n + 2), 16)));
+  return `#${a.map((low, n) => Math.round(low + (place - k) * (b[n] - low)).toString(16).padStart(2, "0")).join("")}`;
+}

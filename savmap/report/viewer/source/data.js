@@ -1,0 +1,168 @@
+// The map as the page holds it (JSON, gzip, base64), and what is worked out of it once: savmap/report/viewer/data.py writes it.
+import { floatsOf } from "./pictures.js";
+
+const UNIT_M = 1e-5;
+const GAP_M = 6;
+const FACE_M = 0.5;
+const CROSS_M = 0.04;
+const WRITTEN = ["text", "code"];
+
+export async function readSite() {
+  const text = atob(document.getElementById("map").textContent.trim());
+  const bytes = new Uint8Array(text.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = text.charCodeAt(k);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return siteOf(JSON.parse(await new Response(stream).text()));
+}
+
+function siteOf(content) {
+  const site = { title: content.title, surveyed: content.surveyed, elements: [], rows: [] };
+  for (const entry of content.rows) site.rows.push(rowOf(site, entry, content.vertex_labels));
+  placeOthers(site.rows);
+  return site;
+}
+
+function rowOf(site, entry, names) {
+  const row = {
+    index: site.rows.length,
+    name: entry.name,
+    placement: entry.placement,
+    placementCovariance: entry.placement_covariance,
+    grade: entry.grade,
+    doubts: entry.doubts,
+    positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
+    covariances: Float64Array.from(entry.covariances),
+    joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },
+    path: pathOf(entry.frames),
+    face: entry.face,
+    stills: entry.stills,
+    elements: [],
+  };
+  let first = 0;
+  for (const part of entry.structures) {
+    const one = elementOf(row, part, first, names);
+    one.index = site.elements.length;
+    site.elements.push(one);
+    row.elements.push(one);
+    first += part.labels.length;
+  }
+  row.box = boxOf(row.positions);
+  row.front = frontOf(row);
+  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.structures));
+  return row;
+}
+
+function elementOf(row, part, first, names) {
+  const cut = part.id.lastIndexOf(" / ");
+  const written = WRITTEN.map((key) => part.attributes[key]).filter((value) => typeof value === "string" && value);
+  for (const text of [...written]) if (text.includes(":")) written.push(text.slice(text.indexOf(":") + 1));
+  const count = part.labels.length;
+  return {
+    row,
+    id: part.id,
+    key: `${row.name}/${part.id}`,
+    label: part.label,
+    plugin: part.plugin,
+    group: cut > 0 ? part.id.slice(0, cut) : "",
+    short: cut > 0 ? part.id.slice(cut + 3) : part.id,
+    written,
+    attributes: part.attributes,
+    first,
+    count,
+    edges: part.edges.map((end) => end + first),
+    vertexLabels: part.labels.map((number) => fullLabel(names[number], part.id)),
+    solid: part.solid,
+    off: part.off,
+    support: typeof part.attributes.support === "number" ? part.attributes.support : null,
+    sigma: largestSigma(row.covariances, first, count),
+    centre: centreOf(row.positions, first, count),
+  };
+}
+
+const fullLabel = (name, id) => (name.startsWith("+") ? id + name.slice(1) : name.slice(1));
+
+function pathOf(frames) {
+  return {
+    number: frames.number,
+    pass: frames.pass,
+    passes: frames.passes,
+    stamp: frames.stamp,
+    positions: Float64Array.from(frames.position, (value) => value * UNIT_M),
+    quaternions: Float64Array.from(frames.quaternion),
+  };
+}
+
+function largestSigma(covariances, first, count) {
+  let most = 0;
+  for (let k = first; k < first + count; k++)
+    most = Math.max(most, covariances[6 * k], covariances[6 * k + 3], covariances[6 * k + 5]);
+  return Math.sqrt(most);
+}
+
+function centreOf(positions, first, count) {
+  const sum = [0, 0, 0];
+  for (let k = 3 * first; k < 3 * (first + count); k++) sum[k % 3] += positions[k] / count;
+  return sum;
+}
+
+export function boxOf(positions) {
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  positions.forEach((value, k) => {
+    low[k % 3] = Math.min(low[k % 3], value);
+    high[k % 3] = Math.max(high[k % 3], value);
+  });
+  return positions.length ? { low, high } : { low: [0, 0, 0], high: [1, 1, 1] };
+}
+
+// What a first look at a row should show: as much of its length as what lies in its face takes, with all that hangs over that.
+function frontOf(row) {
+  const inFace = row.elements.filter((one) => Math.abs(one.centre[2]) < FACE_M);
+  if (!inFace.length) return row.box;
+  const places = inFace.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]);
+  const { low, high } = boxOf(places);
+  const over = row.elements.filter((one) => one.centre[0] > low[0] && one.centre[0] < high[0]);
+  const box = boxOf(over.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]));
+  return { low: [low[0], box.low[1], box.low[2]], high: [high[0], box.high[1], box.high[2]] };
+}
+
+// Rows whose place is not known stand side by side in front of the others.
+function placeOthers(rows) {
+  let z = 0;
+  const placed = rows.filter((row) => row.placement);
+  for (const row of placed) z = Math.max(z, row.placement[1] + GAP_M);
+  for (const row of rows) {
+    row.known = Boolean(row.placement);
+    if (!row.placement) {
+      row.placement = [0, z, 0];
+      z += GAP_M;
+    }
+    row.siteFromRow = transformOf(row.placement);
+  }
+}
+
+// Rows of a 4 by 4 matrix, as Placement.site_from_row in savmap/types/maps.py.
+function transformOf([x, z, heading]) {
+  const turn = (heading * Math.PI) / 180, cos = Math.cos(turn), sin = Math.sin(turn);
+  return [cos, 0, sin, x, 0, 1, 0, 0, -sin, 0, cos, z, 0, 0, 0, 1];
+}
+
+export function toSite(row, point) {
+  const m = row.siteFromRow, [x, y, z] = point;
+  return [0, 4, 8].map((k) => m[k] * x + m[k + 1] * y + m[k + 2] * z + m[k + 3]);
+}
+
+export const vertexOf = (row, k) => [row.positions[3 * k], row.positions[3 * k + 1], row.positions[3 * k + 2]];
+
+// The ends (row's frame) of the lines that show an element: its edges, or a small cross at each vertex where it has none.
+export function linesOf(one) {
+  if (one.edges.length) return one.edges.map((end) => vertexOf(one.row, end));
+  const ends = [];
+  for (let k = one.first; k < one.first + one.count; k++)
+    for (let axis = 0; axis < 3; axis++)
+      for (const by of [-CROSS_M, CROSS_M]) ends.push(vertexOf(one.row, k).map((value, n) => (n === axis ? value + by : value)));
+  return ends;
+}
+
+export function elementOfVertex(row, vertex) {
+  return row.elements.find((one) => vertex >= one.first && vertex < one.first + one.count);
+}

@@ -1,0 +1,78 @@
+// The distance of two vertices and its standard deviation: from the joint covariance of the row where the map has it, else from each
+// vertex's own, and between rows with the covariance of their places.
+import { toSite, vertexOf } from "./data.js";
+import { numbers } from "./pictures.js";
+
+// Have the joint covariance of a row at hand, which large maps keep beside the page.
+export async function withJoint(row) {
+  if (row.joint && !row.joint.covariance) row.joint.covariance = await numbers(row.joint.path);
+}
+
+// Whether both places are known in one frame.
+export const comparable = (a, b) => a.row === b.row || (a.row.known && b.row.known);
+
+export function measured(a, b) {
+  const same = a.row === b.row;
+  const [from, to] = [a, b].map((one) => {
+    const place = vertexOf(one.row, one.vertex);
+    return same ? place : toSite(one.row, place);
+  });
+  const difference = to.map((value, k) => value - from[k]);
+  const covariance = same ? differenceInRow(a.row, a.vertex, b.vertex) : sum(inSite(a), inSite(b));
+  const distance = Math.hypot(...difference);
+  const along = distance > 0 ? difference.map((value) => value / distance) : [1, 0, 0];
+  const how = !same ? "rows" : a.row.joint?.covariance ? "joint" : "own";
+  return {
+    distance,
+    sigma: Math.sqrt(Math.max(quadratic(along, covariance), 0)),
+    difference,
+    sigmas: [0, 1, 2].map((k) => Math.sqrt(Math.max(covariance[k][k], 0))),
+    how,
+  };
+}
+
+export function ownCovariance(row, vertex) {
+  const [xx, xy, xz, yy, yz, zz] = row.covariances.slice(6 * vertex, 6 * vertex + 6);
+  return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+}
+
+function differenceInRow(row, a, b) {
+  if (!row.joint?.covariance) return a === b ? sum(nothing, nothing) : sum(ownCovariance(row, a), ownCovariance(row, b));
+  const places = [a, b].flatMap((vertex) => [0, 1, 2].map((axis) => ({ vertex, axis, number: row.joint.coordinates[3 * vertex + axis] })));
+  const whole = places.map((one, k) => places.map((other, n) => shared(row, one, other, k === n)));
+  return [0, 1, 2].map((k) => [0, 1, 2].map((n) => whole[k][n] + whole[k + 3][n + 3] - whole[k][n + 3] - whole[k + 3][n]));
+}
+
+// The covariance of two coordinates, as JointCovariance in savmap/types/maps.py: one that shares its error with no other has its vertex's own.
+function shared(row, one, other, same) {
+  if (one.number < 0 || other.number < 0) return same ? ownCovariance(row, one.vertex)[one.axis][one.axis] : 0;
+  const { size, covariance } = row.joint, low = Math.min(one.number, other.number), high = Math.max(one.number, other.number);
+  return covariance[low * size - (low * (low - 1)) / 2 + high - low];
+}
+
+// As Placement.covariances in savmap/types/maps.py.
+function inSite({ row, vertex }) {
+  const m = row.siteFromRow;
+  const turn = [[m[0], m[1], m[2]], [m[4], m[5], m[6]], [m[8], m[9], m[10]]];
+  const turned = product(product(turn, ownCovariance(row, vertex)), transposed(turn));
+  if (!row.placementCovariance) return turned;
+  const [xx, xz, xh, zz, zh, hh] = row.placementCovariance;
+  const arm = turn.map((line) => line.reduce((total, value, k) => total + value * row.positions[3 * vertex + k], 0));
+  const degree = Math.PI / 180;
+  const slopes = [[1, 0, arm[2] * degree], [0, 0, 0], [0, 1, -arm[0] * degree]];
+  const placed = [[xx, xz, xh], [xz, zz, zh], [xh, zh, hh]];
+  return sum(turned, product(product(slopes, placed), transposed(slopes)));
+}
+
+const nothing = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
+const sum = (a, b) => a.map((line, k) => line.map((value, n) => value + b[k][n]));
+const transposed = (a) => a[0].map((_, n) => a.map((line) => line[n]));
+const product = (a, b) => a.map((line) => b[0].map((_, n) => line.reduce((total, value, k) => total + value * b[k][n], 0)));
+const quadratic = (u, c) => u.reduce((total, value, k) => total + value * c[k].reduce((t, one, n) => t + one * u[n], 0), 0);
+
+export const metres = (value) => `${value.toFixed(3)}\u00a0m`;
+
+export function millimetres(value) {
+  const mm = 1000 * value;
+  return `${mm === 0 ? "0" : mm < 0.995 ? mm.toPrecision(2) : mm.toFixed(0)}\u00a0mm`;
+}

@@ -1,0 +1,96 @@
+// The panels beside the view: selection, measure, doubts, notes, colours, help.
+import { byId, element, fill } from "./dom.js";
+import { metres, millimetres } from "./measure.js";
+import { text } from "./text.js";
+
+const MOST_LISTED = 40;
+
+export function showSelection(elements, name, open) {
+  const panel = byId("selection");
+  if (!elements.length) return fill(panel, element("p", { className: "hint" }, text.nothing));
+  if (elements.length > 1) {
+    const lines = elements.slice(0, MOST_LISTED).map((one) => element("li", {}, link(one.id, () => open([one], one.key))));
+    return fill(panel, heading(name, text.elements(elements.length)), element("ul", { className: "list" }, ...lines));
+  }
+  const [one] = elements;
+  const address = element("a", { href: `#${encodeURI(one.key)}` }, text.link);
+  fill(panel, heading(one.written[0] ?? one.id, [one.written.length ? one.id : "", one.label, text.row(one.row.name)].filter(Boolean).join(", ")), table(facts(one)), element("p", {}, address));
+}
+
+const heading = (title, below) => element("div", { className: "what" }, element("strong", {}, title), element("span", {}, below));
+
+export const link = (label, act) => element("button", { type: "button", className: "link", onclick: act }, label);
+
+function table(lines) {
+  return element("dl", {}, ...lines.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+}
+
+// What is known of an element: sizes with their standard deviations, then the rest.
+function facts(one) {
+  const lines = [[text.place, one.centre.map((value) => value.toFixed(3)).join(" ") + "\u00a0m"], [text.largestSigma, millimetres(one.sigma)]];
+  if (typeof one.off === "number") lines.push([text.off, millimetres(one.off)]);
+  if (one.off === "spurious") lines.push([text.off, text.spurious]);
+  for (const [name, value] of Object.entries(one.attributes)) {
+    if (name.endsWith("_sigma_m")) continue;
+    const sigma = typeof value === "object" ? value.sigma : name.endsWith("_m") ? one.attributes[name.replace(/_m$/, "_sigma_m")] : undefined;
+    const number = typeof value === "object" ? value.value : value;
+    const size = name.endsWith("_m") && typeof number === "number";
+    const shown = size ? metres(number) : typeof number === "number" ? String(Number(number.toPrecision(4))) : number;
+    const spread = sigma === undefined ? "" : ` \u00b1 ${size ? millimetres(sigma) : Number(sigma.toPrecision(2))}`;
+    lines.push([name.replace(/_m$/, "").replaceAll("_", " "), shown + spread]);
+  }
+  return lines;
+}
+
+export function showMeasure(points, result, remark = null) {
+  const panel = byId("measured");
+  panel.hidden = points === null;
+  if (points === null) return;
+  const hint = element("p", { className: "hint" }, remark ?? [text.measureFirst, text.measureSecond, ""][points.length]);
+  if (!result) return fill(panel, element("h2", {}, text.measure), ...points.map(pointLine), hint);
+  const axes = text.axes[result.how === "rows" ? "other" : "same"];
+  const parts = axes.map((axis, k) => [axis, `${metres(result.difference[k])} \u00b1 ${millimetres(result.sigmas[k])}`]);
+  fill(panel, element("h2", {}, text.measure), element("p", { className: "distance", id: "distance" }, distanceText(result)), ...points.map(pointLine),
+    table(parts), element("p", { className: "hint", id: "measured-how" }, text.how[result.how]));
+}
+
+const pointLine = ({ label }) => element("p", { className: "point" }, label);
+
+export const distanceText = (result) => `${metres(result.distance)} \u00b1 ${millimetres(result.sigma)}`;
+
+export function showDoubts(row, open) {
+  const lines = row.doubts.map((doubt) => element("li", {}, link(`${doubt.kind}: ${doubt.what}`, () => open(doubt))));
+  const none = element("p", { className: "hint" }, text.noDoubts(row.grade));
+  byId("doubt-count").textContent = row.doubts.length ? String(row.doubts.length) : "";
+  fill(byId("doubts"), row.doubts.length ? element("ul", { className: "list doubts" }, ...lines) : none);
+}
+
+export function showLegend({ legend, ramp }) {
+  const bar = ramp && element("div", { className: "ramp" }, element("span", {}, ramp.low), bandOf(ramp.stops), element("span", {}, ramp.high));
+  const lines = legend.slice(0, 12).map(([colour, said]) => {
+    const patch = element("i", {});
+    patch.style.background = colour;
+    return element("li", {}, patch, said);
+  });
+  fill(byId("legend"), bar, element("ul", {}, ...lines));
+}
+
+function bandOf(stops) {
+  const band = element("i", {});
+  band.style.background = `linear-gradient(90deg, ${stops.join(", ")})`;
+  return band;
+}
+
+export function showNotes(notes, open, changed) {
+  const lines = notes.list.map((one) => element("li", {}, link(one.place, () => open(one.place)), element("span", {}, `${one.note} (${one.date})`),
+    element("button", { type: "button", className: "quiet", title: text.remove, onclick: () => changed(one) }, "\u00d7")));
+  byId("notes-state").textContent = notes.unsaved ? text.unsaved : "";
+  fill(byId("notes"), ...lines);
+}
+
+export function showHelp() {
+  const keys = (lines) => element("dl", { className: "keys" }, ...lines.flatMap(([key, said]) => [element("dt", {}, key), element("dd", {}, said)]));
+  const close = element("button", { type: "button", onclick: () => byId("help").close() }, text.close);
+  fill(byId("help"), element("h2", {}, text.help), keys(text.pointer), keys(text.keys), close);
+  byId("help").showModal();
+}

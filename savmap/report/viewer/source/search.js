@@ -1,0 +1,57 @@
+// Search: what is written on elements, their ids, labels and groups, and rows; the address after # names the same things.
+
+const MOST = 60;
+
+export function searchIndex(site) {
+  const entries = [];
+  for (const row of site.rows) {
+    if (site.rows.length > 1) entries.push(entry(row.name, "row", row, row.elements, row.name));
+    const groups = Map.groupBy ? Map.groupBy(row.elements, (one) => one.group) : grouped(row.elements);
+    for (const [group, elements] of groups)
+      if (group) entries.push(entry(group, "group", row, elements, `${row.name}/${group}`));
+  }
+  for (const one of site.elements) {
+    const shown = one.written.length ? one.written[0] : one.id;
+    const words = [...one.written, one.id, one.label, one.attributes.bay ?? ""].join(" ");
+    entries.push({ ...entry(shown, one.label, one.row, [one], one.key), words: `${words} ${one.row.name}`.toLowerCase() });
+  }
+  return entries;
+}
+
+function grouped(elements) {
+  const groups = new Map();
+  for (const one of elements) groups.set(one.group, [...(groups.get(one.group) ?? []), one]);
+  return groups;
+}
+
+function entry(shown, kind, row, elements, key) {
+  return { shown, kind, row, elements, key, words: `${shown} ${row.name}`.toLowerCase() };
+}
+
+export function search(index, query) {
+  const wanted = query.trim().toLowerCase();
+  if (!wanted) return [];
+  const parts = wanted.split(/[\s/]+/).filter(Boolean);
+  const found = [];
+  for (const one of index) {
+    if (!parts.every((part) => one.words.includes(part))) continue;
+    const shown = one.shown.toLowerCase();
+    const rank = shown === wanted ? 0 : shown.startsWith(wanted) ? 1 : shown.includes(wanted) ? 2 : 3;
+    const words = new Set(one.words.split(/[\s/]+/));
+    found.push([rank, one, parts.filter((part) => words.has(part)).length]);
+  }
+  found.sort((a, b) => a[0] - b[0] || b[2] - a[2]);
+  return found.slice(0, MOST).map((pair) => pair[1]);
+}
+
+// What an address names: "A/section 3", "A/section 3 / beam 2", "A", or a text that is written somewhere, such as "A21-03".
+export function named(index, address) {
+  const wanted = address.trim().toLowerCase();
+  if (!wanted) return null;
+  const exact = index.find((one) => one.key.toLowerCase() === wanted);
+  if (exact) return exact;
+  const written = index.filter((one) => one.elements.length === 1 && one.elements[0].written.some((text) => text.toLowerCase() === wanted));
+  if (written.length) return { ...written[0], elements: written.map((one) => one.elements[0]) };
+  return index.find((one) => one.elements.length === 1 && one.elements[0].id.toLowerCase() === wanted)
+    ?? index.find((one) => one.shown.toLowerCase() === wanted) ?? null;
+}

@@ -1,0 +1,145 @@
+"""A wrong reference never buys its fit with what was seen of its landmark: it is named, and left out where the rest is clear."""
+
+from dataclasses import replace
+
+import made_up_rack as made
+import numpy as np
+import pytest
+
+from savmap.errors import SolveError
+from savmap.graph import CameraHeight, Problem, References, Solution, camera_priors, merge, solve
+from savmap_shelves.constraints import GridSettings, constrain
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def four() -> made.World:
+    return made.world(11, sections=4, frames=50, bridge=None)
+
+
+def problem(world: made.World, heights: list[float] | float, given: References) -> Problem:
+    begin = made.begin(world)
+    own = constrain(world.tracks, world.facts, begin, settings=GridSettings(heights))
+    return merge(camera_priors(world.facts, begin, given), own)
+
+
+def typed(world: made.World, off: float, wanted: str = "check") -> Problem:
+    """The problem with the last section's height off by some metres."""
+    heights = [*world.rack.lowest[:-1], world.rack.lowest[-1] + off]
+    return problem(world, heights, replace(made.references(world), on_contradiction=wanted))  # type: ignore[arg-type]
+
+
+def largest_error(world: made.World, solution: Solution) -> float:
+    x, y, _, _ = made.errors(world, solution)
+    return float(max(np.abs(x).max(), np.abs(y).max()))
+
+
+@pytest.mark.parametrize("off", [0.05, -0.05, 0.5, -0.12])
+def test_a_height_typed_wrong_is_named_and_left_out(four: made.World, off: float) -> None:
+    solution = solve(typed(four, off))
+    [doubt] = solution.doubts
+    given, true = four.rack.lowest[-1] + off, four.rack.lowest[-1]
+    assert doubt.kind == "reference"
+    assert f"height of the lowest edge of section 4 is given as {given:.3f} m" in doubt.what
+    assert float(doubt.what.split("the rest says ")[1].split()[0]) == pytest.approx(true, abs=0.02)
+    assert doubt.place is not None
+    assert largest_error(four, solution) < 0.02
+
+
+def test_a_right_row_has_no_doubts(four: made.World) -> None:
+    assert made.solved(four).doubts == ()
+
+
+def test_on_contradiction_refuse(four: made.World) -> None:
+    with pytest.raises(SolveError, match=r"contradict.*section 4 is given as"):
+        solve(typed(four, 0.05, "refuse"))
+
+
+def test_on_contradiction_leave_out(four: made.World) -> None:
+    solution = solve(typed(four, 0.05, "leave_out"))
+    assert solution.doubts == ()
+    assert any("section 4 is given as" in line for line in solution.warnings)
+    assert "nothing would notice an error of" in solution.unchecked[0]
+    assert largest_error(four, solution) < 0.02
+
+
+def test_of_two_that_give_the_scale_nobody_can_say() -> None:
+    """With equal heights nothing but the camera's height and the length tell the scale."""
+    world = made.world(6, sections=3, frames=40, bridge=None)
+    true = made.references(world)
+    own = replace(world.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in world.rack.beams))
+    level = made.seen_from(own, world.poses, np.random.default_rng(1))
+    given = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.15, 0.02),))
+    [doubt] = solve(problem(level, 0.3, given)).doubts
+    assert "camera height" in doubt.what
+    assert "length upright 1 / left to upright 4 / right" in doubt.what
+    far = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.9, 0.02),))
+    with pytest.raises(
+        SolveError, match=r"contradict.*length upright 1.*camera height|contradict.*camera height.*length upright 1"
+    ):
+        solve(problem(level, 0.3, far))
+
+
+def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> None:
+    """The lowest beam's lower edge is hidden in section 2, and its upper edge was taken for it."""
+    places = {
+        (track.place.get("section"), track.place.get("beam"), track.place.get("edge"), track.place.get("side")): track
+        for track in four.tracks
+    }
+
+    def seen(track: made.Track) -> made.Track:
+        if (track.place.get("section"), track.place.get("beam"), track.place.get("edge")) != (2, 1, "lower"):
+            return track
+        upper = places[2, 1, "upper", track.place["side"]]
+        return replace(upper, name=track.name, place=track.place)
+
+    hidden = replace(four, tracks=[seen(track) for track in four.tracks])
+    solution = solve(problem(hidden, list(four.rack.lowest), made.references(four)))
+    assert solution.doubts == ()
+    assert any("`height of the lowest edge of section 2` is something else" in line for line in solution.warnings)
+    assert largest_error(four, solution) < 0.02
+
+
+def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
+    [line] = made.solved(four).unchecked
+    assert "nothing would notice an error of" in line
+    assert " m in length upright 1 / left to upright 5 / right" in line
+
+
+@pytest.mark.parametrize("height_m", [3.05, 2.0])
+def test_one_camera_height_alone_is_never_refuted(four: made.World, height_m: float) -> None:
+    """All heights above the floor are equal, and no length is given: a wrong height scales the map, which no picture shows."""
+    level = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
+    world = made.seen_from(level, four.poses, np.random.default_rng(5))
+    solution = solve(problem(world, 0.3, References((CameraHeight(height_m, 0.02),))))
+    assert solution.doubts == ()
+    assert not [line for line in solution.warnings if "is given as" in line]
+    assert "one reference gives the scale, camera height: nothing checks it" in solution.unchecked[0]
+
+
+def test_heights_that_nothing_contradicts_are_noted(four: made.World) -> None:
+    """Without the camera's height, all of them may have been measured from a wrong floor."""
+    lengths = made.references(four).lengths
+    line = solve(problem(four, list(four.rack.lowest), References((), lengths))).unchecked[0]
+    assert line.startswith("one reference gives the place, all given heights together: nothing checks it")
+
+
+def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
+    """A height is typed 6 cm too high on a beam that is thicker than the others, which makes it look like them: it is still doubted."""
+    thick = [beams.copy() for beams in four.rack.beams]
+    thick[1][0, 1] += 0.05
+    world = made.seen_from(replace(four.rack, beams=tuple(thick)), four.poses, np.random.default_rng(3))
+    heights = [value + 0.06 * (section == 1) for section, value in enumerate(world.rack.lowest)]
+    [doubt] = solve(problem(world, heights, made.references(world))).doubts
+    assert "section 2 is given as" in doubt.what
+
+
+def test_one_height_for_all_may_be_missing(four: made.World) -> None:
+    """A section without the lowest beam is no doubt where one height was given for all of them, but it is where its own was."""
+    own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.25 for beams in four.rack.beams))
+    world = made.seen_from(own, four.poses, np.random.default_rng(2))
+    bare = replace(world, tracks=[t for t in world.tracks if (t.place.get("section"), t.place.get("beam")) != (3, 1)])
+    common, each = (solve(problem(bare, heights, made.references(world))) for heights in (0.25, [0.25] * 4))
+    assert common.doubts == ()
+    assert [doubt.kind for doubt in each.doubts] == ["reference"]

@@ -1,0 +1,238 @@
+"""Formats for robots and their fleets, read by others: PIL, PyYAML, JSON Schemas written from the published specifications."""
+
+import json
+import zipfile
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+from made_up_hall import HOSTILE, PLACES, hall, row, world
+from PIL import Image
+
+from savmap.errors import OutputError
+from savmap.maps.exports.frames import elements
+from savmap.maps.exports.plans.footprints import footprints, in_the_way
+from savmap.maps.exports.plans.lif import write_lif
+from savmap.maps.exports.plans.nav2 import write_nav2
+from savmap.maps.exports.plans.open_rmf import write_building
+from savmap.maps.exports.plans.routes import route_graph
+from savmap.maps.exports.plans.vda5050 import write_zone_set
+from savmap.types import Alignment, FrameTable, RowMap, SiteMap, Trajectory
+
+NUMBER, TEXT = {"type": "number"}, {"type": "string", "minLength": 1}
+
+
+def record(*required: str, **properties: Any) -> dict[str, Any]:
+    """The schema of an object with these keys, all of which are texts unless they are said."""
+    return {"type": "object", "required": list(required), "properties": {**dict.fromkeys(required, TEXT), **properties}}
+
+
+def several(items: dict[str, Any], least: int = 0) -> dict[str, Any]:
+    return {"type": "array", "items": items, "minItems": least}
+
+
+ANGLE = {"type": "number", "minimum": -np.pi, "maximum": np.pi}
+POSITION = record("x", "y", x=NUMBER, y=NUMBER, theta=ANGLE)
+EDGE = record(
+    "vehicleTypeId",
+    "rotationAllowed",
+    rotationAllowed={"type": "boolean"},
+    vehicleOrientation=ANGLE,
+    orientationType={"enum": ["GLOBAL", "TANGENTIAL"]},
+)
+LAYOUT = record(
+    *("layoutId", "layoutVersion", "nodes", "edges", "stations"),
+    nodes=several(
+        record(
+            *("nodeId", "nodePosition", "vehicleTypeNodeProperties"),
+            nodePosition=POSITION,
+            vehicleTypeNodeProperties=several(record("vehicleTypeId"), 1),
+        )
+    ),
+    edges=several(
+        record(
+            *("edgeId", "startNodeId", "endNodeId", "vehicleTypeEdgeProperties"),
+            vehicleTypeEdgeProperties=several(EDGE, 1),
+        )
+    ),
+    stations=several(
+        record(*("stationId", "interactionNodeIds"), interactionNodeIds=several(TEXT, 1), stationPosition=POSITION)
+    ),
+)
+LIF = record(
+    *("metaInformation", "layouts"),
+    metaInformation=record(
+        *("projectIdentification", "creator", "exportTimestamp", "lifVersion"),
+        exportTimestamp={"type": "string", "pattern": r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d\dZ$"},
+        lifVersion={"const": "1.0.0"},
+    ),
+    layouts=several(LAYOUT, 1),
+)
+ZONE_TYPES = (
+    "BLOCKED LINE_GUIDED RELEASE COORDINATED_REPLANNING SPEED_LIMIT ACTION PRIORITY PENALTY DIRECTED BIDIRECTED"
+)
+ZONES = record(
+    *("headerId", "timestamp", "version", "manufacturer", "serialNumber", "zoneSet"),
+    headerId={"type": "integer"},
+    serialNumber={"type": "string"},
+    version={"const": "3.0.0"},
+    zoneSet=record(
+        *("mapId", "zoneSetId", "zones"),
+        zones=several(
+            record(
+                *("zoneId", "zoneType", "vertices"),
+                zoneType={"enum": ZONE_TYPES.split()},
+                vertices=several(record("x", "y", x=NUMBER, y=NUMBER), 3),
+            )
+        ),
+    ),
+)
+
+
+def unzipped(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def outlines(site: SiteMap) -> list[np.ndarray]:
+    return [footprint.outline for footprint in in_the_way(footprints(elements(site)), 0.5)]
+
+
+def test_the_keep_out_mask_is_black_where_solids_stand(tmp_path: Path) -> None:
+    write_nav2(hall(), tmp_path / "nav2.zip")
+    files = unzipped(tmp_path / "nav2.zip")
+    assert sorted(files) == ["keepout.pgm", "keepout.yaml", "route_graph.geojson", "vector_objects.yaml"]
+    about = yaml.safe_load(files["keepout.yaml"])
+    picture = np.array(Image.open(BytesIO(files["keepout.pgm"])))
+    assert (about["image"], about["mode"], about["negate"], about["origin"][2]) == ("keepout.pgm", "trinary", 0, 0.0)
+
+    def at(x: float, z: float) -> int:
+        column, up = (world(x, z) - about["origin"][:2]) / about["resolution"]
+        return int(picture[picture.shape[0] - 1 - int(up), int(column)])
+
+    assert at(0.05, -0.5) == 0  # within a post of row A
+    assert at(6.0, -0.02) == 0  # within its low bar
+    assert at(6.0, 1.5) == 254  # in the aisle
+    assert at(6.0, -0.5) == 254  # behind the bar
+    assert at(12.0 - 0.05, 3.5) == 0  # the other row's first post
+    shown = (254 - picture.astype(int)).sum() / 254 * about["resolution"] ** 2
+    assert 2 * (2 * 0.1 + 11.8 * 0.05) < shown < 2 * (2 * 0.2 * 1.1 + 11.9 * 0.16)
+
+
+def test_the_route_graph_has_ids_as_the_route_server_wants_them(tmp_path: Path) -> None:
+    write_nav2(hall(), tmp_path / "nav2.zip")
+    graph = json.loads(unzipped(tmp_path / "nav2.zip")["route_graph.geojson"])
+    nodes = [f for f in graph["features"] if f["geometry"]["type"] == "Point"]
+    edges = [f for f in graph["features"] if f["geometry"]["type"] == "MultiLineString"]
+    ids = [feature["properties"]["id"] for feature in graph["features"]]
+    assert len(set(ids)) == len(ids) == len(nodes) + len(edges)
+    places = {node["properties"]["id"]: node["geometry"]["coordinates"] for node in nodes}
+    ways = {(edge["properties"]["startid"], edge["properties"]["endid"]): edge for edge in edges}
+    assert all((b, a) in ways for a, b in ways)
+    for (a, b), edge in ways.items():
+        assert edge["geometry"]["coordinates"] == [[places[a], places[b]]]
+    np.testing.assert_allclose(list(places.values()), route_graph(hall()).nodes, atol=1e-4)
+    assert "\u202e" not in unzipped(tmp_path / "nav2.zip")["route_graph.geojson"].decode()
+
+
+def test_vector_objects_are_closed_polygons(tmp_path: Path) -> None:
+    write_nav2(hall(), tmp_path / "nav2.zip")
+    text = unzipped(tmp_path / "nav2.zip")["vector_objects.yaml"].decode()
+    settings = yaml.safe_load(text)["vector_object_server"]["ros__parameters"]
+    assert len(settings["shapes"]) == 6
+    for name, outline in zip(settings["shapes"], outlines(hall()), strict=True):
+        shape = settings[name]
+        assert (shape["type"], shape["closed"], shape["frame_id"]) == ("polygon", True, "map")
+        np.testing.assert_allclose(np.reshape(shape["points"], (-1, 2)), outline, atol=1e-4)
+    assert text.startswith("# solid_1: A / post 1\n")
+    assert all(line.startswith("# solid_") for line in text.splitlines()[:6])
+
+
+def test_a_site_too_large_for_a_mask_is_refused(tmp_path: Path) -> None:
+    far = Alignment(0.0, 0.0, 0.0, np.zeros((3, 3)))
+    site = hall(far)
+    places = {"A": PLACES["A"], HOSTILE: type(PLACES["A"])(5000.0, 5000.0, 0.0, np.zeros((3, 3)))}
+    with pytest.raises(OutputError, match="too large for a mask with cells of 5 cm"):
+        write_nav2(SiteMap(site.rows, {}, placements=places), tmp_path / "a.zip")
+
+
+def test_lif_is_as_its_specification_says(tmp_path: Path) -> None:
+    write_lif(hall(), tmp_path / "a.lif.json")
+    content = json.loads((tmp_path / "a.lif.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, LIF)
+    (layout,) = content["layouts"]
+    nodes = {node["nodeId"]: node["nodePosition"] for node in layout["nodes"]}
+    assert len(nodes) == len(layout["nodes"])
+    ways = {(edge["startNodeId"], edge["endNodeId"]) for edge in layout["edges"]}
+    assert len({edge["edgeId"] for edge in layout["edges"]}) == len(layout["edges"]) == len(ways)
+    assert all((b, a) in ways and {a, b} <= set(nodes) for a, b in ways)
+    stations = {station["stationId"]: station for station in layout["stations"]}
+    assert len(stations) == 4
+    start = stations["A / left end"]
+    np.testing.assert_allclose(list(nodes[start["interactionNodeIds"][0]].values()), world(-1.0, 1.5), atol=1e-4)
+    assert start["stationPosition"]["theta"] == pytest.approx(np.radians(30.0), abs=1e-3)
+    found = [[place["x"], place["y"]] for place in nodes.values()]
+    np.testing.assert_allclose(found, route_graph(hall()).nodes, atol=1e-4)
+
+
+def test_zones_are_as_vda_5050_says(tmp_path: Path) -> None:
+    write_zone_set(hall(), tmp_path / "a.json")
+    content = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, ZONES)
+    zones = content["zoneSet"]["zones"]
+    assert {zone["zoneType"] for zone in zones} == {"BLOCKED"}
+    assert len({zone["zoneId"] for zone in zones}) == len(zones) == 6
+    for zone, outline in zip(zones, outlines(hall()), strict=True):
+        np.testing.assert_allclose([[v["x"], v["y"]] for v in zone["vertices"]], outline, atol=1e-4)
+    assert "\\n=cmd" in zones[3]["zoneId"]
+    assert "\n" not in zones[3]["zoneId"]
+
+
+def test_open_rmf_has_lanes_and_walls_in_metres(tmp_path: Path) -> None:
+    write_building(hall(), tmp_path / "a.building.yaml")
+    building = yaml.safe_load((tmp_path / "a.building.yaml").read_text(encoding="utf-8"))
+    assert building["coordinate_system"] == "cartesian_meters"
+    level = building["levels"]["L1"]
+    vertices = np.array([vertex[:2] for vertex in level["vertices"]], dtype=float)
+    graph = route_graph(hall())
+    np.testing.assert_allclose(vertices[: len(graph.nodes)], graph.nodes, atol=1e-4)
+    assert [tuple(lane[:2]) for lane in level["lanes"]] == list(graph.edges)
+    assert all(lane[2]["bidirectional"] == [4, True] for lane in level["lanes"])
+    start, end = (vertices[k] for k in level["walls"][2][:2])
+    np.testing.assert_allclose([start, end], [world(0.1, -0.025), world(11.9, -0.025)], atol=1e-4)
+    assert len(level["walls"]) == 6
+    (floor,) = level["floors"]
+    ground = vertices[floor["vertices"]]
+    sides = np.roll(ground, -1, axis=0) - ground
+    for place in vertices[: floor["vertices"][0]]:
+        assert np.all(sides[:, 0] * (place - ground)[:, 1] - sides[:, 1] * (place - ground)[:, 0] > 0)
+    names = [vertex[3] for vertex in level["vertices"] if vertex[3]]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set, write_building])
+def test_the_same_map_gives_the_same_bytes(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
+    write(hall(), tmp_path / "a")
+    write(hall(), tmp_path / "b")
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set])
+def test_a_map_with_nothing_in_it_is_refused(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
+    empty = RowMap("A", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))), {}, ())
+    with pytest.raises(OutputError):
+        write(SiteMap({"A": empty}, {}), tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set, write_building])
+def test_rows_without_a_common_frame_are_refused(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
+    path = np.array([[0.0, 1.5], [5, 1.5]])
+    with pytest.raises(OutputError, match="rows A, B have no place"):
+        write(SiteMap({"A": row("A", path), "B": row("B", path)}, {}), tmp_path / "a")

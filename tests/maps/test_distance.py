@@ -1,0 +1,55 @@
+"""Distances in a map, and how sure they are."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from savmap.errors import SiteError
+from savmap.maps.distance import vertex_distance
+from savmap.types import FrameTable, JointCovariance, Placement, RowMap, SiteMap, Structure, Trajectory
+
+COMMON, OWN = 0.05**2, 0.001**2
+
+
+def row(name: str, joint: bool = True) -> RowMap:
+    """Two posts 3 m apart, whose places share an error of 5 cm and have one of 1 mm each."""
+    posts = tuple(post(number) for number in (1, 2))
+    numbers: Mapping[str, Mapping[str, np.ndarray]] = {
+        "posts": {f"post {k + 1}": np.array([[k, -1, -1]]) for k in range(2)}
+    }
+    together = JointCovariance(numbers, COMMON + OWN * np.eye(2)) if joint else None
+    path = Trajectory(np.arange(1), np.eye(4)[None])
+    return RowMap(name, FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"posts": posts}, (), joint=together)
+
+
+def post(number: int) -> Structure:
+    place = np.array([[3.0 * number, 1.0, 0.0]])
+    covariance = np.diag([COMMON + OWN, OWN, OWN])[None]
+    return Structure(f"post {number}", "post", place, covariance, (f"post {number} / top",), np.zeros((0, 2), np.int64))
+
+
+def test_what_both_ends_share_does_not_count() -> None:
+    found = vertex_distance(SiteMap({"A": row("A")}, {}), "post 1 / top", "Post 2 / top")
+    assert (found.length_m, found.joint) == (3.0, True)
+    assert found.sigma_m == pytest.approx((2 * OWN) ** 0.5)
+    assert str(found).startswith("3.000 m +- 1.4 mm (x 3.000 m")
+
+
+def test_map_without_a_joint_covariance_says_so() -> None:
+    found = vertex_distance(SiteMap({"A": row("A", joint=False)}, {}), "post 1 / top", "post 2 / top")
+    assert found.sigma_m == pytest.approx((2 * (COMMON + OWN)) ** 0.5)
+    assert "both share count twice" in str(found)
+
+
+def test_rows_are_told_apart_and_need_a_common_frame() -> None:
+    site = SiteMap({name: row(name) for name in "AB"}, {})
+    with pytest.raises(SiteError, match="is in rows A, B: put the row before it, such as `A: post 1 / top`"):
+        vertex_distance(site, "post 1 / top", "B: post 2 / top")
+    with pytest.raises(SiteError, match="row A has no place"):
+        vertex_distance(site, "A: post 1 / top", "B: post 2 / top")
+    with pytest.raises(SiteError, match="nearest: post"):
+        vertex_distance(site, "A: post / top", "B: post 2 / top")
+    placed = {"A": Placement(0, 0, 0, np.zeros((3, 3))), "B": Placement(0, -4.0, 0, np.zeros((3, 3)))}
+    found = vertex_distance(SiteMap(site.rows, {}, placements=placed), "A: post 1 / top", "B: post 2 / top")
+    assert found.length_m == pytest.approx(5.0)

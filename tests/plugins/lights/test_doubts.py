@@ -1,0 +1,47 @@
+"""What is implausible about mapped lamps."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from savmap.types import Structure
+from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M, doubts_of
+
+
+def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
+    ends = np.array([[x, height, 1.2], [x + length, height, 1.2]])
+    covariances = np.tile(np.eye(3) * 0.003**2, (2, 1, 1))
+    covariances[1, 0, 0] = sigma_x**2
+    return Structure(f"light {number}", "light", ends, covariances, ("end 0", "end 1"), np.array([[0, 1]]))
+
+
+def lines(lamps: list[Structure]) -> list[str]:
+    return [doubt.what for doubt in doubts_of(lamps)]
+
+
+def test_a_regular_line_is_beyond_doubt() -> None:
+    assert not lines([lamp(k, 3.0 * k) for k in range(1, 7)])
+    assert not lines([lamp(1, 0), lamp(2, 7)])
+
+
+def test_a_gap_in_which_something_shines_is_doubted() -> None:
+    lamps = [lamp(k, x) for k, x in enumerate([0.0, 3.0, 6.0, 9.0, 15.0, 18.0, 21.0], 1)]
+    assert not lines(lamps)
+    lamps[3] = replace(lamps[3], attributes={LIGHT_BEYOND: 12.5})
+    (line,) = lines(lamps)
+    assert line.startswith("light 4 and light 5 are 6.00 m apart, others 3.00 m, and something shines between them")
+
+
+def test_a_lamp_at_another_height_is_doubted() -> None:
+    (line,) = lines([lamp(k, 3.0 * k, height=6.4 if k == 2 else 6.0) for k in range(1, 6)])
+    assert line == "light 2 is at 6.40 m, the other lamps at 6.00 m: is it a lamp, and theirs?"
+
+
+def test_a_strip_longer_than_its_likes_is_doubted() -> None:
+    lamps = [lamp(k, 3.0 * k, length=2.4 if k == 4 else 1.2) for k in range(1, 7)]
+    assert lines(lamps)[0] == "light 4 is 2.40 m long, most are 1.20 m: an end or a joint may be wrong"
+
+
+def test_an_end_never_seen_is_doubted_between_lamps_only() -> None:
+    lamps = [lamp(k, 3.0 * k, sigma_x=UNKNOWN_M if k in (2, 4) else 0.003) for k in range(1, 5)]
+    assert lines(lamps) == ["an end of light 2 was never seen: its length is not known"]

@@ -1,0 +1,145 @@
+"""The viewer's page as text, and what is written beside it."""
+
+import base64
+import gzip
+import hashlib
+import json
+import re
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from made_up_map import EVIL, photo, row, site, stills
+
+from savmap.report.viewer import View, write_view
+from savmap.report.viewer import beside as beside_module
+from savmap.report.viewer.serve import ViewServer
+from savmap.types import Evaluation, Score, SiteMap
+
+NAME = "Süd/1 #"
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    """What a page holds."""
+    packed = page.read_text(encoding="utf-8").split('id="map">')[1].split("<")[0]
+    found: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(packed)))
+    return found
+
+
+def written(folder: Path, view: View) -> Path:
+    write_view(view, folder / "view.html")
+    return folder / "view.html"
+
+
+def scripts(folder: Path) -> set[str]:
+    return {str(file.relative_to(folder)) for file in folder.rglob("*.js")}
+
+
+def test_no_text_of_the_map_is_in_the_page(tmp_path: Path) -> None:
+    page = written(tmp_path, View(site("A", EVIL), title=EVIL)).read_text(encoding="utf-8")
+    assert "<img src=x" not in page
+    assert page.count("<script") == 2
+    assert page.count("</script") == 2
+    assert "default-src 'none'" in page
+    assert "innerHTML" not in Path(beside_module.__file__).with_name("source").joinpath("panels.js").read_text()
+
+
+def test_page_is_the_same_each_time(tmp_path: Path) -> None:
+    first = written(tmp_path / "1", View(site("A"))).read_bytes()
+    assert written(tmp_path / "2", View(site("A"))).read_bytes() == first
+
+
+def test_coordinates_are_those_of_the_map(tmp_path: Path) -> None:
+    (found,) = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}))))["rows"]
+    shapes = [shape for group in row().structures.values() for shape in group]
+    places = np.array(found["positions"]).reshape(-1, 3) * 1e-5
+    assert np.allclose(places, np.concatenate([shape.vertices for shape in shapes]), atol=1e-6)
+    assert found["covariances"][:6] == [9e-6, 0, 0, 1.6e-5, 0, 1e-6]
+    assert [entry["id"] for entry in found["structures"]] == [shape.id for shape in shapes]
+    assert found["grade"] == "check"
+
+
+def test_errors_are_shown_where_there_is_a_survey(tmp_path: Path) -> None:
+    scored = Evaluation({"A": Score(deviations={"post 1": 0.0123, "post 2": np.inf})})
+    data = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}), scored)))
+    assert data["surveyed"] is True
+    assert [entry["off"] for entry in data["rows"][0]["structures"]][:3] == [0.0123, "spurious", None]
+
+
+def test_pictures_lie_beside_the_page(tmp_path: Path) -> None:
+    name = NAME
+    one = SiteMap({name: replace(row(), name=name)}, {})
+    page = written(tmp_path, View(one, photos={name: photo()}, stills={name: stills()}))
+    quoted = "S%C3%BCd%2F1 %23"
+    names = {f"face/{quoted}.js", f"face/small/{quoted}.js", *(f"pano/{quoted}-{n:05d}.js" for n in (0, 6, 12, 18))}
+    assert scripts(tmp_path) == names
+    (found,) = data_of(page)["rows"]
+    assert {*found["face"]["pictures"], *(one["path"] for one in found["stills"])} == names
+    text = (tmp_path / f"pano/{quoted}-00006.js").read_text()
+    assert re.fullmatch(r'savmapPart\("[^"]+", "data:image/jpeg;base64,[A-Za-z0-9+/=]+"\);\n', text)
+
+
+def test_pictures_of_an_earlier_map_go(tmp_path: Path) -> None:
+    one = SiteMap({"A": row()}, {})
+    write_view(View(one, photos={"A": photo()}, stills={"A": stills()}), tmp_path / "view.html")
+    page = written(tmp_path, View(one))  # stills not given: those that lie there
+    assert len(data_of(page)["rows"][0]["stills"]) == 4
+    assert scripts(tmp_path) == {f"pano/A-{n:05d}.js" for n in (0, 6, 12, 18)}
+    page = written(tmp_path, View(one, stills={"A": stills()[:1]}))
+    assert scripts(tmp_path) == {"pano/A-00000.js"}
+
+
+def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = SiteMap({"A": row()}, {})
+    assert "covariance" in data_of(written(tmp_path / "1", View(one)))["rows"][0]["joint"]
+    monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
+    assert data_of(written(tmp_path / "2", View(one)))["rows"][0]["joint"]["path"] == "joint/A.js"
+    assert scripts(tmp_path / "2") == {"joint/A.js"}
+
+
+def test_bundle_is_that_of_its_sources() -> None:
+    folder = Path(beside_module.__file__).parent
+    parts = sorted(file for file in (folder / "source").iterdir() if file.suffix in (".js", ".mjs", ".json"))
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in parts)).hexdigest()
+    head = (folder / "viewer.js").read_text(encoding="utf-8")[:2000]
+    assert digest in head, "run `npm ci && npm run build` in savmap/report/viewer/source"
+    assert "three.js authors" in head
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[str]:
+    page = written(tmp_path, View(SiteMap({"A": row()}, {}), photos={"A": photo()}))
+    (tmp_path / "secret.txt").write_text("secret")
+    with ViewServer(page) as own:
+        thread = threading.Thread(target=own.run)
+        thread.start()
+        yield own.address
+        own.stop()
+        thread.join()
+
+
+def status(address: str, host: str | None = None) -> int:
+    request = urllib.request.Request(address, headers={"Host": host} if host else {})
+    try:
+        with urllib.request.urlopen(request) as answer:
+            code: int = answer.status
+            return code
+    except urllib.error.HTTPError as error:
+        error.close()
+        return error.code
+
+
+def test_server_gives_the_page_and_nothing_else(server: str) -> None:
+    assert server.startswith("http://127.0.0.1:")
+    assert status(server) == status(f"{server}face/A.js") == 200
+    assert {status(server + path) for path in ("secret.txt", "face/", "face/..%2fsecret.txt", "other/A.js")} == {404}
+
+
+def test_server_answers_this_machine_alone(server: str) -> None:
+    assert status(server, "attacker.example") == 421

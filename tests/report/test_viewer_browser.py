@@ -1,0 +1,318 @@
+"""The viewer in a real browser, opened from a disk (extra `browser`, and a Chromium or Chrome on the path); skipped where there is none."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_map import EVIL, photo, row, site, stills
+
+from savmap.maps.distance import vertex_distance
+from savmap.report.viewer import View, write_view
+from savmap.report.viewer import beside as beside_module
+from savmap.types import SiteMap
+
+playwright = pytest.importorskip("playwright.sync_api")
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no browser is installed")]
+Open = Callable[..., Any]
+HERE = """([id, corner]) => {
+    const one = savmapViewer.site.elements.find((other) => other.id === id && (!savmapViewer.only || other.row.name === savmapViewer.only));
+    const box = document.getElementById("view").getBoundingClientRect(), [x, y] = savmapViewer.pixelOf(one.row, one.first + corner);
+    return [box.left + x, box.top + y];
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = started.chromium.launch(executable_path=BROWSER, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
+    """Opens views; nothing may have been asked of a network, said on the console, or asked of the user."""
+    heard: list[str] = []
+    pages = []
+
+    def opened(view: View, address: str = "", width: int = 1200) -> Any:
+        write_view(view, tmp_path / "view.html")
+        page = browser.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
+        page.on("console", lambda message: heard.append(message.text))
+        page.on("pageerror", lambda error: heard.append(str(error)))
+        page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
+        local = ("file:", "data:", "blob:")
+        page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
+        page.goto((tmp_path / "view.html").as_uri() + address)
+        page.wait_for_selector("html[data-ready=yes]")
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert heard == []
+
+
+def one_row(**options: Any) -> View:
+    return View(SiteMap({"A": row(**options)}, {}), title="Hall 1", photos={"A": photo()}, stills={"A": stills()})
+
+
+def until(page: Any, true: str) -> None:
+    """Wait for an expression to be true; the page's policy forbids what Playwright has for this."""
+    for _ in range(100):
+        if page.evaluate(f"Boolean({true})"):
+            return
+        page.wait_for_timeout(50)
+    pytest.fail(f"never true: {true}")
+
+
+def selected(page: Any) -> str:
+    return str(page.inner_text("#selection strong"))
+
+
+def measure(page: Any, first: tuple[str, int], second: tuple[str, int], rows: tuple[str, str] = ("", "")) -> str:
+    """Pick two corners, and read the distance."""
+    page.keyboard.press("m")
+    for corner, name in zip((first, second), rows, strict=True):
+        page.evaluate("(name) => { savmapViewer.only = name; }", name)
+        page.mouse.click(*page.evaluate(HERE, list(corner)))
+    page.wait_for_selector("#distance")
+    text: str = page.inner_text("#distance")
+    return text.replace("\u00a0", " ")
+
+
+def said_by_python(site_map: SiteMap, first: str, second: str) -> str:
+    """The distance as the viewer should show it."""
+    found = vertex_distance(site_map, first, second)
+    return f"{found.length_m:.3f} m \u00b1 {1000 * found.sigma_m:.0f} mm"
+
+
+def test_shows_all_elements(opened: Open) -> None:
+    page = opened(one_row())
+    assert page.title() == "Hall 1"
+    assert page.evaluate("savmapViewer.site.elements.length") == 6
+    drawn = page.evaluate(
+        "savmapViewer.renderer.domElement.toDataURL() !== document.createElement('canvas').toDataURL()"
+    )
+    assert drawn
+    inside = page.evaluate(
+        """savmapViewer.site.elements.slice(0, 5).every((one) => [0, 1, 2, 3].every((k) => {
+        const [x, y] = savmapViewer.pixelOf(one.row, one.first + k); return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; }))"""
+    )
+    assert inside
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_lines_are_drawn_where_elements_are(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("n")
+    colours = page.evaluate(
+        """() => { savmapViewer.setMode("label"); savmapViewer.draw(); const v = savmapViewer, gl = v.renderer.getContext(), r = v.renderer.getPixelRatio();
+        const one = v.site.elements.find((other) => other.id === "post 1"), found = new Uint8Array(4 * 49);
+        const [a, b] = [one.first, one.first + 3].map((k) => v.pixelOf(one.row, k));
+        gl.readPixels(r * (a[0] + b[0]) / 2 - 3, gl.drawingBufferHeight - r * (a[1] + b[1]) / 2 - 3, 7, 7, gl.RGBA, gl.UNSIGNED_BYTE, found);
+        return Array.from(found); }"""
+    )
+    darkest = min(zip(*[iter(colours)] * 4, strict=True), key=sum)
+    assert darkest[0] < 120  # the ground has 251
+
+
+def test_hostile_texts_are_shown_as_text(opened: Open) -> None:
+    page = opened(View(site("A", EVIL), title=EVIL))
+    assert page.inner_text("#title") == EVIL
+    page.select_option("#mode", "label")
+    assert EVIL in page.inner_text("#legend")
+    page.fill("#search", "onerror")
+    page.locator("#results button").first.wait_for()
+    assert page.locator("img").count() == 1  # the one that is printed
+
+
+def test_click_selects_and_address_names_it(opened: Open) -> None:
+    page = opened(one_row())
+    x, y = page.evaluate(HERE, ["section 1 / bar 1", 2])
+    page.mouse.click(x - 40, y)
+    assert selected(page) == "section 1 / bar 1"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/section 1 / bar 1"
+    page.keyboard.press("Escape")
+    assert page.locator("#selection strong").count() == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "name"),
+    [("#A21-03", "A21-03"), ("#a/post%202", "post 2"), ("#A/section 1", "section 1"), ("#post 1", "post 1")],
+)
+def test_deep_links(opened: Open, address: str, name: str) -> None:
+    assert selected(opened(one_row(), address)) == name
+
+
+def test_search_finds_and_flies(opened: Open) -> None:
+    page = opened(one_row())
+    before = page.evaluate("savmapViewer.view.camera.position.toArray()")
+    page.keyboard.press("/")
+    page.keyboard.type("a21")
+    assert page.locator("#results button").count() == 1
+    page.keyboard.press("Enter")
+    assert selected(page) == "A21-03"
+    assert page.evaluate("savmapViewer.view.camera.position.toArray()") != before
+
+
+@pytest.mark.parametrize("with_joint", [True, False])
+def test_distance_is_that_of_python(opened: Open, with_joint: bool) -> None:
+    view = one_row(with_joint=with_joint)
+    page = opened(view)
+    text = measure(page, ("post 1", 1), ("post 2", 3))
+    assert text == said_by_python(view.site_map, "post 1 / b", "post 2 / d")
+    assert ("from the joint covariance" in page.inner_text("#measured-how")) is with_joint
+
+
+def test_joint_covariance_is_loaded_from_beside(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
+    view = one_row()
+    text = measure(opened(view), ("post 1", 0), ("section 1 / bar 2", 2))
+    assert text == said_by_python(view.site_map, "post 1 / a", "section 1 / bar 2 / c")
+
+
+def test_distance_between_rows(opened: Open) -> None:
+    view = View(site("A", "B"))
+    text = measure(opened(view), ("post 1", 0), ("post 2", 2), ("A", "B"))
+    assert text == said_by_python(view.site_map, "A: post 1 / a", "B: post 2 / c")
+
+
+def test_no_distance_between_rows_without_places(opened: Open) -> None:
+    page = opened(View(site("A", "B", placed=False)))
+    assert "not known" in page.inner_text("#remark")
+    page.keyboard.press("m")
+    page.evaluate("""() => { const [a, b] = savmapViewer.site.rows;
+        savmapViewer.addPoint({row: a, vertex: 0}); savmapViewer.addPoint({row: b, vertex: 1}); }""")
+    page.wait_for_selector("text=not known either")
+    assert page.locator("#distance").count() == 0
+
+
+def test_views_and_orthophoto(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("o")
+    page.keyboard.press("3")
+    until(page, "savmapViewer.model.rows[0].photo?.visible && savmapViewer.model.rows[0].photoSize === 1")
+    across = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
+    assert abs(across[0][0] - across[1][0]) < 0.5  # upright in the elevation
+    page.keyboard.press("2")
+    flat = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
+    assert abs(flat[0][1] - flat[1][1]) < 0.5  # a point in the plan
+
+
+def test_panorama_turns_to_what_is_selected(opened: Open) -> None:
+    page = opened(one_row(), "#A/post 2")
+    page.keyboard.press("4")
+    until(page, "savmapViewer.panorama.shows")
+    x, y = page.evaluate(
+        """() => { const p = savmapViewer.panorama, one = savmapViewer.selected[0], camera = p.camera;
+        const at = camera.position.clone().set(...one.centre).project(camera); return [at.x, at.y]; }"""
+    )
+    assert abs(x) < 1e-6
+    assert abs(y) < 1e-6
+    assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 18
+    area = page.locator("#pano-area").bounding_box()
+    page.keyboard.press("Escape")
+    edge = page.evaluate(
+        """() => { const p = savmapViewer.panorama, one = savmapViewer.site.elements.find((other) => other.id === "post 2");
+        const at = p.camera.position.clone().set(2.8, 2.2, 0).project(p.camera); return [at.x, at.y]; }"""
+    )
+    page.mouse.click(area["x"] + area["width"] * (edge[0] + 1) / 2, area["y"] + area["height"] * (1 - edge[1]) / 2)
+    assert selected(page) == "post 2"
+
+
+def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("2")
+    x, y = page.evaluate(
+        """() => { const v = savmapViewer, at = v.view.camera.position.clone(), box = document.getElementById("view").getBoundingClientRect();
+        v.view.camera.updateMatrixWorld();
+        at.set(...v.row.path.positions.slice(3 * 7, 3 * 8)).project(v.view.camera);
+        return [box.left + box.width * (at.x + 1) / 2, box.top + box.height * (1 - at.y) / 2]; }"""
+    )
+    page.mouse.click(x, y)
+    until(page, "savmapViewer.panorama.shows")
+    assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 6
+    page.keyboard.press(".")
+    assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 12
+
+
+def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
+    """The panorama's middle column looks out of the face: behind the camera that looks at the face, and up is up."""
+    page = opened(one_row())
+    page.keyboard.press("4")
+    until(page, "savmapViewer.panorama.shows")
+    ahead = page.evaluate(
+        """() => { const { sphere } = savmapViewer.panorama, v = savmapViewer.panorama.camera.position.clone();
+        sphere.updateMatrixWorld(); return [[0, 0, 1], [0, -1, 0]].map((ray) => v.set(...ray).transformDirection(sphere.matrixWorld).toArray()); }"""
+    )
+    assert [round(value, 6) for value in ahead[0]] == [0, 0, 1]
+    assert [round(value, 6) for value in ahead[1]] == [0, 1, 0]
+
+
+def test_doubts_lead_to_what_they_name(opened: Open) -> None:
+    page = opened(one_row())
+    assert page.input_value("#mode") == "verdict"
+    page.locator("#doubts button").click()
+    assert selected(page) == "section 1 / bar 2"
+
+
+def test_notes_are_saved_and_loaded(opened: Open, tmp_path: Path) -> None:
+    page = opened(one_row(), "#A21-03")
+    page.fill("#note", f"bent {EVIL}")
+    page.click("#add-note")
+    with page.expect_download() as download:
+        page.click("#save-notes")
+    download.value.save_as(tmp_path / "notes.json")
+    (note,) = json.loads((tmp_path / "notes.json").read_text())["notes"]
+    assert (note["place"], note["note"]) == ("A21-03", f"bent {EVIL}")
+    other = opened(one_row())
+    other.set_input_files("#load-notes", tmp_path / "notes.json")
+    other.locator("#notes button").first.click()
+    assert selected(other) == "A21-03"
+    (tmp_path / "notes.json").write_text("[]")
+    other.set_input_files("#load-notes", tmp_path / "notes.json")
+    other.wait_for_selector("text=no file of notes")
+
+
+def test_keys_and_help(opened: Open) -> None:
+    page = opened(one_row())
+    for key in "ssuuknnccf":
+        page.keyboard.press(key)
+    page.keyboard.press("?")
+    assert page.locator("#help").is_visible()
+    page.keyboard.press("Escape")
+    page.keyboard.press("ArrowRight")
+    assert selected(page) == "post 1"
+
+
+def test_names_do_not_overlap(opened: Open) -> None:
+    page = opened(View(site("A", "B", "C")), width=700)
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('.name')].map((one) => one.getBoundingClientRect()).map((b) => [b.left, b.top, b.right, b.bottom])"
+    )
+    assert len(boxes) >= 3
+    for k, (left, top, right, bottom) in enumerate(boxes):
+        for x, y, x1, y1 in boxes[k + 1 :]:
+            assert not (left < x1 - 1 and x < right - 1 and top < y1 - 1 and y < bottom - 1)
+
+
+def test_print_shows_the_picture(opened: Open) -> None:
+    page = opened(one_row())
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.locator("#printed").evaluate("(image) => image.naturalWidth") > 500
+    assert page.locator("#search").is_hidden()
+
+
+def test_fits_a_phone(opened: Open) -> None:
+    page = opened(one_row(), width=390)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    page.keyboard.press("4")
+    assert page.locator("#pano-area").is_visible()
