@@ -128,7 +128,7 @@ def test_one_letter_of_a_doubtful_reading_is_none() -> None:
 
 
 def test_what_the_camera_did_not_pass_is_not_seen() -> None:
-    found = compare_maps(place.mapped(BAYS, 1), place.mapped(BAYS, 2, (0.0, 0.5)))
+    found = compare_maps(place.mapped(BAYS, 1), place.mapped(BAYS, 2, (0.0, 0.5)), level=0.01)
     told = states(found)
     assert set(told.values()) == {"not seen"}
     assert "bay 8 / bar 1" in told
