@@ -17,7 +17,7 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped
 from savmap.files.atomic import write_text
 from savmap.maps.map_file import read_map, write_map
 from savmap.sim.observations import PAPER, MaskErrors
-from savmap.types import FrameTable, RowMap, SiteMap, Structure
+from savmap.types import Attribute, FrameTable, RowMap, SiteMap, Structure
 from savmap_shelves.constraints import GridSettings
 
 Rack = dict[str, Any]
@@ -134,7 +134,7 @@ def _with_signs(site_map: SiteMap, shelves: Rack, seed: int, date: int, case: st
         labels = tuple(f"sign {number + 1} / {part}" for part in range(4))
         covariances = np.tile(SIGN_SIGMA_M**2 * np.eye(3), (4, 1, 1))
         edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
-        attributes = {"sign": number + 1, "text": text, "confidence": 0.99, "code": ""}
+        attributes: dict[str, Attribute] = {"sign": number + 1, "text": text, "confidence": 0.99, "code": ""}
         signs.append(Structure(f"sign {number + 1}", "sign", quad, covariances, labels, edges, attributes))
     row = site_map.rows["A"]
     return replace(site_map, rows={"A": replace(row, structures={**row.structures, "signs": tuple(signs)})})

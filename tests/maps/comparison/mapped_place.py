@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Attribute, FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 OWN_M, SCALE_SIGMA, SETBACK_M = 0.0015, 0.004, 0.01
 POST_M, BAR_M = 0.1, 0.1
@@ -50,7 +50,7 @@ def mapped(bays: Sequence[Bay], seed: int = 0, reach: tuple[float, float] = (0.0
         corners = np.array([[xs[i], ys[j], setback] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))])
         sigmas = np.hypot(OWN_M, np.abs(corners) * [0.1 * SCALE_SIGMA, SCALE_SIGMA, 0] + [0, 0, SETBACK_M])
         covariances = np.array([np.diag(sigma**2) for sigma in sigmas])
-        attributes = {"text": text, "confidence": 0.99} if text else {}
+        attributes: dict[str, Attribute] = {"text": text, "confidence": 0.99} if text else {}
         return Structure(label, kind, corners, covariances, ("a", "b", "c", "d"), RING, attributes)
 
     posts = [box("post", f"post {k + 1}", (x, x + POST_M), (0, 6)) for k, x in enumerate(left)]

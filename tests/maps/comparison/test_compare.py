@@ -17,6 +17,7 @@ from savmap.maps.comparison import (
     comparison_text,
 )
 from savmap.maps.comparison.changes import accepted
+from savmap.types import SiteMap, Structure
 
 BAYS = place.irregular()
 
@@ -27,6 +28,10 @@ def states(comparison: Comparison) -> dict[str, str]:
 
 def change(comparison: Comparison, name: str) -> ElementChange:
     return next(one for one in comparison.rows[0].elements if one.name == name)
+
+
+def bars_of(site: SiteMap) -> list[Structure]:
+    return [one for one in site.rows["A"].structures["racks"] if one.label == "bar"]
 
 
 def test_two_maps_of_one_state_differ_in_nothing() -> None:
@@ -162,11 +167,9 @@ def test_rows_with_nothing_in_common_are_not_compared() -> None:
 
 
 def test_openings_are_compared_by_their_sizes_alone() -> None:
-    bars = [place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2)]
-    openings = [
-        {"A": {"racks": [one for one in site.rows["A"].structures["racks"] if "bar" in one.id]}} for site in bars
-    ]
-    assert [one.state for one in compare_maps(*bars, (openings[0], openings[1])).rows[0].openings] == ["same"] * 40
+    old, new = place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2)
+    before, after = ({"A": {"racks": bars_of(site)}} for site in (old, new))
+    assert [one.state for one in compare_maps(old, new, (before, after)).rows[0].openings] == ["same"] * 40
 
 
 def test_json_says_all_and_lines_say_what_changed() -> None:
