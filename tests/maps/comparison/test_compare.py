@@ -166,6 +166,19 @@ def test_rows_with_nothing_in_common_are_not_compared() -> None:
     assert any("nothing in common" in line for line in comparison_lines(found))
 
 
+def test_a_map_is_as_it_is() -> None:
+    site = place.mapped(BAYS, 1)
+    assert states(compare_maps(site, site)) == {}
+
+
+def test_rows_of_nothing_are_compared_with_nothing() -> None:
+    full = place.mapped(BAYS, 1)
+    for structures in ({}, {"racks": ()}, {"racks": full.rows["A"].structures["racks"][:1]}):
+        few = replace(full, rows={"A": replace(full.rows["A"], structures=structures)})
+        for old, new in ((full, few), (few, full), (few, few)):
+            assert compare_maps(old, new).rows[0].motion is None
+
+
 def test_openings_are_compared_by_their_sizes_alone() -> None:
     old, new = place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2)
     before, after = ({"A": {"racks": bars_of(site)}} for site in (old, new))
