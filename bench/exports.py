@@ -21,12 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
+from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.maps.exports import FORMATS, core_exporters
 from savmap.maps.map_file import read_map
-from savmap.types import Placement, SiteMap
+from savmap.types import Alignment, Placement, SiteMap
 
 APART_M = 4.0
+SOMEWHERE = Alignment(0.0, 0.0, 0.0, np.zeros((3, 3)), anchor=(48.137, 11.575))
+"""Where a map is put that does not know where it is: some formats ask for latitude and longitude."""
 GLTF = """
 const validator = require("gltf-validator"), bytes = new Uint8Array(require("fs").readFileSync(process.argv[1]));
 validator.validateBytes(bytes, {maxIssues: 20}).then((report) => {
@@ -42,6 +45,8 @@ api.Init().then(() => {
     if (!shapes) console.log("no shape was read");
 });
 """
+ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json", "nav2": "zip", "imdf": "zip"}
+"""Of files of formats that are not called by theirs."""
 Validator = Callable[[Path], list[str]]
 """What it finds wrong with a file, a line each. Raises `MissingError` where it is not installed."""
 
@@ -145,13 +150,14 @@ VALIDATORS: Mapping[str, Mapping[str, Validator]] = {
     "ifc": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
     "ifc4x3": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
     "dxf": {"ezdxf": dxf_audit, "GDAL": gdal},
+    "geojson": {"GDAL": gdal},
 }
 """By format, and by the validator's name."""
 
 
 def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
     """A format, written into a folder and validated."""
-    path = folder / f"map-{name}.{name.removesuffix('4x3')}"
+    path = folder / f"map-{name}.{ENDINGS.get(name, name)}"
     begin = time.perf_counter()
     core_exporters()[name](site, path)
     seconds = time.perf_counter() - begin
@@ -168,7 +174,7 @@ def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
 
 def lines_of(result: Result) -> list[str]:
     """What is printed of a format."""
-    lines = [f"{result.name:12}{result.seconds:8.2f} s{result.size / 1e6:10.3f} MB"]
+    lines = [f"{result.name:16}{result.seconds:8.2f} s{result.size / 1e6:10.3f} MB"]
     for validator, faults in result.faults.items():
         said = "is not installed" if faults is None else f"{len(faults)} faults" if faults else "no fault"
         lines.append(f"    {validator}: {said}, {result.took[validator]:.1f} s")
@@ -195,12 +201,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     site = read_map(given.map)
     site = repeated(site, given.rows) if given.rows else site
+    site = replace(site, alignment=site.alignment or SOMEWHERE)
     given.output.mkdir(parents=True, exist_ok=True)
     results = []
     for name in given.format:
-        results.append(measured(name, site, given.output, not given.skip_validators))
-        print("\n".join(lines_of(results[-1])), flush=True)
-    print(f"{'all':12}{sum(result.seconds for result in results):8.2f} s")
+        try:
+            results.append(measured(name, site, given.output, not given.skip_validators))
+            print("\n".join(lines_of(results[-1])), flush=True)
+        except SavmapError as error:
+            print(f"{name:16}cannot hold this map: {error}")
+    print(f"{'all':16}{sum(result.seconds for result in results):8.2f} s")
     figures = {result.name: {"seconds": round(result.seconds, 3), "bytes": result.size} for result in results}
     write_text(given.output / "figures.json", json.dumps(figures, indent=1) + "\n")
     return int(any(faults for result in results for faults in result.faults.values()))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from savmap.graph.solver.agreement import Agreement, Solved
+from savmap.graph.solver.judgement.agreement import Agreement, Solved
 
 SOFT = 0.1
 NAMES = ("a", "b", "c", "d")

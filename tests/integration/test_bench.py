@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from savmap.maps.map_file import write_map
+from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
+
 BENCH = Path(__file__).parents[2] / "bench"
 
 
@@ -116,6 +119,22 @@ def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     assert figures["inside"] == 0.0
     assert figures["corners_m"] == pytest.approx([0.0173] * 4 * figures["legible"], abs=1e-3)
     assert signs.line(6100, figures).split()[:2] == ["6100", str(len(truth))]
+
+
+def test_formats_are_timed_and_faults_end_with_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import exports
+
+    row = RowMap("A", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, int), np.zeros((0, 4, 4))), {}, ())
+    write_map(SiteMap({"A": row}, {}), tmp_path / "map.json")
+    arguments = [str(tmp_path / "map.json"), "--rows", "2", "--format", "glb", "usda", "-o", str(tmp_path / "out")]
+    assert exports.main([*arguments, "--skip-validators"]) == 0
+    assert (tmp_path / "out" / "map-usda.usda").is_file()
+    monkeypatch.setattr(exports, "VALIDATORS", {"glb": {"mine": lambda path: [f"{path.name} is odd"]}})
+    assert exports.main(arguments) == 1
+    assert "mine: 1 faults" in capsys.readouterr().out
+    assert set(exports.VALIDATORS) <= set(exports.FORMATS)
 
 
 def test_lamps_count_as_a_rows_elements() -> None:

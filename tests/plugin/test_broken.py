@@ -53,7 +53,7 @@ def test_maps_are_exported_and_an_unknown_format_names_it(broken: str, tmp_path:
     write_map(SiteMap({}, {}), tmp_path / "map.json")
     export(tmp_path / "map.json", "csv", tmp_path / "map.csv")
     assert (tmp_path / "map.csv").is_file()
-    with pytest.raises(SiteError, match=r"known formats are csv, .*ply") as caught:
+    with pytest.raises(SiteError, match=r"known formats are .*csv, .*ply") as caught:
         export(tmp_path / "map.json", "obj", tmp_path / "map.obj")
     assert REASONS[broken] in str(caught.value)
 

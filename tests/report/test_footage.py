@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from savmap.geometry.sphere import panorama_pixels_from_rays
-from savmap.report.footage import DOUBTED, HEIGHT_PX, SHOWN, WIDTH_PX, footage_views, looking_at
 from savmap.report.page import Report, page_text
+from savmap.report.page.footage import DOUBTED, HEIGHT_PX, SHOWN, WIDTH_PX, footage_views, looking_at
 from savmap.types import Doubt, Floats, FrameTable, RowMap, SiteMap, Still, Structure, Trajectory, Verdict
 
 HEIGHT = 512

@@ -13,6 +13,7 @@ from savmap_lights.doubts import doubts_of, is_whole
 from savmap_lights.features import extract_features
 from savmap_lights.open_ends import with_light_beyond, with_open_ends
 from savmap_lights.scores import centre_of, score_lamps
+from savmap_lights.solids import with_solids
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
 
@@ -111,8 +112,10 @@ class Lights:
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
         """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one end in sight, the
-        other is as far as it was seen, and not known along x. Light beyond a lamp that none explains is in its attributes."""
-        return with_light_beyond(with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks), tracks)
+        other is as far as it was seen, and not known along x. Light beyond a lamp that none explains is in its attributes. The space that
+        a lamp fills has an assumed width and height."""
+        lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
+        return with_light_beyond(with_solids(lamps), tracks)
 
     @hookimpl
     def doubt(self, structures: Sequence[Structure]) -> list[door.Doubt]:

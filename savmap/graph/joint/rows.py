@@ -24,6 +24,7 @@ from savmap.graph.keys import centre_key, frame_key, rekey, row_of
 from savmap.graph.problem import Problem
 from savmap.graph.solver.elimination import KeyPosition, aisle_positions, hub_keys, ordering_of
 from savmap.graph.solver.halves import half_differences
+from savmap.graph.solver.judgement.reference_tests import tested_keys
 from savmap.graph.solver.levenberg_marquardt import LevenbergMarquardt
 from savmap.graph.solver.optimise import (
     Iterate,
@@ -32,7 +33,6 @@ from savmap.graph.solver.optimise import (
     converged,
     solution_of,
 )
-from savmap.graph.solver.reference_tests import tested_keys
 from savmap.graph.solver.residuals import fit_of
 from savmap.graph.solver.solution import Solution
 from savmap.types import Floats, Ints

@@ -19,13 +19,13 @@ from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.astray import frames_astray, without_frames
-from savmap.graph.solver.contradictions import Judgement, judged
 from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.judgement.contradictions import Judgement, judged
+from savmap.graph.solver.judgement.lookalikes import measured_for
+from savmap.graph.solver.judgement.reference_tests import refuse_unseen, tested_keys
+from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
-from savmap.graph.solver.lookalikes import measured_for
-from savmap.graph.solver.reference_tests import refuse_unseen, tested_keys
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
-from savmap.graph.solver.soft_references import softened
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
 from savmap.types import Floats, Trajectory
 
@@ -186,7 +186,7 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit, judgement.mistaken)
     solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
-    return replace(solution, doubts=judgement.doubts, unchecked=judgement.unchecked)
+    return replace(solution, doubts=(*solution.doubts, *judgement.doubts), unchecked=judgement.unchecked)
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:

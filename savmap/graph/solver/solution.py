@@ -11,7 +11,7 @@ from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.halves import HalfDifference
-from savmap.graph.solver.reference_tests import ReferenceTest, reference_tests, refuse_contradiction
+from savmap.graph.solver.judgement.reference_tests import ReferenceTest, reference_tests, refuse_contradiction
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.report.evaluation import mean_absolute_error, named_counts
-from savmap.report.footage import FootageView, footage_views
 from savmap.report.numbers import centimetres, duration, fixed
 from savmap.report.orthophotos import photo_view
+from savmap.report.page.footage import FootageView, footage_views
 from savmap.report.page.summary import Report, Summary, total_counts
 from savmap.report.page.ties import is_tie_off
 from savmap.report.page.uncertainty import hints

@@ -128,6 +128,8 @@ def test_lamps_are_mapped_from_a_known_path() -> None:
         assert np.abs(structure.vertices.mean(axis=0) - truth.mean(axis=0)).max() < 0.02
         assert np.abs(structure.vertices - truth).max() < 0.04
         assert (np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)) < 0.05).all()
+        assert structure.solid is not None
+        assert np.ptp(structure.solid.outline[:, 0]) == pytest.approx(np.ptp(structure.vertices[:, 0]), abs=0.01)
 
 
 def test_lamps_seen_in_every_third_frame_are_as_well_supported() -> None:

@@ -18,6 +18,10 @@ SAME_M = 0.005
 """Heights that differ by less are one in a chain of dimensions."""
 
 
+SKEW = 1e-3
+"""What is askew by less is seen straight on."""
+
+
 @dataclass(frozen=True, eq=False)
 @array_record
 class Shape:
@@ -40,12 +44,12 @@ class Dimension:
 
 def elevation(row: RowMap) -> list[Shape]:
     """The row as one faces it."""
-    return [shape for one in _structures(row) for shape in _shapes(one, (0, 1), 1.0, hull=False)]
+    return [shape for one in _structures(row) for shape in _shapes(one, (0, 1), 1.0)]
 
 
 def plan(row: RowMap) -> list[Shape]:
     """The row from above."""
-    return [shape for one in _structures(row) for shape in _shapes(one, (0, 2), -1.0, hull=True)]
+    return [shape for one in _structures(row) for shape in _shapes(one, (0, 2), -1.0)]
 
 
 def reach(shapes: Sequence[Shape]) -> tuple[Floats, Floats]:
@@ -96,15 +100,16 @@ def _reach_of(structure: Structure) -> tuple[float, float, float]:
     return float(outline[:, 0].min()), float(outline[:, 0].max()), float(outline[:, 1].max())
 
 
-def _shapes(structure: Structure, axes: tuple[int, int], way: float, hull: bool) -> list[Shape]:
-    """A structure's solid, by its outline or by all that it covers, or its edges, along two of the row's axes, the other of which may be
-    turned round."""
+def _shapes(structure: Structure, axes: tuple[int, int], way: float) -> list[Shape]:
+    """A structure's solid, or its edges, along two of the row's axes, the other of which may be turned round. A solid is its outline where it
+    is looked at along its depth, else all that it covers."""
     turn = np.array([1.0, way])
     if structure.solid is not None:
-        outline = structure.solid.outline
-        points = np.concatenate([outline, outline + structure.solid.depth]) if hull else outline
-        flat = points[:, axes] * turn
-        return [Shape(structure, _hull(flat) if hull else flat, closed=True)]
+        outline, depth = structure.solid.outline, structure.solid.depth
+        if np.abs(depth[[*axes]]).max() < SKEW * np.linalg.norm(depth):
+            return [Shape(structure, outline[:, axes] * turn, closed=True)]
+        flat = np.concatenate([outline, outline + depth])[:, axes] * turn
+        return [Shape(structure, _hull(flat), closed=True)]
     flat = structure.vertices[:, axes] * turn
     ends = [flat[edge] for edge in structure.edges] or [flat[k : k + 1] for k in range(len(flat))]
     return [Shape(structure, points, closed=False) for points in ends]

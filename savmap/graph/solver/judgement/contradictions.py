@@ -17,10 +17,10 @@ from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import SCALE_LIMIT
 from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross, line_of
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.agreement import Agreement, Names, Solved
-from savmap.graph.solver.lookalikes import Span, spans_of
-from savmap.graph.solver.reference_tests import solved_references
-from savmap.graph.solver.soft_references import with_sigmas, without
+from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
+from savmap.graph.solver.judgement.lookalikes import Span, spans_of
+from savmap.graph.solver.judgement.reference_tests import solved_references
+from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.types import Doubt, Floats, ReferenceUse
 
 KNOWN_M = 0.05

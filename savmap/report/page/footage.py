@@ -20,7 +20,7 @@ MOST_VIEWS, USUAL_VIEWS = 6, 2
 NEAR_M = 0.1
 """Nearer to the camera's plane, nothing is drawn."""
 SHOWN, DOUBTED, UNDER = (86, 205, 255), (255, 120, 40), (0, 0, 0)
-"""Lines in RGB, over a dark one: they are seen on light and on dark footage."""
+"""Lines in RGB, over a dark one: they are seen on bright and on dark footage."""
 
 Picture = NDArray[np.uint8]
 
