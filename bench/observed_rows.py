@@ -108,6 +108,20 @@ def driven_row(
     """A random row and what a camera (with `optics`) saw that was pushed along it once, 1.5 m away and 3 m high."""
     rng = np.random.default_rng([seed, 46])
     shelves = rack(rng, sections, levels)
+    return driven_along(shelves, seed, rng, errors, frames_a_section, sigma_px, optics)
+
+
+def driven_along(
+    shelves: dict[str, Any],
+    seed: int,
+    rng: np.random.Generator,
+    errors: MaskErrors,
+    frames_a_section: int = 20,
+    sigma_px: float | None = None,
+    optics: Optics | None = None,
+) -> DrivenRow:
+    """A rack and what a camera saw that was pushed along it once; `rng` draws the camera's height."""
+    sections = len(shelves["bays"])
     length = sum(bay["width"] + 0.1 for bay in shelves["bays"]) + 0.1
     cart = {
         "start": [-1.0, 1.5],

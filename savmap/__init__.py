@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError
-    from savmap.jobs.api import align, evaluate, export, load_map, map_site, map_video
+    from savmap.jobs.api import align, compare, evaluate, export, load_map, map_site, map_video
+    from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
     from savmap.maps.map_file import write_map
     from savmap.plugin.hookspecs import hookimpl
     from savmap.plugin.protocol import Plugin
@@ -41,8 +42,11 @@ if TYPE_CHECKING:
     from savmap.types.progress import Monitor
 
 __all__ = [
+    "Comparison",
     "CrossRowLandmark",
     "Detection",
+    "Difference",
+    "ElementChange",
     "Evaluation",
     "Feature",
     "FrameTable",
@@ -51,8 +55,10 @@ __all__ = [
     "Placement",
     "Plugin",
     "ReferenceUse",
+    "RowComparison",
     "RowFacts",
     "RowMap",
+    "RowMotion",
     "SavmapError",
     "Score",
     "SiteMap",
@@ -64,6 +70,7 @@ __all__ = [
     "ViewPlan",
     "ViewSpec",
     "align",
+    "compare",
     "evaluate",
     "export",
     "hookimpl",
@@ -78,7 +85,10 @@ _MODULES = {
     "write_map": "savmap.maps.map_file",
     "hookimpl": "savmap.plugin.hookspecs",
     "Plugin": "savmap.plugin.protocol",
-    **dict.fromkeys(("align", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
+    **dict.fromkeys(
+        ("Comparison", "Difference", "ElementChange", "RowComparison", "RowMotion"), "savmap.maps.comparison"
+    ),
+    **dict.fromkeys(("align", "compare", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
 }
 
 

@@ -102,6 +102,12 @@ class DoubtfulError(SavmapError):
     exit_code = 12
 
 
+class ChangedError(SavmapError):
+    """Two maps of a place were compared, and something is not as it was."""
+
+    exit_code = 13
+
+
 @contextmanager
 def ending_in_one_line() -> Iterator[None]:
     """For modules that are run with `python -m`: an expected error ends the program with its line and exit code."""

@@ -16,6 +16,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "demo": mapping.demo,
     "evaluate": results.evaluate,
     "report": results.report,
+    "compare": results.compare,
     "view": results.view,
     "export": results.export,
     "align": results.align,

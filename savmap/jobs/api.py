@@ -8,11 +8,12 @@ from savmap.errors import SiteError
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
+from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.exports import export_map
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters
-from savmap.report.site_report import evaluation_of, plugins_of_map
+from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
@@ -80,6 +81,16 @@ def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
     """
     truth = survey if isinstance(survey, Survey) else read_survey(Path(survey))
     return evaluation_of(site_map, truth, plugins_of_map(site_map))
+
+
+def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEVEL) -> Comparison:
+    """What changed from an old map of a place to a new one (records, or paths of map.json), and what of it both can tell.
+
+    Rows are known by their names; how their frames lie is found from what both maps have. level: the share of false ones among the changes
+    that is accepted. Raises OutputError for a file that is no map, PluginError for a plugin that fails.
+    """
+    before, after = (one if isinstance(one, SiteMap) else read_map(Path(one)) for one in (old, new))
+    return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 
 def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:

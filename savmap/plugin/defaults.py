@@ -54,6 +54,12 @@ def doubt(structures: Sequence[Structure]) -> list[Doubt]:
 
 
 @hookimpl(trylast=True)
+def openings(structures: Sequence[Structure]) -> list[Structure]:
+    """No space between them matters."""
+    return []
+
+
+@hookimpl(trylast=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Other rows have none of them."""
     return []

@@ -121,6 +121,12 @@ def doubt(structures: Sequence[Structure]) -> list[Doubt]:
 
 
 @hookspec(firstresult=True)
+def openings(structures: Sequence[Structure]) -> list[Structure]:
+    """Comparison of two dates: the spaces between a row's structures whose clear width and height matter, as structures of a label of their
+    own. Default: none."""
+
+
+@hookspec(firstresult=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows give
     the same position. Default: none."""

@@ -298,6 +298,10 @@ class LoadedPlugin:
             "doubt", Doubt, lambda doubts: checks.check_doubts(doubts, structures), structures=structures
         )
 
+    def openings(self, structures: Sequence[Structure]) -> list[Structure]:
+        """The spaces between the structures whose clear width and height matter."""
+        return self._ask_list("openings", Structure, checks.check_structures, structures=structures)
+
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         """Which of the structures other rows may have mapped too."""
         return self._ask_list(

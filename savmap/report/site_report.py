@@ -6,15 +6,18 @@ from pathlib import Path
 from typing import Any
 
 from savmap.errors import OutputError
+from savmap.files.atomic import write_text
+from savmap.maps.comparison import Comparison, compare_maps, comparison_text
 from savmap.maps.map_file import read_map
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
 from savmap.maps.survey import read_survey
-from savmap.plugin.manager import LoadedPlugin, open_plugin
+from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
+from savmap.report.page.comparison import Dates, write_comparison
 from savmap.report.viewer import View, write_view
-from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Survey
+from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
@@ -77,6 +80,24 @@ def viewed(source: Path, survey_file: Path | None = None, fresh: bool = False) -
     return page, True
 
 
+def compare_files(
+    old_file: Path, new_file: Path, level: float, page: Path | None = None, json_file: Path | None = None
+) -> Comparison:
+    """Two map files compared, with the page and the JSON file that are wanted; the page shows the orthophotos that lie beside both maps.
+    Raises SavmapError."""
+    if page is not None and page.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
+    old, new = read_map(old_file), read_map(new_file)
+    comparison = compare_maps(old, new, (openings_of(old), openings_of(new)), level)
+    if json_file is not None:
+        write_text(json_file, comparison_text(comparison))
+    if page is not None:
+        old_photos = read_orthophotos(old.rows, old_file.parent)
+        new_photos = read_orthophotos(new.rows, new_file.parent)
+        write_comparison(Dates(old, new, comparison, old_photos, new_photos), page)
+    return comparison
+
+
 def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:
     """A map file against a survey file. Raises SavmapError."""
     site_map = read_map(map_file)
@@ -89,6 +110,20 @@ def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
     plugins = {name: open_plugin(name, {}) for name in names}
     return dict.fromkeys(site_map.rows, plugins)
+
+
+def openings_of(site_map: SiteMap) -> dict[str, dict[str, list[Structure]]]:
+    """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are not installed."""
+    openings: dict[str, dict[str, list[Structure]]] = {}
+    opened: dict[str, LoadedPlugin | None] = {}
+    for row in site_map.rows.values():
+        for name, structures in row.structures.items():
+            if name not in opened:
+                opened[name] = open_plugin(name, {}) if name in load_installed().classes else None
+            plugin = opened[name]
+            if plugin is not None:
+                openings.setdefault(row.name, {})[name] = plugin.openings(structures)
+    return openings
 
 
 def evaluation_of(site_map: SiteMap, survey: Survey, plugins: PluginsByRow) -> Evaluation:

@@ -37,6 +37,21 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
 
 
 @pytest.mark.slow
+def test_changes_of_a_made_up_row_are_told(tmp_path: Path) -> None:
+    import compare
+    from compared_rows import pair
+
+    found = [
+        one
+        for case in ("nothing", "beams")
+        for one in compare.outcomes(pair(case, 1, "fine", 5, tmp_path), compare.LEVEL)
+    ]
+    assert {one.kind for one in found if one.told in compare.CHANGED} >= {"beam 10 mm", "beam 50 mm"}
+    assert sum(one.told in compare.CHANGED and not one.kind for one in found) <= 2
+    assert any(line.startswith("all ") for line in compare.table(found))
+
+
+@pytest.mark.slow
 def test_what_is_off_about_a_camera_is_found() -> None:
     import calibration
 

@@ -130,6 +130,13 @@ def ask_doubt() -> dict[str, Any]:
     return given
 
 
+def ask_openings() -> dict[str, Any]:
+    plugin, given = asked("openings", [THING])
+    assert plugin.openings([THING]) == [THING]
+    assert asked("describe", [])[0].openings([THING]) == []
+    return given
+
+
 def ask_cross_row_landmarks() -> dict[str, Any]:
     thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
     plugin, given = asked("cross_row_landmarks", [thing])
@@ -193,6 +200,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "describe": ask_describe,
     "relate": ask_relate,
     "doubt": ask_doubt,
+    "openings": ask_openings,
     "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
     "draw": ask_draw,

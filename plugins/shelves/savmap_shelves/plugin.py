@@ -124,6 +124,12 @@ class Shelves:
         return doubts_of(structures)
 
     @hookimpl
+    def openings(self, structures: Sequence[Structure]) -> list[Structure]:
+        from savmap_shelves.report.openings import openings
+
+        return openings(structures)
+
+    @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.mapping import cross_row_landmarks
 

@@ -42,6 +42,34 @@ def report(
     say(f"wrote {output}")
 
 
+def compare(
+    old_file: Annotated[Path, typer.Argument(metavar="OLD", help="The map.json of the earlier date.")],
+    new_file: Annotated[Path, typer.Argument(metavar="NEW", help="The map.json of the later date.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PAGE", help="Write an HTML page that shows both dates.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write all that was compared as JSON.")
+    ] = None,
+    level: Annotated[
+        float, typer.Option(min=1e-6, max=0.5, help="Share of false ones among the changes that is accepted.")
+    ] = 0.1,
+    exit_code: Annotated[bool, typer.Option("--exit-code", help="End with 13 if anything changed.")] = False,
+) -> None:
+    """Say what changed from one map of a place to a later one."""
+    from savmap.errors import ChangedError
+    from savmap.maps.comparison import comparison_lines
+    from savmap.report.site_report import compare_files
+
+    comparison = compare_files(old_file, new_file, level, output, json_file)
+    for line in comparison_lines(comparison):
+        say(line)
+    for path in filter(None, (output, json_file)):
+        say(f"wrote {path}")
+    if exit_code and comparison.changed:
+        raise ChangedError(f"{new_file}: not as {old_file} has it")
+
+
 def view(
     source: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a map, or its map.json.")] = Path(
         "out"

@@ -1,0 +1,29 @@
+"""Two maps of one place, made at different times: what both share, and what changed."""
+
+from savmap.maps.comparison.compare import LEVEL, Openings, compare_maps
+from savmap.maps.comparison.records import (
+    CHANGES,
+    Comparison,
+    Difference,
+    ElementChange,
+    RowComparison,
+    RowMotion,
+    State,
+)
+from savmap.maps.comparison.texts import as_json, comparison_lines, comparison_text
+
+__all__ = [
+    "CHANGES",
+    "LEVEL",
+    "Comparison",
+    "Difference",
+    "ElementChange",
+    "Openings",
+    "RowComparison",
+    "RowMotion",
+    "State",
+    "as_json",
+    "compare_maps",
+    "comparison_lines",
+    "comparison_text",
+]

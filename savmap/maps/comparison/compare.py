@@ -1,0 +1,103 @@
+"""Two maps of one place compared: rows by name, each row's frame found anew in the other's, and every element of both."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from savmap.maps.comparison.changes import judged, pairs_compared, unpaired
+from savmap.maps.comparison.elements import coverage_of, elements_of, kinds_of
+from savmap.maps.comparison.motion import HEADING, SCALE, T, fit, half_turn
+from savmap.maps.comparison.readings import GATE_M, Reading, best_readings, paired
+from savmap.maps.comparison.records import Comparison, ElementChange, RowComparison, RowMotion
+from savmap.types import RowMap, SiteMap, Structure
+
+LEVEL = 0.1
+"""Of what is told as a change, at most this share is chance."""
+Openings = Mapping[str, Mapping[str, Sequence[Structure]]]
+"""By row and plugin, what is between structures, such as the clear space of which somebody cares how wide and high it is."""
+
+
+def compare_maps(
+    old: SiteMap,
+    new: SiteMap,
+    openings: tuple[Openings, Openings] = ({}, {}),
+    level: float = LEVEL,
+) -> Comparison:
+    """What changed from the old to the new map, and what of it both can tell. Rows are known by their names; a row that the other map's run
+    failed to map is neither new nor missing."""
+    rows = [
+        _row_compared(row, new.rows[name], (openings[0].get(name, {}), openings[1].get(name, {})))
+        for name, row in old.rows.items()
+        if name in new.rows
+    ]
+    missing = tuple(name for name in old.rows if name not in new.rows and name not in new.failed)
+    added = tuple(name for name in new.rows if name not in old.rows and name not in old.failed)
+    return Comparison(tuple(_all_judged(rows, level)), missing, added, level)
+
+
+def _all_judged(rows: Sequence[RowComparison], level: float) -> list[RowComparison]:
+    """Elements of all rows are one family of tests, openings another."""
+    elements = judged([row.elements for row in rows], level)
+    openings = judged([row.openings for row in rows], level)
+    return [
+        replace(row, elements=of_elements, openings=of_openings)
+        for row, of_elements, of_openings in zip(rows, elements, openings, strict=True)
+    ]
+
+
+def _row_compared(
+    before: RowMap,
+    after: RowMap,
+    openings: tuple[Mapping[str, Sequence[Structure]], Mapping[str, Sequence[Structure]]],
+) -> RowComparison:
+    kinds = kinds_of(before.structures, after.structures)
+    old, new = elements_of(before.structures, kinds), elements_of(after.structures, kinds)
+    covers = coverage_of(before, old), coverage_of(after, new)
+    readings = best_readings(old, new, covers)
+    if not readings:
+        return RowComparison(before.name, after.name, None)
+    best = readings[0]
+    carried = best.fit.carried(old.middles)
+    back = half_turn(new.middles - best.fit.unknowns[T], best.fit.turned)
+    changes: list[ElementChange] = [
+        *pairs_compared(old, new, best.pairs, best.fit),
+        *unpaired(old, [i for i, _ in best.pairs], carried, carried, covers[1], "missing"),
+        *unpaired(new, [j for _, j in best.pairs], back, new.middles, covers[0], "new"),
+    ]
+    return RowComparison(
+        before.name,
+        after.name,
+        _motion(best, readings[1:]),
+        tuple(sorted(changes, key=_from_left)),
+        tuple(sorted(_openings_compared(*openings, best), key=_from_left)),
+    )
+
+
+def _from_left(change: ElementChange) -> tuple[float, str]:
+    return float(change.position_m[0]), change.name
+
+
+def _openings_compared(
+    before: Mapping[str, Sequence[Structure]], after: Mapping[str, Sequence[Structure]], reading: Reading
+) -> list[ElementChange]:
+    """Openings on both dates, paired where the rows' elements place them. Their sizes have errors in common of their own."""
+    kinds = kinds_of(before, after)
+    old, new = elements_of(before, kinds), elements_of(after, kinds)
+    pairs = paired(old, new, reading.fit.carried(old.middles), GATE_M)
+    return list(pairs_compared(old, new, pairs, fit(old, new, pairs, reading.fit.turned), True)) if pairs else []
+
+
+def _motion(best: Reading, others: Sequence[Reading]) -> RowMotion:
+    """The motion of the row's frame, from that about the row's middle."""
+    found = best.fit
+    turn, half = float(found.unknowns[HEADING]), np.pi if found.turned else 0.0
+    lever = half_turn(np.zeros((1, 3)), found.turned)[0] - found.about
+    middle = found.about + found.unknowns[T]
+    shift = middle + np.array([lever[0] + turn * lever[2], lever[1], lever[2] - turn * lever[0]])
+    chosen = [0, 1, 2, HEADING]
+    units = np.diag([1.0, 1.0, 1.0, float(np.degrees(1.0))])
+    covariance = units @ found.covariance[np.ix_(chosen, chosen)] @ units
+    scale = np.array([*found.unknowns[SCALE], 0.0])
+    others_m = tuple(float(one.shift_m - best.shift_m) for one in others)
+    return RowMotion(shift, float(np.degrees(turn + half)), covariance, scale, middle, len(best.pairs), others_m)

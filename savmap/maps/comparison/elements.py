@@ -1,0 +1,129 @@
+"""What of a row is compared: its structures as boxes along the row's axes with texts, and the part of the row that the camera passed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.maps.search import WRITTEN
+from savmap.types import Floats, Ints, Measured, RowMap, Structure, array_record
+
+LEAST_REACH_M, REACH_SHARE = 0.5, 0.5
+"""How far beyond its places a camera is taken to see an element whole: as a share of its distance from the face."""
+SAME_SIZE_M = 0.002
+SURE = 0.999
+"""No text counts as read with more certainty than this."""
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Elements:
+    """The n structures of a row: middles (n, 3) and sizes (n, 3) m along the axes with standard deviations, `groups` (n,) numbers of the
+    `kinds` (plugin, label), texts (n) with the chance (n,) that each is misread, and the structures."""
+
+    structures: tuple[Structure, ...]
+    kinds: tuple[tuple[str, str], ...]
+    groups: Ints
+    middles: Floats
+    middle_sigmas: Floats
+    sizes: Floats
+    size_sigmas: Floats
+    texts: tuple[str, ...]
+    misread: Floats
+
+    def __len__(self) -> int:
+        return len(self.structures)
+
+
+def elements_of(structures: Mapping[str, Sequence[Structure]], kinds: Sequence[tuple[str, str]]) -> Elements:
+    """Structures by plugin as elements of these kinds, in the order along x."""
+    named = [(plugin, one) for plugin, group in structures.items() for one in group if len(one.vertices)]
+    named.sort(key=lambda item: float(item[1].vertices[:, 0].mean()))
+    boxes = [_box(one) for _, one in named]
+    columns = [np.array([box[k] for box in boxes]).reshape(-1, 3) for k in range(4)]
+    return Elements(
+        tuple(one for _, one in named),
+        tuple(kinds),
+        np.array([kinds.index((plugin, one.label)) for plugin, one in named], dtype=np.int64),
+        columns[0],
+        columns[1],
+        columns[2],
+        columns[3],
+        tuple(_text(one) for _, one in named),
+        np.array([_misread(one) for _, one in named], dtype=np.float64),
+    )
+
+
+def kinds_of(*rows: Mapping[str, Sequence[Structure]]) -> list[tuple[str, str]]:
+    """The kinds (plugin, label) of structures by plugin."""
+    return sorted({(plugin, one.label) for row in rows for plugin, group in row.items() for one in group})
+
+
+def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
+    """Middle, its standard deviations, size, its standard deviations (3,) along the axes: from the means of the vertices on either side.
+    Errors of the two sides are taken for equal where the middle is concerned, and for independent where the size is."""
+    count = len(structure.vertices)
+    spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
+    order = np.argsort(structure.vertices, axis=0, kind="stable")
+    half = max(count // 2, 1)
+    sides = [order[:half], order[-half:]]
+    low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in sides)
+    of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in sides)
+    sigma = (np.sqrt(of_low) + np.sqrt(of_high)) / 2
+    size_sigma = np.sqrt(of_low + of_high)
+    size = high - low
+    for value, known in measured(structure).values():
+        same = np.abs(size - value) < SAME_SIZE_M
+        size_sigma = np.where(same & (size > SAME_SIZE_M), known, size_sigma)
+    return (low + high) / 2, sigma, size, size_sigma
+
+
+def measured(structure: Structure) -> dict[str, tuple[float, float]]:
+    """The attributes in metres that have a standard deviation, such as `width_m` beside `width_sigma_m`: value and sigma by name."""
+    found = {}
+    for name, value in structure.attributes.items():
+        if not name.endswith("_m") or isinstance(value, str) or name.endswith("_sigma_m"):
+            continue
+        sigma = value.sigma if isinstance(value, Measured) else structure.attributes.get(f"{name[:-2]}_sigma_m")
+        if isinstance(sigma, int | float) and sigma > 0:
+            found[name] = (float(value), float(sigma))
+    return found
+
+
+def _text(structure: Structure) -> str:
+    return next((str(structure.attributes[name]) for name in WRITTEN if structure.attributes.get(name)), "")
+
+
+def _misread(structure: Structure) -> float:
+    """The chance that a text is misread, by the attribute `confidence`, where there is one."""
+    confidence = structure.attributes.get("confidence", 1.0)
+    sure = float(confidence) if isinstance(confidence, int | float) else 1.0
+    return 1 - min(max(sure, 0.0), SURE)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Coverage:
+    """What of a row the camera passed: places (n,) m along x, from each of which it sees `reach_m` far to either side; the plugins that were asked."""
+
+    places: Floats
+    reach_m: float
+    plugins: frozenset[str]
+
+    def has(self, plugin: str, x: float, size: float) -> bool:
+        """Whether a plugin would have found something of a size along x, with its middle there."""
+        if plugin not in self.plugins or not len(self.places):
+            return False
+        ends = np.array([x - size / 2, x, x + size / 2])
+        return bool(np.abs(self.places[None] - ends[:, None]).min(axis=1).max() <= self.reach_m)
+
+
+def coverage_of(row: RowMap, elements: Elements) -> Coverage:
+    """From the camera's places, and from what was mapped. A row that is filmed in part goes on where the path ends, so that only what was
+    passed whole counts as seen."""
+    poses = row.trajectory.world_from_rig
+    reach = LEAST_REACH_M
+    if len(poses):
+        reach = max(REACH_SHARE * float(np.median(np.abs(poses[:, 2, 3]))), LEAST_REACH_M)
+    ends = [elements.middles[:, 0] + side * elements.sizes[:, 0] / 2 for side in (-1, 0, 1)]
+    return Coverage(np.concatenate([poses[:, 0, 3], *ends]), reach, frozenset(row.structures))

@@ -1,0 +1,130 @@
+"""Records of a comparison: two maps of one place, made at different times."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from savmap.types import Floats, array_record
+
+State = Literal["same", "moved", "changed", "new", "missing", "not seen"]
+"""`moved`: its middle is elsewhere. `changed`: its size, its text or another of its figures is another. `not seen`: one map has it, and
+the other's camera did not pass there, or its plugin was not asked."""
+CHANGES: tuple[State, ...] = ("moved", "changed", "new", "missing")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A figure of an element on both dates.
+
+    `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or texts; an old place
+    stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what all likes have in common; `sigma_m` is
+    its standard deviation, and `p` the chance of at least as much where nothing changed. Texts have neither difference nor sigma.
+    """
+
+    what: str
+    old: float | str
+    new: float | str
+    p: float
+    difference_m: float | None = None
+    sigma_m: float | None = None
+    significant: bool = False
+
+    @property
+    def sigmas(self) -> float:
+        """The difference in standard deviations; 0 for texts."""
+        return abs(self.difference_m / self.sigma_m) if self.difference_m is not None and self.sigma_m else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class ElementChange:
+    """An element of a row on both dates: its ids (None: that map has none), the text on it, the middle (3,) m in the new row's frame, and
+    the figures that were tested. `p` is the least of theirs."""
+
+    plugin: str
+    label: str
+    state: State
+    old_id: str | None
+    new_id: str | None
+    text: str
+    position_m: Floats
+    differences: tuple[Difference, ...] = ()
+    p: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """The new id, or the old one of what is not there any more."""
+        return self.new_id or self.old_id or ""
+
+    @property
+    def significant(self) -> tuple[Difference, ...]:
+        """What of it differs by more than chance, the least likely first."""
+        return tuple(sorted((one for one in self.differences if one.significant), key=lambda one: one.p))
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class RowMotion:
+    """How the old row's frame lies in the new one's: turned by `heading_deg` about y, counter-clockwise as seen from above, then moved by
+    `shift_m` (3,). `covariance` (4, 4) of the shift in m and the heading in degrees, for a turn about `middle_m` (3,) of the new frame.
+
+    `scale` (3,): by how much more, as a share, the new map measures along each axis from there. `pairs`: elements found in both. `alternatives_m`: shifts
+    along x that fit as well as this one; if there are any, nothing in the row tells which is right.
+    """
+
+    shift_m: Floats
+    heading_deg: float
+    covariance: Floats
+    scale: Floats
+    middle_m: Floats
+    pairs: int
+    alternatives_m: tuple[float, ...] = ()
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether another shift fits as well."""
+        return bool(self.alternatives_m)
+
+    def points(self, points: Floats) -> Floats:
+        """Points (n, 3) of the old row in the new row's frame, scaled as that is."""
+        turn = np.deg2rad(self.heading_deg)
+        cos, sin = np.cos(turn), np.sin(turn)
+        rigid = points @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T + self.shift_m
+        scaled: Floats = rigid + self.scale * (rigid - self.middle_m)
+        return scaled
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class RowComparison:
+    """A row on both dates: its names, how the frames lie (None: nothing in common was found, and nothing is compared), its elements from left
+    to right, and the openings between them, of which only sizes are compared."""
+
+    old: str
+    new: str
+    motion: RowMotion | None
+    elements: tuple[ElementChange, ...] = ()
+    openings: tuple[ElementChange, ...] = ()
+
+    @property
+    def changes(self) -> tuple[ElementChange, ...]:
+        """Elements, then openings, that are not as they were."""
+        return tuple(one for one in (*self.elements, *self.openings) if one.state in CHANGES)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Comparison:
+    """Two maps of one place: rows that both have, and names of rows that only one has. `level`: the share of false ones among the changes
+    that is accepted (Benjamini and Hochberg's false discovery rate)."""
+
+    rows: tuple[RowComparison, ...]
+    missing: tuple[str, ...]
+    new: tuple[str, ...]
+    level: float
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything is not as it was."""
+        return bool(self.missing or self.new) or any(row.changes for row in self.rows)

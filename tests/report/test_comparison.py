@@ -1,0 +1,136 @@
+"""`savmap compare`: two map files make lines, a JSON file, a page and an exit code."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import savmap
+from savmap.cli.app import app
+from savmap.errors import ChangedError, OutputError
+from savmap.maps.map_file import write_map
+from savmap.maps.orthophoto_file import write_orthophoto
+from savmap.report.site_report import compare_files
+from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Structure, Trajectory
+
+RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+HEIGHTS = (0.3, 1.5, 2.6, 3.9)
+
+
+def box(name: str, label: str, x: tuple[float, float], y: tuple[float, float], section: int) -> Structure:
+    corners = np.array([[x[i], y[j], 0.0] for j in (0, 1) for i in (0, 1)])
+    labels = tuple(f"{name} / {corner}" for corner in ("lower left", "lower right", "upper left", "upper right"))
+    return Structure(name, label, corners, np.tile(1e-5 * np.eye(3), (4, 1, 1)), labels, RING, {"section": section})
+
+
+def site(seed: int, lifted_m: float = 0.0, sections: int = 5) -> SiteMap:
+    rng = np.random.default_rng(seed)
+    parts = []
+    for k in range(sections):
+        x = 2.8 * k
+        parts.append(box(f"upright {k + 1}", "upright", (x, x + 0.1), (0.0, 5.0), k + 1))
+        for n, height in enumerate(HEIGHTS):
+            y = height + 0.05 * k + (lifted_m if (k, n) == (2, 2) else 0.0)
+            parts.append(box(f"section {k + 1} / beam {n + 1}", "beam", (x + 0.1, x + 2.8), (y, y + 0.1), k + 1))
+    noisy = [replace(one, vertices=one.vertices + rng.normal(0, 0.001, 3)) for one in parts]
+    poses = np.tile(np.eye(4), (60, 1, 1))
+    poses[:, 0, 3], poses[:, 2, 3] = np.linspace(-1, 2.8 * sections + 1, 60), 1.5
+    frames = FrameTable(np.arange(60.0), ("pass 1",) * 60)
+    return SiteMap({"A": RowMap("A", frames, {}, Trajectory(np.arange(60), poses), {"shelves": tuple(noisy)}, ())}, {})
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    """Maps of two dates, each with an orthophoto beside it."""
+    picture = cv2.imencode(".jpg", np.full((55, 150, 3), 90, np.uint8))[1].ravel()
+    photo = Orthophoto(np.array([-0.5, 0, 0]), np.eye(3)[0], np.eye(3)[1], 0.1, 150, 55, picture)
+    paths = []
+    for name, made in (("old", site(1)), ("new", site(2, lifted_m=0.06))):
+        (tmp_path / name).mkdir()
+        write_map(made, tmp_path / name / "map.json")
+        write_orthophoto("A", photo, tmp_path / name)
+        paths.append(tmp_path / name / "map.json")
+    return paths[0], paths[1]
+
+
+def run(*arguments: object) -> tuple[BaseException | None, str]:
+    result = CliRunner().invoke(app, ["compare", *map(str, arguments)])
+    return result.exception, result.output
+
+
+def test_command_says_what_changed(files: tuple[Path, Path]) -> None:
+    error, output = run(*files)
+    assert error is None
+    assert re.search(r"moved    section 3 / beam 3     y \+\d\d mm", output)
+    assert re.search(r"changed  section 3 / opening 2  size y \+\d\d mm", output)
+    assert re.search(r"changed  section 3 / opening 3  size y -\d\d mm", output)
+    assert "1 moved, 24 same; openings: 2 changed, 18 same" in output
+
+
+def test_changes_end_with_their_own_code_if_asked(files: tuple[Path, Path]) -> None:
+    error, _ = run(*files, "--exit-code")
+    assert isinstance(error, ChangedError)
+    assert error.exit_code == 13
+    assert run(files[0], files[0], "--exit-code")[0] is None
+
+
+def test_json_holds_all_elements(files: tuple[Path, Path], tmp_path: Path) -> None:
+    assert run(*files, "--json", tmp_path / "changes.json")[0] is None
+    content = json.loads((tmp_path / "changes.json").read_text(encoding="utf-8"))
+    assert content["format"] == "savmap-comparison"
+    assert [one["new"] for one in content["rows"][0]["elements"] if one["state"] == "moved"] == ["section 3 / beam 3"]
+    assert len(content["rows"][0]["openings"]) == 20
+
+
+def test_page_shows_both_dates_and_the_photographs(files: tuple[Path, Path], tmp_path: Path) -> None:
+    compare_files(*files, 0.05, tmp_path / "compare.html")
+    page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert page.count('<image href="data:image/jpeg;base64,') == 2
+    assert "Row A: both dates" in page
+    assert re.search(r"<title>section 3 / beam 3: moved y \+\d\d mm", page)
+    assert "expected to be chance" in page
+
+
+def test_page_says_where_nothing_changed(files: tuple[Path, Path], tmp_path: Path) -> None:
+    compare_files(files[0], files[0], 0.05, tmp_path / "compare.html")
+    assert "Nothing changed by more than chance." in (tmp_path / "compare.html").read_text(encoding="utf-8")
+
+
+def test_page_escapes_what_structures_are_called(tmp_path: Path) -> None:
+    made = site(1)
+    rows = {
+        "A": replace(
+            made.rows["A"],
+            structures={
+                "shelves": (
+                    replace(made.rows["A"].structures["shelves"][0], id="<script>alert(1)</script>"),
+                    *made.rows["A"].structures["shelves"][1:],
+                )
+            },
+        )
+    }
+    write_map(replace(made, rows=rows), tmp_path / "old.json")
+    less = replace(made.rows["A"], structures={"shelves": made.rows["A"].structures["shelves"][1:]})
+    write_map(replace(made, rows={"A": less}), tmp_path / "new.json")
+    compare_files(tmp_path / "old.json", tmp_path / "new.json", 0.05, tmp_path / "compare.html")
+    page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert "&lt;script&gt;alert(1)" in page
+    assert "<script>alert(1)" not in page
+
+
+def test_page_is_named_html(files: tuple[Path, Path], tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"name it \.html"):
+        compare_files(*files, 0.05, tmp_path / "compare.pdf")
+
+
+def test_python_compares_records_and_files(files: tuple[Path, Path]) -> None:
+    from_files = savmap.compare(*files)
+    assert from_files.rows[0].changes[0].name == "section 3 / beam 3"
+    from_records = savmap.compare(savmap.load_map(files[0]), savmap.load_map(files[1]), level=0.01)
+    assert len(from_records.rows[0].changes) == 3
+    assert from_records.level == 0.01
