@@ -6,11 +6,13 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Doubt, Floats, Structure
-from savmap_shelves.mapping import MappedSection, sections_of, uprights_of
+from savmap_shelves.mapping import Elements, MappedSection, sections_of, uprights_of
 
 WIDE, NARROW = 1.8, 0.4
 THICK, THIN = 1.7, 0.55
 LEAST_TO_COMPARE = 4
+ODD, ODD_M, ALIKE, MOSTLY = 0.2, 0.01, 0.1, 0.6
+"""A beam is odd by so much of the usual height and so many metres, where most beams are alike: racks are built of few profiles."""
 REGULAR = 0.8
 LEVEL_M = 0.06
 
@@ -54,7 +56,10 @@ def _sizes(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ..
     uprights = uprights_of(structures)
     heights = np.concatenate([np.zeros((0, 2)), *(group.intervals for group in beams)])
     yield from _odd_sizes([*uprights.ids], uprights.intervals, "wide")
-    yield from _odd_sizes([name for group in beams for name in group.ids], heights, "high")
+    implausible = [*_odd_sizes([name for group in beams for name in group.ids], heights, "high")]
+    yield from implausible
+    told = {name for _, ids in implausible for name in ids}
+    yield from (odd for odd in _unlike_their_section(beams) if odd[1][0] not in told)
 
 
 def _odd_sizes(ids: Sequence[str], intervals: Floats, word: str) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -68,6 +73,33 @@ def _odd_sizes(ids: Sequence[str], intervals: Floats, word: str) -> Iterator[tup
                 f"{name} is {100 * size:.1f} cm {word}, others {100 * usual:.1f} cm: something else may be taken for it",
                 (name,),
             )
+
+
+def _unlike_their_section(beams: Sequence[Elements]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Beams whose height is neither that of most of the row nor that of the others of their section, in a row where most have one of these:
+    goods, a label or a deck's rim was taken for one of their edges."""
+    sizes = [np.diff(group.intervals, axis=1)[:, 0] for group in beams]
+    if sum(map(len, sizes)) < LEAST_TO_COMPARE:
+        return
+    usual = float(np.median(np.concatenate(sizes)))
+    beside = [_of_the_others(group, usual) for group in sizes]
+    differences = [
+        np.minimum(np.abs(own - usual), np.abs(own - other)) for own, other in zip(sizes, beside, strict=True)
+    ]
+    if np.mean(np.concatenate(differences) < ALIKE * usual) < MOSTLY:
+        return
+    for group, own, off in zip(beams, sizes, differences, strict=True):
+        for name, size, difference in zip(group.ids, own.tolist(), off.tolist(), strict=True):
+            if difference > max(ODD * usual, ODD_M):
+                height = f"{name} is {100 * size:.1f} cm high, most others {100 * usual:.1f} cm"
+                yield f"{height}: one of its edges may be something else's", (name,)
+
+
+def _of_the_others(sizes: Floats, usual: float) -> Floats:
+    """For each beam of a section (n,) the median of the others; the usual one of the row where there are fewer than two others."""
+    if len(sizes) < 3:
+        return np.full(len(sizes), usual)
+    return np.array([float(np.median(np.delete(sizes, number))) for number in range(len(sizes))])
 
 
 def _levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:

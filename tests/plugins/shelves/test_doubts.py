@@ -41,6 +41,10 @@ def with_a_thin_beam(row: Row) -> None:
     row["sections"][1]["beams"][2] = [2.26, 2.3]
 
 
+def with_an_edge_of_something_else(row: Row) -> None:
+    row["sections"][1]["beams"][2] = [2.2, 2.33]
+
+
 def with_a_level_more(row: Row) -> None:
     row["sections"][4]["beams"].insert(2, [1.7, 1.8])
 
@@ -56,6 +60,11 @@ def with_a_level_less(row: Row) -> None:
         (with_half_a_bay, "upright 3 and upright 4 are 0.50 m apart, others 2.70 m", ("upright 3", "upright 4")),
         (with_a_thick_beam, "section 2 / beam 3 is 27.0 cm high, others 10.0 cm", ("section 2 / beam 3",)),
         (with_a_thin_beam, "section 2 / beam 3 is 4.0 cm high, others 10.0 cm", ("section 2 / beam 3",)),
+        (
+            with_an_edge_of_something_else,
+            "section 2 / beam 3 is 13.0 cm high, most others 10.0",
+            ("section 2 / beam 3",),
+        ),
         (with_a_level_more, "section 5 / beam 3 is at 1.75 m, where no section beside it", ("section 5 / beam 3",)),
         (with_a_level_less, "have a beam at 1.25 m that is missing beside section 3 / beam 1", ("section 3 / beam 1",)),
     ],
@@ -66,6 +75,13 @@ def test_what_is_odd_is_named(spoil: Any, says: str, about: tuple[str, ...]) -> 
     found = doubts_of(structures_of(row))
     assert [doubt.kind for doubt in found] == ["shape"] * len(found)
     assert [doubt.structures for doubt in found if says in doubt.what] == [about]
+
+
+def test_a_section_of_thicker_beams_is_no_error() -> None:
+    row = regular_row()
+    for beam in row["sections"][3]["beams"]:
+        beam[1] += 0.05
+    assert doubts_of(structures_of(row)) == []
 
 
 def test_nothing_mapped_is_not_doubted() -> None:
