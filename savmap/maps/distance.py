@@ -10,6 +10,9 @@ from savmap.errors import SiteError
 from savmap.maps.exports.frames import in_site
 from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
 
+NOT_JOINT = "errors that both share count twice, for this map does not say which they are"
+PLACES = "the rows' places are taken for independent"
+
 
 @dataclass(frozen=True, eq=False)
 @array_record
@@ -22,6 +25,11 @@ class MapVertex:
     number: int
 
     @property
+    def place(self) -> tuple[str, str, str, int]:
+        """Row, plugin, structure's id and number."""
+        return self.row, self.plugin, self.structure.id, self.number
+
+    @property
     def label(self) -> str:
         return self.structure.vertex_labels[self.number]
 
@@ -30,13 +38,13 @@ class MapVertex:
 @array_record
 class VertexDistance:
     """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's, with its covariance
-    (3, 3) m^2. `joint`: the errors that both share are left out of it."""
+    (3, 3) m^2. `remark`: what it does not know; empty where the errors that both share are left out of it."""
 
     first: MapVertex
     second: MapVertex
     apart: Floats
     covariance: Floats
-    joint: bool
+    remark: str = ""
 
     @property
     def length_m(self) -> float:
@@ -56,8 +64,7 @@ class VertexDistance:
         axes = ", ".join(
             f"{axis} {_metres(value, sigma)}" for axis, value, sigma in zip("xyz", self.apart, sigmas, strict=True)
         )
-        remark = "" if self.joint else "; errors that both share count twice, for this map does not say which they are"
-        return f"{_metres(self.length_m, self.sigma_m)} ({axes}){remark}"
+        return f"{_metres(self.length_m, self.sigma_m)} ({axes}){self.remark and '; '}{self.remark}"
 
 
 def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
@@ -68,11 +75,13 @@ def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
         return _between_rows(site, a, b)
     row: RowMap = site.rows[a.row]
     apart = b.structure.vertices[b.number] - a.structure.vertices[a.number]
+    if a.place == b.place:
+        return VertexDistance(a, b, apart, np.zeros((3, 3)))
     if row.joint is None:
         covariance = a.structure.covariances[a.number] + b.structure.covariances[b.number]
-        return VertexDistance(a, b, apart, covariance, joint=False)
+        return VertexDistance(a, b, apart, covariance, NOT_JOINT)
     ends = ((one.plugin, one.structure, one.number) for one in (a, b))
-    return VertexDistance(a, b, apart, row.joint.of_difference(*ends), joint=True)
+    return VertexDistance(a, b, apart, row.joint.of_difference(*ends))
 
 
 def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
@@ -81,7 +90,7 @@ def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
         raise SiteError(f"row {apart[0]} has no place in the site's frame: distances to other rows are not known")
     first, second = (in_site(one.structure, site.placements[one.row]) for one in (a, b))
     covariance = first.covariances[a.number] + second.covariances[b.number]
-    return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, joint=True)
+    return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, PLACES)
 
 
 def _vertex(site: SiteMap, name: str) -> MapVertex:

@@ -109,6 +109,8 @@ class JointCovariance:
 
     def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
         """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the vertex's number."""
+        if (first[0], first[1].id, first[2]) == (second[0], second[1].id, second[2]):
+            return np.zeros((3, 3))
         numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
         own = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
         solved = numbers >= 0

@@ -31,7 +31,7 @@ def post(number: int) -> Structure:
 
 def test_what_both_ends_share_does_not_count() -> None:
     found = vertex_distance(SiteMap({"A": row("A")}, {}), "post 1 / top", "Post 2 / top")
-    assert (found.length_m, found.joint) == (3.0, True)
+    assert (found.length_m, found.remark) == (3.0, "")
     assert found.sigma_m == pytest.approx((2 * OWN) ** 0.5)
     assert str(found).startswith("3.000 m +- 1.4 mm (x 3.000 m")
 
@@ -53,3 +53,10 @@ def test_rows_are_told_apart_and_need_a_common_frame() -> None:
     placed = {"A": Placement(0, 0, 0, np.zeros((3, 3))), "B": Placement(0, -4.0, 0, np.zeros((3, 3)))}
     found = vertex_distance(SiteMap(site.rows, {}, placements=placed), "A: post 1 / top", "B: post 2 / top")
     assert found.length_m == pytest.approx(5.0)
+    assert "taken for independent" in str(found)
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_vertex_is_where_it_is(joint: bool) -> None:
+    found = vertex_distance(SiteMap({"A": row("A", joint)}, {}), "post 1 / top", "post 1 / top")
+    assert (found.length_m, found.sigma_m) == (0.0, 0.0)

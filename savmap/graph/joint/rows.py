@@ -7,6 +7,7 @@ of the joint one. Where the rows contradict one another in this graph, each keep
 
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TypeVar
 
 import gtsam
@@ -33,9 +34,8 @@ from savmap.graph.solver.optimise import (
     converged,
     solution_of,
 )
-from savmap.graph.solver.residuals import fit_of
 from savmap.graph.solver.solution import Solution
-from savmap.types import Floats, Ints
+from savmap.types import Doubt, Floats, Ints
 
 CONTRADICTION_SIGMA = 5.0
 WORSE = 1.5
@@ -57,7 +57,23 @@ def solve_rows(
     pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in iterates]
     solved = _solutions(list(iterates.values()), pictures, site_wide)
     solutions = iter([_with_halves(*pair) for pair in zip(solved, iterates.values(), strict=True)])
-    return [result if isinstance(result, SolveError) else next(solutions) for result in alone]
+    together = [result if isinstance(result, SolveError) else next(solutions) for result in alone]
+    return [_beside_refused(row, together, problems, moments) for row in range(len(together))]
+
+
+def _beside_refused(
+    row: int, results: Sequence[Solution | SolveError], problems: Sequence[Problem], moments: Moments
+) -> Solution | SolveError:
+    """A row's result; with a doubt where another row of the same drive is refused, for what was given for both may be what is wrong."""
+    result = results[row]
+    if isinstance(result, SolveError):
+        return result
+    refused = [
+        Doubt("reference", f"row {problems[other].camera.facts.name}, on the same drive, cannot be mapped: {error}")
+        for other, error in enumerate(results)
+        if isinstance(error, SolveError) and set(moments[row]) & set(moments[other])
+    ]
+    return replace(result, doubts=(*result.doubts, *refused))
 
 
 def _solutions(
@@ -70,8 +86,8 @@ def _solutions(
             return JointRows(iterates, shared, moments, {*site_wide, MARKERS}).solutions()
         except SolveError as error:
             apart = (f"mapped without the other rows of this drive, for together they make no sense: {error}",)
-    notes = [replace(iterate, notes=(*iterate.notes, *apart)) for iterate in iterates]
-    return [_attempt(solution_of, iterate) for iterate in notes]
+    doubts = [Doubt("reference", line) for line in apart]
+    return [_attempt(solution_of, reduce(Iterate.doubted, doubts, iterate)) for iterate in iterates]
 
 
 def _with_halves(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
@@ -187,8 +203,11 @@ def _poses(iterate: Iterate, frames: Ints) -> Floats:
 def _moved(iterate: Iterate, values: gtsam.Values, row: int) -> Iterate:
     """A row's iterate at the joint optimum; the kept measurements stay the same."""
     estimate = estimate_of(iterate.problem, values_of_row(values, row), iterate.estimate)
-    fit = fit_of(iterate.problem, estimate, iterate.fit.kept, np.inf)
-    return replace(iterate, estimate=estimate, fit=replace(iterate.fit, errors=fit.errors, scale=fit.scale))
+    errors, kept = iterate.problem.residuals(estimate.poses, estimate.points), iterate.fit.kept
+    before = float((iterate.fit.errors[kept] ** 2).sum())
+    times = float((errors[kept] ** 2).sum()) / before if before else 1.0
+    fit = replace(iterate.fit, errors=errors, scale=iterate.fit.scale * times**0.5)
+    return replace(iterate, estimate=estimate, fit=fit)
 
 
 def _parts(iterates: Sequence[Iterate], whole: Covariance) -> list[Covariance]:

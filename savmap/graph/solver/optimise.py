@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
-from savmap.types import Floats, Trajectory
+from savmap.types import Doubt, Floats, Trajectory
 
 Mask = NDArray[np.bool_]
 SETTLED = 1e-4
@@ -79,6 +80,11 @@ class Iterate:
     def huber(self) -> Floats:
         """Where (n,) Huber's loss of them turns from squares: persisting errors are not the more often outliers for that."""
         return np.asarray(HUBER / np.sqrt(self.persistence.solved))
+
+    def doubted(self, doubt: Doubt) -> "Iterate":
+        """With something more that speaks against it."""
+        judgement = self.judgement or Judgement(self.problem)
+        return replace(self, judgement=replace(judgement, doubts=(*judgement.doubts, doubt)))
 
     @property
     def reported(self) -> "Iterate":
@@ -136,11 +142,14 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     chosen = options or SolveOptions()
     iterate = _converged(problem, chosen)
     astray = frames_astray(iterate.problem, iterate.estimate.poses, iterate.estimate.points)
-    left = without_frames(problem, astray) if len(astray) else problem
-    if left is problem:
+    if not len(astray):
         return iterate
-    again = _converged(left, chosen)
     numbers = ", ".join(map(str, astray.tolist()))
+    left = without_frames(problem, astray)
+    if left is problem:
+        what = f"frame {numbers} was solved far from those before and after: what was seen in it may be something else"
+        return iterate.doubted(Doubt("motion", what, frame=int(astray[0])))
+    again = _converged(left, chosen)
     note = f"frame {numbers} is left out: too little was seen in it to tell where the camera was"
     return replace(again, notes=(*again.notes, note))
 
@@ -151,7 +160,8 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     *_, last = _rounds(found.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    return replace(last, notes=(*begin.notes, *found.notes), judgement=found)
+    partial = [Doubt("support", note) for note in begin.notes]
+    return reduce(Iterate.doubted, partial, replace(last, notes=(*begin.notes, *found.notes), judgement=found))
 
 
 def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
@@ -162,7 +172,10 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not options.judge:
         return roughly
     similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
-    if similarity.scale <= 0 or not misfits:
+    if similarity.scale <= 0:
+        doubts = tuple(Doubt("reference", line) for line in begin.refuted_notes)
+        return Judgement(begin.problem, doubts=doubts), estimate, None
+    if not misfits:
         return roughly
     soft = softened(given, misfits)
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
@@ -185,7 +198,8 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit, judgement.mistaken)
-    solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+    aside = measured_for(problem, judgement.mistaken)
+    solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, aside)
     return replace(solution, doubts=(*solution.doubts, *judgement.doubts), unchecked=judgement.unchecked)
 
 

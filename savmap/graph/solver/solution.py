@@ -11,9 +11,14 @@ from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.halves import HalfDifference
-from savmap.graph.solver.judgement.reference_tests import ReferenceTest, reference_tests, refuse_contradiction
+from savmap.graph.solver.judgement.reference_tests import (
+    GROSS_SIGMA,
+    ReferenceTest,
+    reference_tests,
+    refuse_contradiction,
+)
 from savmap.graph.solver.residuals import Fit
-from savmap.types import Doubt, Floats, Ints, ReferenceUse, Trajectory
+from savmap.types import Bools, Doubt, Floats, Ints, ReferenceUse, Trajectory
 
 WARN_SIGMA = 3.0
 VAGUE_SCALE = 0.015
@@ -94,9 +99,12 @@ def build_solution(
     bias: Floats,
     notes: tuple[str, ...] = (),
     figures: Mapping[str, float | str] | None = None,
+    set_aside: Bools | None = None,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings, `figures` after the report. Raises SolveError if references
-    contradict one another grossly, or if they leave the scale open."""
+    """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are `set_aside` (n,) are of
+    something else than their landmark, and do not count. Raises SolveError if references contradict one another grossly, or if they
+    leave the scale open."""
+    aside = np.zeros(len(fit.kept), np.bool_) if set_aside is None else set_aside
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
@@ -106,7 +114,7 @@ def build_solution(
         require_known(problem, scale_sigma)
     return Solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
-        landmarks=_landmarks(problem, estimate, fit, covariance),
+        landmarks=_landmarks(problem, estimate, fit, covariance, aside),
         references=tuple(test.use for test in tests),
         rejected=tuple(_rejected(problem, fit)),
         warnings=(*notes, *_warnings(tests, share, scale_sigma)),
@@ -126,15 +134,20 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
-        doubts=tuple(_misfits(problem, fit)),
+        doubts=(*_misfits(problem, fit, aside), *_contradicted(tests)),
     )
 
 
-def _misfits(problem: Problem, fit: Fit) -> Iterator[Doubt]:
+def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
+    """A doubt about each reference that the solve contradicts, whatever was judged of it before."""
+    return (Doubt("reference", test.line) for test in tests if test.deviation > GROSS_SIGMA)
+
+
+def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
     """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
     however wide their sigmas are."""
     for number, name in enumerate(problem.measurements.class_names):
-        of_class = problem.measurements.classes == number
+        of_class = (problem.measurements.classes == number) & ~aside
         rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
         times = float(fit.scales[of_class].max(initial=0.0))
         if rejected > MANY_REJECTED or times > MISFIT:
@@ -151,9 +164,9 @@ def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[
 
 
 def _landmarks(
-    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance
+    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, aside: Bools
 ) -> dict[str, dict[str, Landmark]]:
-    seen = np.bincount(problem.at_key, minlength=len(problem.keys))
+    seen = np.bincount(problem.at_key[fit.kept | ~aside], minlength=len(problem.keys))
     used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
     slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
 

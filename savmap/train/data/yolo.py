@@ -13,6 +13,7 @@ from savmap.video.image_folder import SUFFIXES
 
 RENDERER = "labelled (YOLO segments)"
 _SLACK = 0.01
+MOST_SHOWN = 200
 
 
 class Yolo(BaseModel):
@@ -50,16 +51,27 @@ def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapp
 def pictures_at(path: Path, base: str, place: str) -> Iterator[Path]:
     """The pictures of a folder that data.yaml names, or of a list of files. Raises OutputError where there is neither."""
     tried = [path.parent / base / place, path.parent / place, path.parent / place.removeprefix("../")]
-    source = next((candidate for candidate in tried if candidate.exists()), None)
+    source = next((candidate for candidate in tried if _is_there(candidate)), None)
     if source is None:
-        raise OutputError(f"{path}: there is no {place} beside it; put the pictures there, or correct the file")
+        raise OutputError(
+            f"{path}: there is no {place[:MOST_SHOWN]} beside it; put the pictures there, or correct the file"
+        )
     if source.is_dir():
         yield from (file for file in sorted(source.iterdir()) if file.suffix.lower() in SUFFIXES)
         return
     for line in filter(None, map(str.strip, read_text(source).splitlines())):
-        if not (source.parent / line).is_file():
-            raise OutputError(f"{source}: there is no picture {line}")
-        yield source.parent / line
+        picture = source.parent / line
+        if not _is_there(picture) or not picture.is_file():
+            raise OutputError(f"{source}: there is no picture {line[:MOST_SHOWN]}")
+        yield picture
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file or folder. A name that is too long for one is none."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def labels_file(picture: Path) -> Path:

@@ -25,6 +25,10 @@ class Tensor:
         return f"{self.name} ({sides})"
 
 
+MOST_SHOWN = 40
+"""Letters of a text in a file's metadata: that may be of any length."""
+
+
 @dataclass(frozen=True)
 class OnnxSignature:
     """A file's inputs, outputs and metadata."""
@@ -36,7 +40,9 @@ class OnnxSignature:
 
     def __str__(self) -> str:
         tensors = f"inputs {_listed(self.inputs)}; outputs {_listed(self.outputs)}"
-        named = [f"{key} = {self.metadata[key]}" for key in ("savmap.format", "task") if key in self.metadata]
+        named = [
+            f"{key} = {self.metadata[key][:MOST_SHOWN]}" for key in ("savmap.format", "task") if key in self.metadata
+        ]
         return "; ".join([tensors, *named])
 
     def of_rank(self, rank: int) -> tuple[Tensor, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import two_faces
 
+from savmap.errors import SolveError
 from savmap.graph import CameraHeight, Constraints, KeySpace, Problem, Solution, image_measurements, merge, solve_rows
 from savmap.graph.factors.markers import square
 from savmap.graph.joint.rekey import rekey_factor, rekey_values, row_of, values_of_row
@@ -79,15 +80,26 @@ def test_references_that_contradict_across_the_aisle_are_named(aisle: tuple[made
     solutions = solve_rows([a, b], SAME)
     for solution in solutions:
         assert "solved_together" not in solution.report
-        assert sum("mapped without the other rows" in warning for warning in solution.warnings) == 1
-    apart = next(warning for warning in solutions[0].warnings if "mapped without" in warning)
+        assert sum("mapped without the other rows" in doubt.what for doubt in solution.doubts) == 1
+    apart = next(doubt.what for doubt in solutions[0].doubts if "mapped without" in doubt.what)
     assert "standard deviations off what the rows say together" in apart
     assert "row A: length upright 1 / left to upright 4 / right" in apart
 
 
 def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World]) -> None:
     solutions = solve_rows(two_faces.problems(*aisle), [range(FRAMES), range(3, 3 + FRAMES)])
-    assert "do not fit one camera path" in solutions[0].warnings[-1]
+    assert "do not fit one camera path" in solutions[0].doubts[-1].what
+
+
+def test_row_beside_a_refused_one_is_doubted(aisle: tuple[made.World, made.World]) -> None:
+    """What was given for both may be what is wrong: of the camera height of the drive, say, one row alone can tell."""
+    a, b = two_faces.problems(*aisle)
+    high = replace(a.camera.references, camera_heights=(CameraHeight(5.0, 0.02),), on_contradiction="refuse")
+    wrong = replace(a, camera=replace(a.camera, references=high))
+    refused, beside = solve_rows([wrong, b], SAME)
+    assert isinstance(refused, SolveError)
+    assert isinstance(beside, Solution)
+    assert "row A, on the same drive, cannot be mapped" in beside.doubts[-1].what
 
 
 def test_a_camera_height_counts_once(aisle: tuple[made.World, made.World]) -> None:
