@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import json
 import re
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -124,8 +125,9 @@ def server(tmp_path: Path) -> Iterator[str]:
         thread.join()
 
 
-def status(address: str, host: str | None = None) -> int:
-    request = urllib.request.Request(address, headers={"Host": host} if host else {})
+def status(address: str, **headers: str) -> int:
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    request = urllib.request.Request(address, headers=named)
     try:
         with urllib.request.urlopen(request) as answer:
             code: int = answer.status
@@ -142,4 +144,32 @@ def test_server_gives_the_page_and_nothing_else(server: str) -> None:
 
 
 def test_server_answers_this_machine_alone(server: str) -> None:
-    assert status(server, "attacker.example") == 421
+    assert status(server, Host="attacker.example") == 421
+
+
+def test_server_gives_other_sites_nothing(server: str) -> None:
+    with urllib.request.urlopen(f"{server}face/A.js") as answer:
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    for where in ("cross-site", "same-site"):
+        assert status(f"{server}face/A.js", Sec_Fetch_Site=where, Sec_Fetch_Dest="script") == 403
+        assert status(server, Sec_Fetch_Site=where, Sec_Fetch_Dest="iframe") == 403
+        assert status(server, Sec_Fetch_Site=where, Sec_Fetch_Dest="document") == 200
+    assert status(f"{server}face/A.js", Sec_Fetch_Site="same-origin", Sec_Fetch_Dest="script") == 200
+
+
+@pytest.mark.parametrize(
+    ("target", "host"),
+    [("x.js", "localhost"), ("/", "["), ("/face/%00.js", "localhost")],
+)
+def test_server_refuses_malformed_requests(
+    server: str, target: str, host: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_connection((server.split("/")[2].split(":")[0], int(server.split(":")[2][:-1]))) as link:
+        link.sendall(f"GET {target} HTTP/1.0\r\nHost: {host}\r\n\r\n".encode())
+        answer = link.makefile("rb").read()
+    assert b" 400 " in answer.splitlines()[0]
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_server_refuses_names_that_no_file_has(server: str) -> None:
+    assert status(f"{server}face/%ED%A0%80.js") in (400, 404)
