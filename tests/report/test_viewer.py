@@ -96,6 +96,33 @@ def test_pictures_of_an_earlier_map_go(tmp_path: Path) -> None:
     assert scripts(tmp_path) == {"pano/A-00000.js"}
 
 
+def test_scripts_of_rows_that_are_gone_go(tmp_path: Path) -> None:
+    two = SiteMap({"A": row(), "B": row("B")}, {})
+    pictures: dict[str, Any] = {"photos": {"A": photo(), "B": photo()}, "stills": {"A": stills(), "B": stills()}}
+    written(tmp_path, View(two, **pictures))
+    (tmp_path / "face" / "own.js").write_text("alert(1)")
+    (tmp_path / "face" / "renamed.js").write_bytes((tmp_path / "face" / "B.js").read_bytes())
+    one = SiteMap({"A": row()}, {})
+    own = {"face/A.js", "face/small/A.js", "face/own.js", "face/renamed.js"}
+    written(tmp_path, View(one, photos={"A": photo()}))  # a map's stills cannot be made again
+    assert scripts(tmp_path) == own | {f"pano/{name}-{n:05d}.js" for name in "AB" for n in (0, 6, 12, 18)}
+    written(tmp_path, View(one, photos={"A": photo()}, stills={"A": stills()[:1]}))
+    assert scripts(tmp_path) == own | {"pano/A-00000.js"}
+
+
+def test_scripts_differ_in_more_than_case(tmp_path: Path) -> None:
+    one = SiteMap({name: row(name) for name in ("a", "A", "B")}, {})
+    page = written(tmp_path, View(one, photos=dict.fromkeys("aAB", photo()), stills=dict.fromkeys("aAB", stills()[:1])))
+    found = scripts(tmp_path)
+    assert len({path.casefold() for path in found}) == len(found) == 9
+    assert {"face/A.js", "face/B.js"} < found
+    shown = {entry["name"]: entry for entry in data_of(page)["rows"]}
+    assert shown["a"]["face"]["pictures"][1] != shown["A"]["face"]["pictures"][1]
+    assert {path for entry in shown.values() for path in entry["face"]["pictures"]} < found
+    again = data_of(written(tmp_path, View(one)))["rows"]
+    assert [entry["stills"] for entry in again] == [shown[entry["name"]]["stills"] for entry in again]
+
+
 def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = SiteMap({"A": row()}, {})
     assert "covariance" in data_of(written(tmp_path / "1", View(one)))["rows"][0]["joint"]

@@ -12,7 +12,7 @@ from pathlib import Path
 from string import Template
 
 from savmap.files.atomic import write_text
-from savmap.report.viewer.beside import joints_apart, written_beside
+from savmap.report.viewer.beside import joints_apart, remove_others, script_names, written_beside
 from savmap.report.viewer.data import Entry, page_data
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
@@ -35,9 +35,10 @@ class View:
 def write_view(view: View, path: Path) -> None:
     """Write the page, and beside it the pictures that it loads when they are looked at. Raises OutputError."""
     apart, stills = joints_apart(view.site_map.rows), view.stills
+    names = script_names(view.site_map.rows)
     beside = {
         name: written_beside(
-            name,
+            names[name],
             view.photos.get(name),
             None if stills is None else stills.get(name, ()),
             row.joint if apart else None,
@@ -46,6 +47,7 @@ def write_view(view: View, path: Path) -> None:
         for name, row in view.site_map.rows.items()
     }
     write_text(path, page_text(view, beside))
+    remove_others(beside.values(), path.parent, with_stills=stills is not None)
 
 
 def page_text(view: View, beside: Mapping[str, Entry]) -> str:
