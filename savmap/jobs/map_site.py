@@ -22,7 +22,7 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for
 from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
@@ -189,7 +189,8 @@ def _write_results(
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
-    view = View(site_map, report.evaluation, report.title, mapped.orthophotos, mapped.stills)
+    origin = origin_of(job.output / "map.json", job.site.survey)
+    view = View(site_map, report.evaluation, report.title, mapped.orthophotos, mapped.stills, origin)
     write_view(view, job.output / VIEW)
     files += [job.output / "report.html", job.output / VIEW]
     if survey is None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from savmap.errors import OutputError
-from savmap.files.atomic import write_text
+from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import Comparison, compare_maps, comparison_text
 from savmap.maps.map_file import read_map
 from savmap.maps.orthophoto_file import read_orthophotos
@@ -16,7 +16,7 @@ from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.page.comparison import Dates, write_comparison
-from savmap.report.viewer import View, write_view
+from savmap.report.viewer import Origin, View, write_view
 from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
@@ -66,18 +66,24 @@ def write_report(map_file: Path, path: Path, run_file: Path | None = None, surve
 
 
 def viewed(source: Path, survey_file: Path | None = None, fresh: bool = False) -> tuple[Path, bool]:
-    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where the map is newer,
-    where errors against a survey are asked for, or `fresh`. Raises SavmapError."""
+    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where that which is there
+    is of another map, of another survey than the one asked for, or by another savmap, or `fresh`. Raises SavmapError."""
     map_file = source / "map.json" if source.is_dir() else source
     page = map_file.with_name(VIEW)
-    there = page.is_file() and map_file.is_file() and page.stat().st_mtime >= map_file.stat().st_mtime
-    if there and survey_file is None and not fresh:
+    origin = origin_of(map_file, survey_file)
+    if not fresh and origin.is_of(page):
         return page, False
     site_map = read_map(map_file)
     evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
     title = map_file.absolute().parent.name or "Site map"
-    write_view(View(site_map, evaluation, title, read_orthophotos(site_map.rows, map_file.parent)), page)
+    photos = read_orthophotos(site_map.rows, map_file.parent)
+    write_view(View(site_map, evaluation, title, photos, origin=origin), page)
     return page, True
+
+
+def origin_of(map_file: Path, survey_file: Path | None) -> Origin:
+    """What a viewer's page of these files says that it is made of. Raises OutputError."""
+    return Origin(sha256(map_file), sha256(survey_file) if survey_file else "")
 
 
 def compare_files(

@@ -134,6 +134,27 @@ def test_viewer_is_written_where_it_is_missing_or_old(tmp_path: Path) -> None:
     page, written = viewed(tmp_path)
     assert (page, written) == (tmp_path / "view.html", True)
     assert viewed(tmp_path / "map.json") == (page, False)
-    os.utime(page, (1, 1))
-    assert viewed(tmp_path) == (page, True)
     assert viewed(tmp_path, fresh=True) == (page, True)
+    page.write_text(page.read_text(encoding="utf-8").replace(" by=", " by=0.0.1 "), encoding="utf-8")
+    assert viewed(tmp_path) == (page, True)
+
+
+def test_viewer_shows_the_map_that_is_asked_for(tmp_path: Path) -> None:
+    write_map(SiteMap({"A": made_up_row("A")}, {}), tmp_path / "map.json")
+    write_map(SiteMap({"B": made_up_row("B")}, {}), tmp_path / "other.json")
+    os.utime(tmp_path / "other.json", (1, 1))
+    page, _ = viewed(tmp_path)
+    assert viewed(tmp_path / "other.json") == (page, True)
+    assert viewed(tmp_path / "other.json") == (page, False)
+    assert viewed(tmp_path) == (page, True)
+    os.utime(tmp_path / "map.json", (2e9, 2e9))  # copied, the same
+    assert viewed(tmp_path) == (page, False)
+
+
+def test_viewer_shows_the_survey_that_is_asked_for(map_file: Path, tmp_path: Path) -> None:
+    surveyed = survey(tmp_path, "A")
+    page, _ = viewed(map_file, surveyed)
+    assert viewed(map_file, surveyed) == viewed(map_file) == (page, False)
+    surveyed.write_text(surveyed.read_text().replace("2.9", "2.8"))
+    assert viewed(map_file) == (page, False)  # none is asked for
+    assert viewed(map_file, surveyed) == (page, True)

@@ -5,6 +5,7 @@ import gzip
 import hashlib
 import json
 import re
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -95,6 +96,33 @@ def test_pictures_of_an_earlier_map_go(tmp_path: Path) -> None:
     assert scripts(tmp_path) == {"pano/A-00000.js"}
 
 
+def test_scripts_of_rows_that_are_gone_go(tmp_path: Path) -> None:
+    two = SiteMap({"A": row(), "B": row("B")}, {})
+    pictures: dict[str, Any] = {"photos": {"A": photo(), "B": photo()}, "stills": {"A": stills(), "B": stills()}}
+    written(tmp_path, View(two, **pictures))
+    (tmp_path / "face" / "own.js").write_text("alert(1)")
+    (tmp_path / "face" / "renamed.js").write_bytes((tmp_path / "face" / "B.js").read_bytes())
+    one = SiteMap({"A": row()}, {})
+    own = {"face/A.js", "face/small/A.js", "face/own.js", "face/renamed.js"}
+    written(tmp_path, View(one, photos={"A": photo()}))  # a map's stills cannot be made again
+    assert scripts(tmp_path) == own | {f"pano/{name}-{n:05d}.js" for name in "AB" for n in (0, 6, 12, 18)}
+    written(tmp_path, View(one, photos={"A": photo()}, stills={"A": stills()[:1]}))
+    assert scripts(tmp_path) == own | {"pano/A-00000.js"}
+
+
+def test_scripts_differ_in_more_than_case(tmp_path: Path) -> None:
+    one = SiteMap({name: row(name) for name in ("a", "A", "B")}, {})
+    page = written(tmp_path, View(one, photos=dict.fromkeys("aAB", photo()), stills=dict.fromkeys("aAB", stills()[:1])))
+    found = scripts(tmp_path)
+    assert len({path.casefold() for path in found}) == len(found) == 9
+    assert {"face/A.js", "face/B.js"} < found
+    shown = {entry["name"]: entry for entry in data_of(page)["rows"]}
+    assert shown["a"]["face"]["pictures"][1] != shown["A"]["face"]["pictures"][1]
+    assert {path for entry in shown.values() for path in entry["face"]["pictures"]} < found
+    again = data_of(written(tmp_path, View(one)))["rows"]
+    assert [entry["stills"] for entry in again] == [shown[entry["name"]]["stills"] for entry in again]
+
+
 def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = SiteMap({"A": row()}, {})
     assert "covariance" in data_of(written(tmp_path / "1", View(one)))["rows"][0]["joint"]
@@ -124,8 +152,9 @@ def server(tmp_path: Path) -> Iterator[str]:
         thread.join()
 
 
-def status(address: str, host: str | None = None) -> int:
-    request = urllib.request.Request(address, headers={"Host": host} if host else {})
+def status(address: str, **headers: str) -> int:
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    request = urllib.request.Request(address, headers=named)
     try:
         with urllib.request.urlopen(request) as answer:
             code: int = answer.status
@@ -142,4 +171,32 @@ def test_server_gives_the_page_and_nothing_else(server: str) -> None:
 
 
 def test_server_answers_this_machine_alone(server: str) -> None:
-    assert status(server, "attacker.example") == 421
+    assert status(server, Host="attacker.example") == 421
+
+
+def test_server_gives_other_sites_nothing(server: str) -> None:
+    with urllib.request.urlopen(f"{server}face/A.js") as answer:
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    for where in ("cross-site", "same-site"):
+        assert status(f"{server}face/A.js", Sec_Fetch_Site=where, Sec_Fetch_Dest="script") == 403
+        assert status(server, Sec_Fetch_Site=where, Sec_Fetch_Dest="iframe") == 403
+        assert status(server, Sec_Fetch_Site=where, Sec_Fetch_Dest="document") == 200
+    assert status(f"{server}face/A.js", Sec_Fetch_Site="same-origin", Sec_Fetch_Dest="script") == 200
+
+
+@pytest.mark.parametrize(
+    ("target", "host"),
+    [("x.js", "localhost"), ("/", "["), ("/face/%00.js", "localhost")],
+)
+def test_server_refuses_malformed_requests(
+    server: str, target: str, host: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_connection((server.split("/")[2].split(":")[0], int(server.split(":")[2][:-1]))) as link:
+        link.sendall(f"GET {target} HTTP/1.0\r\nHost: {host}\r\n\r\n".encode())
+        answer = link.makefile("rb").read()
+    assert b" 400 " in answer.splitlines()[0]
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_server_refuses_names_that_no_file_has(server: str) -> None:
+    assert status(f"{server}face/%ED%A0%80.js") in (400, 404)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_map import EVIL, photo, row, site, stills
+from made_up_map import EVIL, photo, row, site, stills, thing
 
 from savmap.maps.distance import vertex_distance
 from savmap.report.viewer import View, write_view
@@ -153,6 +153,21 @@ def test_deep_links(opened: Open, address: str, name: str) -> None:
     assert selected(opened(one_row(), address)) == name
 
 
+@pytest.mark.parametrize("name", ["A", "a"])
+def test_links_tell_rows_apart_by_case(opened: Open, name: str) -> None:
+    page = opened(View(SiteMap({"A": row(), "a": row("a")}, {})), f"#{name}/post 2")
+    assert page.evaluate("savmapViewer.selected.map((one) => one.key)") == [f"{name}/post 2"]
+
+
+def test_links_tell_plugins_apart(opened: Open) -> None:
+    both = replace(row(), structures={**row().structures, "others": (thing("post 1", "other", (1, 0), (1.1, 5)),)})
+    page = opened(View(SiteMap({"A": both}, {})), "#A/others/post 1")
+    assert page.evaluate("savmapViewer.selected.map((one) => one.plugin)") == ["others"]
+    keys = page.evaluate("savmapViewer.site.elements.map((one) => one.key)")
+    assert len(set(keys)) == len(keys)
+    assert {"A/things/post 1", "A/post 2"} < set(keys)
+
+
 def test_search_finds_and_flies(opened: Open) -> None:
     page = opened(one_row())
     before = page.evaluate("savmapViewer.view.camera.position.toArray()")
@@ -196,6 +211,36 @@ def test_no_distance_between_rows_without_places(opened: Open) -> None:
     assert page.locator("#distance").count() == 0
 
 
+def test_sigma_of_no_distance_is_that_of_python(opened: Open) -> None:
+    turned = np.tile([[1e-5, 2e-5, 0], [2e-5, 9e-5, 1e-5], [0, 1e-5, 3e-5]], (4, 1, 1))
+    there = replace(thing("post 3", "post", (0, 0), (0.1, 5)), covariances=turned)
+    bare = row(with_joint=False)
+    view = View(SiteMap({"A": replace(bare, structures={**bare.structures, "others": (there,)})}, {}))
+    page = opened(view)
+    page.keyboard.press("m")
+    for name, said in (
+        ("post 3", said_by_python(view.site_map, "post 1 / a", "post 3 / a")),
+        ("post 1", "0.000 m ± 0 mm"),
+    ):
+        page.evaluate(
+            """(names) => names.forEach((id) => savmapViewer.addPoint({row: savmapViewer.row,
+            vertex: savmapViewer.site.elements.find((one) => one.id === id).first}))""",
+            ["post 1", name],
+        )
+        until(page, "savmapViewer.result")
+        assert page.inner_text("#distance").replace("\u00a0", " ") == said
+
+
+def test_own_vertex_has_no_distance_in_a_joint_map(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("m")
+    lone = page.evaluate("savmapViewer.site.elements.find((one) => one.id === 'spot 1').first")
+    for _ in range(2):
+        page.evaluate("(vertex) => savmapViewer.addPoint({row: savmapViewer.row, vertex})", lone)
+    until(page, "savmapViewer.result")
+    assert page.evaluate("[savmapViewer.result.sigma, ...savmapViewer.result.sigmas]") == [0, 0, 0, 0]
+
+
 def test_views_and_orthophoto(opened: Open) -> None:
     page = opened(one_row())
     page.keyboard.press("o")
@@ -227,6 +272,20 @@ def test_panorama_turns_to_what_is_selected(opened: Open) -> None:
     )
     page.mouse.click(area["x"] + area["width"] * (edge[0] + 1) / 2, area["y"] + area["height"] * (1 - edge[1]) / 2)
     assert selected(page) == "post 2"
+
+
+def test_panorama_of_another_row_goes(opened: Open) -> None:
+    nowhere = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    site_map = SiteMap({"A": row(), "B": replace(row("B"), trajectory=nowhere)}, {})
+    page = opened(View(site_map, stills={"A": stills()}), "#A/post 2")
+    page.keyboard.press("4")
+    until(page, "savmapViewer.panorama.shows")
+    page.keyboard.press("]")
+    assert page.evaluate("[savmapViewer.panorama.shows, savmapViewer.panorama.sphere.visible]") == [False, False]
+    assert page.inner_text("#pano-what") == ""
+    page.keyboard.press("ArrowRight")  # turns to an element: from nowhere
+    page.keyboard.press("[")
+    until(page, "savmapViewer.panorama.shows")
 
 
 def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:

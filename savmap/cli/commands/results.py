@@ -82,7 +82,7 @@ def view(
     fresh: Annotated[bool, typer.Option("--fresh", help="Write the page anew.")] = False,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
 ) -> None:
-    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where there is none."""
+    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where that of this map is not there."""
     import webbrowser
 
     from savmap.report.site_report import viewed

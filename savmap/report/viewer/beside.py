@@ -2,9 +2,10 @@
 disk may run scripts that lie beside it, and may neither read what lies there nor draw pictures from there into WebGL."""
 
 import base64
+import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,9 @@ JPEG_QUALITY = 85
 MOST_JOINT = 300_000
 """Bytes of all rows' joint covariances that are in the page; more lie beside it."""
 
+MARK = 8
+"""Hexadecimal digits of the mark of a row whose name another has but for letters' case."""
+
 
 def joints_apart(rows: Mapping[str, RowMap]) -> bool:
     """Whether the joint covariances are too large for the page."""
@@ -29,28 +33,49 @@ def joints_apart(rows: Mapping[str, RowMap]) -> bool:
     return sum(2 * size * (size + 1) for size in sizes) > MOST_JOINT
 
 
+def script_names(rows: Iterable[str]) -> dict[str, str]:
+    """By row, what its scripts are called: as the row, and with a mark of their own where rows differ in nothing but letters' case, for many
+    disks are blind to that. `!` is in no row's `file_name`."""
+    names: dict[str, str] = {}
+    taken: set[str] = set()
+    for row in sorted(rows):
+        name = file_name(row)
+        if name.casefold() in taken:
+            name = f"{name}!{hashlib.sha256(row.encode(errors='replace')).hexdigest()[:MARK]}"
+        taken.add(name.casefold())
+        names[row] = name
+    return names
+
+
 def written_beside(
-    row: str, photo: Orthophoto | None, stills: Sequence[Still] | None, joint: JointCovariance | None, folder: Path
+    name: str, photo: Orthophoto | None, stills: Sequence[Still] | None, joint: JointCovariance | None, folder: Path
 ) -> Entry:
-    """Write a row's scripts and take away those of an earlier map; what the page must know of them. `stills`: None for those that lie there.
-    Raises OutputError."""
-    face = _written_face(row, photo, folder) if photo else None
+    """Write a row's scripts, called `name`; what the page must know of them. `stills`: None for those that lie there. Raises OutputError."""
+    face = _written_face(name, photo, folder) if photo else None
     for still in stills or ():
-        _write(folder, _still_path(row, still.frame), _address(still.picture.tobytes()))
-    frames = _kept_frames(row, folder) if stills is None else [still.frame for still in stills]
-    found = [{"frame": frame, "path": _still_path(row, frame)} for frame in frames]
-    joint_path = f"{JOINTS}/{file_name(row)}.js" if joint else ""
+        _write(folder, _still_path(name, still.frame), _address(still.picture.tobytes()))
+    frames = _kept_frames(name, folder) if stills is None else [still.frame for still in stills]
+    found = [{"frame": frame, "path": _still_path(name, frame)} for frame in frames]
+    joint_path = f"{JOINTS}/{name}.js" if joint else ""
     if joint:
         _write(folder, joint_path, joint_text(joint))
-    kept = {*(face["pictures"] if face else ()), *(one["path"] for one in found), joint_path}
-    for path in _written(row, folder) - kept:
-        (folder / path).unlink(missing_ok=True)
     return {"face": face, "stills": found, "joint": joint_path}
 
 
-def _written_face(row: str, photo: Orthophoto, folder: Path) -> Entry:
+def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> None:
+    """Take away the scripts of earlier maps that a page does not load, of rows that are gone too. `with_stills`: also stills, which cannot be
+    made again from a map. What savmap did not write stays."""
+    kept: set[str] = set()
+    for entry in beside:
+        kept |= {*(entry["face"]["pictures"] if entry["face"] else ()), *(one["path"] for one in entry["stills"])}
+        kept.add(entry["joint"])
+    for part in (SMALL, FACES, JOINTS, *((STILLS,) if with_stills else ())):
+        for path in _scripts(part, folder) - kept:
+            (folder / path).unlink(missing_ok=True)
+
+
+def _written_face(name: str, photo: Orthophoto, folder: Path) -> Entry:
     """A small picture, and a finer one for the face view."""
-    name = file_name(row)
     paths = [f"{SMALL}/{name}.js", f"{FACES}/{name}.js"]
     _write(folder, paths[0], _address(scaled_down(photo)))
     _write(folder, paths[1], _address(_at_most(photo)))
@@ -75,8 +100,8 @@ def _at_most(photo: Orthophoto) -> bytes:
     return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
 
 
-def _still_path(row: str, frame: int) -> str:
-    return f"{STILLS}/{file_name(row)}-{frame:05d}.js"
+def _still_path(name: str, frame: int) -> str:
+    return f"{STILLS}/{name}-{frame:05d}.js"
 
 
 def _address(jpeg: bytes) -> str:
@@ -84,21 +109,34 @@ def _address(jpeg: bytes) -> str:
 
 
 def _write(folder: Path, path: str, content: str) -> None:
-    write_text(folder / path, f'savmapPart({json.dumps(path)}, "{content}");\n')
+    write_text(folder / path, f'{_head(path)}"{content}");\n')
 
 
-def _written(row: str, folder: Path) -> set[str]:
-    """A row's scripts that lie there."""
-    name = file_name(row)
-    alone = {f"{part}/{name}.js" for part in (SMALL, FACES, JOINTS)}
-    stills = {_still_path(row, frame) for frame in _kept_frames(row, folder)}
-    return {path for path in alone | stills if (folder / path).is_file()}
+def _head(path: str) -> str:
+    return f"savmapPart({json.dumps(path)}, "
 
 
-def _kept_frames(row: str, folder: Path) -> list[int]:
+def _scripts(part: str, folder: Path) -> set[str]:
+    """The paths of the scripts in a part of a folder that savmap wrote there."""
+    if not (folder / part).is_dir():
+        return set()
+    files = (file for file in (folder / part).iterdir() if file.suffix == ".js" and file.is_file())
+    return {f"{part}/{file.name}" for file in files if _is_own(file, f"{part}/{file.name}")}
+
+
+def _is_own(file: Path, path: str) -> bool:
+    head = _head(path).encode()
+    try:
+        with file.open("rb") as stream:
+            return stream.read(len(head)) == head
+    except OSError:
+        return False
+
+
+def _kept_frames(name: str, folder: Path) -> list[int]:
     """The frames of a row of which stills lie there."""
     if not (folder / STILLS).is_dir():
         return []
-    named = re.compile(rf"{re.escape(file_name(row))}-(\d{{5,9}})\.js")
+    named = re.compile(rf"{re.escape(name)}-(\d{{5,9}})\.js")
     found = (named.fullmatch(file.name) for file in (folder / STILLS).iterdir())
     return sorted(int(one[1]) for one in found if one)

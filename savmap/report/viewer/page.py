@@ -5,19 +5,49 @@ import gzip
 import hashlib
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 
 from savmap.files.atomic import write_text
-from savmap.report.viewer.beside import joints_apart, written_beside
+from savmap.report.viewer.beside import joints_apart, remove_others, script_names, written_beside
 from savmap.report.viewer.data import Entry, page_data
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
 POLICY = "default-src 'none'; script-src 'sha256-{script}' 'self' file:; style-src 'sha256-{style}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
 """Scripts: the page's own, and the pictures' that lie beside it (`file:` is what some browsers call 'self' there)."""
+
+
+ORIGIN = re.compile(rb'<meta name="savmap-view" content="map=(\w*) survey=(\w*) by=([^"]*)">')
+HEAD = 4096
+"""Bytes of a page in which its origin stands."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The files that a page is made of: SHA-256 of the map's and of the survey's; empty for none, or where nobody told."""
+
+    map_digest: str = ""
+    survey_digest: str = ""
+
+    def is_of(self, page: Path) -> bool:
+        """Whether a page was made of this map by this viewer, and, where there is one here, with this survey."""
+        try:
+            with page.open("rb") as stream:
+                found = ORIGIN.search(stream.read(HEAD))
+        except OSError:
+            return False
+        if found is None or not self.map_digest:
+            return False
+        map_digest, survey_digest, by = (part.decode(errors="replace") for part in found.groups())
+        return map_digest == self.map_digest and self.survey_digest in ("", survey_digest) and by == _viewer()
+
+    def __str__(self) -> str:
+        return f"map={self.map_digest} survey={self.survey_digest} by={_viewer()}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +60,16 @@ class View:
     title: str = "Site map"
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     stills: Mapping[str, Sequence[Still]] | None = None
+    origin: Origin = Origin()
 
 
 def write_view(view: View, path: Path) -> None:
     """Write the page, and beside it the pictures that it loads when they are looked at. Raises OutputError."""
     apart, stills = joints_apart(view.site_map.rows), view.stills
+    names = script_names(view.site_map.rows)
     beside = {
         name: written_beside(
-            name,
+            names[name],
             view.photos.get(name),
             None if stills is None else stills.get(name, ()),
             row.joint if apart else None,
@@ -46,6 +78,7 @@ def write_view(view: View, path: Path) -> None:
         for name, row in view.site_map.rows.items()
     }
     write_text(path, page_text(view, beside))
+    remove_others(beside.values(), path.parent, with_stills=stills is not None)
 
 
 def page_text(view: View, beside: Mapping[str, Entry]) -> str:
@@ -55,11 +88,17 @@ def page_text(view: View, beside: Mapping[str, Entry]) -> str:
     packed = gzip.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), mtime=0)
     return Template(_resource("page.html")).substitute(
         policy=POLICY.format(script=_digest(script), style=_digest(style)),
+        made_of=html.escape(str(view.origin)),
         title=html.escape(view.title),
         style=style,
         script=script,
         data=base64.b64encode(packed).decode(),
     )
+
+
+def _viewer() -> str:
+    """savmap's version, and what tells its viewers of one version apart."""
+    return f"{version('savmap')}+{_digest(_resource('viewer.js') + _resource('viewer.css'))[:12]}"
 
 
 def _resource(name: str) -> str:

@@ -5,13 +5,15 @@ from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path, PurePosixPath
 from types import TracebackType
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 from savmap.errors import OutputError
 from savmap.files.atomic import reason
 from savmap.report.viewer.beside import FACES, JOINTS, STILLS
 
 LOOPBACK = "127.0.0.1"
+FOREIGN = ("cross-site", "same-site")
+"""What a browser says of requests that another site's page makes, or that of another port: only links may lead here."""
 
 
 class ViewServer:
@@ -56,23 +58,40 @@ class _Handler(SimpleHTTPRequestHandler):
         super().__init__(*args, directory=str(page.parent))  # type: ignore[arg-type]  # socketserver's own three
 
     def send_head(self) -> object:  # type: ignore[override]
-        """Refuse other hosts' names (a web site may have its name point here) and files that are no part of the viewer."""
-        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-        path = PurePosixPath(unquote(urlsplit(self.path).path))
+        """Refuse other hosts' names (a web site may have its name point here), other sites' pages, and files that are no part of the viewer."""
+        refused = self._refused()
+        if refused is None:
+            try:
+                return super().send_head()
+            except ValueError:  # no name of a file
+                refused = HTTPStatus.BAD_REQUEST
+        self.send_error(refused)
+        return None
+
+    def _refused(self) -> HTTPStatus | None:
+        """Why a request has no answer; the page for the address of the server itself."""
+        try:
+            host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
+            path = PurePosixPath(unquote(urlsplit(self.path).path))
+        except ValueError:
+            return HTTPStatus.BAD_REQUEST
         if host not in (LOOPBACK, "localhost"):
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-            return None
+            return HTTPStatus.MISDIRECTED_REQUEST
+        if self.headers.get("Sec-Fetch-Site", "none") in FOREIGN and self.headers.get("Sec-Fetch-Dest") != "document":
+            return HTTPStatus.FORBIDDEN
+        if not path.is_absolute():
+            return HTTPStatus.BAD_REQUEST
         if str(path) == "/":
-            self.path = f"/{self._page.name}"
-        elif not (path.suffix == ".js" and path.parts[1] in (FACES, STILLS, JOINTS) and ".." not in path.parts):
-            self.send_error(HTTPStatus.NOT_FOUND)
+            self.path = f"/{quote(self._page.name)}"
             return None
-        return super().send_head()
+        given = path.suffix == ".js" and path.parts[1] in (FACES, STILLS, JOINTS) and ".." not in path.parts
+        return None if given else HTTPStatus.NOT_FOUND
 
     def end_headers(self) -> None:
-        """Nothing is guessed about a file, and a newer map is shown at once."""
+        """Nothing is guessed about a file, a newer map is shown at once, and pages of other sites load nothing."""
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-cache")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         super().end_headers()
 
     def log_message(self, format: str, *args: object) -> None:

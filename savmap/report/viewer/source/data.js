@@ -47,6 +47,7 @@ function rowOf(site, entry, names) {
     row.elements.push(one);
     first += part.labels.length;
   }
+  keyApart(row);
   row.box = boxOf(row.positions);
   row.front = frontOf(row);
   row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.structures));
@@ -78,6 +79,14 @@ function elementOf(row, part, first, names) {
     sigma: largestSigma(row.covariances, first, count),
     centre: centreOf(row.positions, first, count),
   };
+}
+
+// Plugins do not know of each other's ids: where two of a row have the same, the address names the plugin too.
+function keyApart(row) {
+  const seen = new Map();
+  for (const one of row.elements) seen.set(one.id, [...(seen.get(one.id) ?? []), one]);
+  for (const alike of seen.values())
+    if (alike.length > 1) for (const one of alike) one.key = `${row.name}/${one.plugin}/${one.id}`;
 }
 
 const fullLabel = (name, id) => (name.startsWith("+") ? id + name.slice(1) : name.slice(1));

@@ -134,7 +134,8 @@ class Viewer {
     this.renderer.setViewport(...frame);
     this.renderer.setScissor(...frame);
     this.renderer.setClearColor(ground);
-    this.renderer.render(this.model.scene, camera);
+    if (camera === this.panorama.camera && !this.panorama.centre) this.renderer.clear();
+    else this.renderer.render(this.model.scene, camera);
   }
 
   resize() {
@@ -264,8 +265,12 @@ class Viewer {
 
   tellPlace() {
     const { places, place, row, centre } = this.panorama;
-    if (!places?.length) return;
     this.model.drawPlace(centre);
+    if (!centre) {
+      Object.assign(byId("place"), { max: "0", value: "0" });
+      byId("pano-what").textContent = "";
+      return;
+    }
     const { index, path } = places[place],
       { passes, pass, stamp } = row.path;
     Object.assign(byId("place"), { max: String(places.length - 1), value: String(place) });
@@ -572,7 +577,7 @@ class Viewer {
       this.panorama.camera,
       this.panorama.width,
       this.panorama.height,
-      [this.panorama.row ?? this.row],
+      this.panorama.centre ? [this.panorama.row] : [],
     ]);
   }
 

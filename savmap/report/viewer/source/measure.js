@@ -20,11 +20,12 @@ export function measured(a, b) {
   const difference = to.map((value, k) => value - from[k]);
   const covariance = same ? differenceInRow(a.row, a.vertex, b.vertex) : sum(inSite(a), inSite(b));
   const distance = Math.hypot(...difference);
-  const along = distance > 0 ? difference.map((value) => value / distance) : [1, 0, 0];
+  const along = difference.map((value) => value / distance);
+  const variance = distance > 0 ? quadratic(along, covariance) : largestEigenvalue(covariance);
   const how = !same ? "rows" : a.row.joint?.covariance ? "joint" : "own";
   return {
     distance,
-    sigma: Math.sqrt(Math.max(quadratic(along, covariance), 0)),
+    sigma: Math.sqrt(Math.max(variance, 0)),
     difference,
     sigmas: [0, 1, 2].map((k) => Math.sqrt(Math.max(covariance[k][k], 0))),
     how,
@@ -41,8 +42,8 @@ export function ownCovariance(row, vertex) {
 }
 
 function differenceInRow(row, a, b) {
-  if (!row.joint?.covariance)
-    return a === b ? sum(nothing, nothing) : sum(ownCovariance(row, a), ownCovariance(row, b));
+  if (a === b) return sum(nothing, nothing);
+  if (!row.joint?.covariance) return sum(ownCovariance(row, a), ownCovariance(row, b));
   const places = [a, b].flatMap((vertex) =>
     [0, 1, 2].map((axis) => ({ vertex, axis, number: row.joint.coordinates[3 * vertex + axis] })),
   );
@@ -98,6 +99,17 @@ const product = (a, b) =>
   a.map((line) => b[0].map((_, n) => line.reduce((total, value, k) => total + value * b[k][n], 0)));
 const quadratic = (u, c) =>
   u.reduce((total, value, k) => total + value * c[k].reduce((t, one, n) => t + one * u[n], 0), 0);
+
+// Of a symmetric matrix (3, 3): the variance along the longest axis of its ellipsoid.
+function largestEigenvalue(c) {
+  const mean = (c[0][0] + c[1][1] + c[2][2]) / 3;
+  const rest = c.map((line, k) => line.map((value, n) => (k === n ? value - mean : value)));
+  const spread = Math.sqrt(rest.flat().reduce((total, value) => total + value * value, 0) / 6);
+  if (spread === 0) return mean;
+  const [[a, b, d], [, e, f], [, , g]] = rest.map((line) => line.map((value) => value / spread));
+  const half = (a * (e * g - f * f) - b * (b * g - f * d) + d * (b * f - e * d)) / 2;
+  return mean + 2 * spread * Math.cos(Math.acos(Math.min(Math.max(half, -1), 1)) / 3);
+}
 
 export const metres = (value) => `${value.toFixed(3)}\u00a0m`;
 

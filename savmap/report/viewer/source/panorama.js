@@ -60,7 +60,7 @@ export class PanoramaView {
       this.row = row;
       this.places = this.placesOf(row);
     }
-    if (!this.places.length) return;
+    if (!this.places.length) return this.showNothing();
     this.place = Math.min(Math.max(place, 0), this.places.length - 1);
     const { index, path } = this.places[this.place];
     this.centre = toSite(row, [...row.path.positions.subarray(3 * index, 3 * index + 3)]);
@@ -71,6 +71,13 @@ export class PanoramaView {
     this.sphere.quaternion.premultiply(new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), turn));
     this.load(path);
     this.aim();
+  }
+
+  // A row whose camera's path is not known has no panorama: that of another row must not stay.
+  showNothing() {
+    this.centre = this.path = null;
+    this.sphere.visible = this.shows = false;
+    this.changed();
   }
 
   async load(path) {
@@ -92,6 +99,7 @@ export class PanoramaView {
 
   // Turn to a point of the site.
   face(point) {
+    if (!this.centre) return;
     const away = point.map((value, k) => value - this.centre[k]);
     this.yaw = Math.atan2(away[0], away[2]);
     this.pitch = Math.atan2(away[1], Math.hypot(away[0], away[2]));

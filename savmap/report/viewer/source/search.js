@@ -48,18 +48,22 @@ export function search(index, query) {
 }
 
 // What an address names: "A/section 3", "A/section 3 / beam 2", "A", or a text that is written somewhere, such as "A21-03".
+// Letters' case counts where that finds something: rows may differ in nothing else.
 export function named(index, address) {
-  const wanted = address.trim().toLowerCase();
+  const wanted = address.trim();
   if (!wanted) return null;
-  const exact = index.find((one) => one.key.toLowerCase() === wanted);
-  if (exact) return exact;
-  const written = index.filter(
-    (one) => one.elements.length === 1 && one.elements[0].written.some((text) => text.toLowerCase() === wanted),
-  );
-  if (written.length) return { ...written[0], elements: written.map((one) => one.elements[0]) };
   return (
-    index.find((one) => one.elements.length === 1 && one.elements[0].id.toLowerCase() === wanted) ??
-    index.find((one) => one.shown.toLowerCase() === wanted) ??
+    namedSo(index, (text) => text === wanted) ??
+    namedSo(index, (text) => text.toLowerCase() === wanted.toLowerCase()) ??
     null
   );
+}
+
+function namedSo(index, fits) {
+  const exact = index.find((one) => fits(one.key));
+  if (exact) return exact;
+  const single = index.filter((one) => one.elements.length === 1);
+  const written = single.filter((one) => one.elements[0].written.some(fits));
+  if (written.length) return { ...written[0], elements: written.map((one) => one.elements[0]) };
+  return single.find((one) => fits(one.elements[0].id)) ?? index.find((one) => fits(one.shown));
 }
