@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from savmap.files.texts import json_visible
 from savmap.maps.comparison.records import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
 
 FORMAT, VERSION = "savmap-comparison", 1
@@ -17,7 +18,7 @@ MM = 1000.0
 
 def comparison_text(comparison: Comparison) -> str:
     """The text of a comparison's JSON file."""
-    return json.dumps(as_json(comparison), indent=1, ensure_ascii=False) + "\n"
+    return json_visible(json.dumps(as_json(comparison), indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:

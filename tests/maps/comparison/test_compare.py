@@ -198,6 +198,15 @@ def test_json_says_all_and_lines_say_what_changed() -> None:
     assert lines[2] == "  1 moved, 56 same"
 
 
+def test_json_holds_no_raw_control_character() -> None:
+    hostile = "A03\N{RIGHT-TO-LEFT OVERRIDE}\x9b31m"
+    bays = (*BAYS[:2], replace(BAYS[2], text=hostile), *BAYS[3:])
+    text = comparison_text(compare_maps(place.mapped(bays, 1), place.mapped(bays, 2)))
+    assert "\u202e" not in text
+    assert "\x9b" not in text
+    assert hostile in [one["text"] for one in json.loads(text)["rows"][0]["elements"]]
+
+
 def test_points_are_carried_as_the_elements_are() -> None:
     old, new = place.mapped(BAYS, 1), place.mapped(BAYS, 2)
     motion = compare_maps(old, new).rows[0].motion
