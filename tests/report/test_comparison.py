@@ -132,7 +132,7 @@ def test_page_draws_each_plugins_own_structure(tmp_path: Path) -> None:
     for name, made in (("old", site(1)), ("new", site(2, lifted_m=0.06))):
         row = made.rows["A"]
         namesake = replace(row.structures["shelves"][1], id="section 3 / beam 3", label="lamp")
-        rows = {"A": replace(row, structures={**row.structures, "lights": (namesake,)})}
+        rows = {"A": replace(row, structures={**row.structures, "zones": (namesake,)})}
         write_map(replace(made, rows=rows), tmp_path / f"{name}.json")
         paths.append(tmp_path / f"{name}.json")
     compare_files(*paths, 0.05, tmp_path / "compare.html")

@@ -90,8 +90,8 @@ def test_trusted_rows_show_their_weakest_structures() -> None:
 
 def test_equal_ids_of_two_plugins_are_both_marked() -> None:
     made = row(Verdict((Doubt("shape", "post is too thin", ("post",)),)))
-    twin = replace(made.structures["things"][0], id="post")
-    made = replace(made, structures={**made.structures, "others": (twin,)})
+    twin = structure("post", BAR - np.array([1.0, 0, 0]), 0.9)
+    made = replace(made, structures={"others": (twin,), **made.structures})
     (view, weakest) = footage_views(made, STILLS)
     assert view.what == "post is too thin"
     assert view.place == "there, 0.0 s, frame 0", "the nearest to the middle of both"
