@@ -19,13 +19,17 @@ from savmap.report.site_report import compare_files
 from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Structure, Trajectory
 
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
+UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
 HEIGHTS = (0.3, 1.5, 2.6, 3.9)
 
 
-def box(name: str, label: str, x: tuple[float, float], y: tuple[float, float], section: int) -> Structure:
+def box(name: str, label: str, x: tuple[float, float], y: tuple[float, float], number: int) -> Structure:
     corners = np.array([[x[i], y[j], 0.0] for j in (0, 1) for i in (0, 1)])
-    labels = tuple(f"{name} / {corner}" for corner in ("lower left", "lower right", "upper left", "upper right"))
-    return Structure(name, label, corners, np.tile(1e-5 * np.eye(3), (4, 1, 1)), labels, RING, {"section": section})
+    place = "upright" if label == "upright" else "section"
+    named = UPRIGHT_CORNERS if label == "upright" else BEAM_CORNERS
+    labels = tuple(f"{name} / {corner}" for corner in named)
+    return Structure(name, label, corners, np.tile(1e-5 * np.eye(3), (4, 1, 1)), labels, RING, {place: number})
 
 
 def site(seed: int, lifted_m: float = 0.0, sections: int = 5) -> SiteMap:
@@ -121,6 +125,21 @@ def test_page_escapes_what_structures_are_called(tmp_path: Path) -> None:
     page = (tmp_path / "compare.html").read_text(encoding="utf-8")
     assert "&lt;script&gt;alert(1)" in page
     assert "<script>alert(1)" not in page
+
+
+def test_page_draws_each_plugins_own_structure(tmp_path: Path) -> None:
+    paths = []
+    for name, made in (("old", site(1)), ("new", site(2, lifted_m=0.06))):
+        row = made.rows["A"]
+        namesake = replace(row.structures["shelves"][1], id="section 3 / beam 3", label="lamp")
+        rows = {"A": replace(row, structures={**row.structures, "zones": (namesake,)})}
+        write_map(replace(made, rows=rows), tmp_path / f"{name}.json")
+        paths.append(tmp_path / f"{name}.json")
+    compare_files(*paths, 0.05, tmp_path / "compare.html")
+    page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    drawn = re.search(r'<path d="M(\S+)[^>]*><title>section 3 / beam 3: moved', page)
+    assert drawn is not None
+    assert float(drawn[1].split(",")[0]) > 5000, "not the lamp of that id, which is at 0.1 m"
 
 
 def test_page_is_named_html(files: tuple[Path, Path], tmp_path: Path) -> None:

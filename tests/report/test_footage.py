@@ -88,6 +88,24 @@ def test_trusted_rows_show_their_weakest_structures() -> None:
     assert tuple(SHOWN) != tuple(DOUBTED)
 
 
+def test_equal_ids_of_two_plugins_are_both_marked() -> None:
+    made = row(Verdict((Doubt("shape", "post is too thin", ("post",)),)))
+    twin = structure("post", BAR - np.array([1.0, 0, 0]), 0.9)
+    made = replace(made, structures={"others": (twin,), **made.structures})
+    (view, weakest) = footage_views(made, STILLS)
+    assert view.what == "post is too thin"
+    assert view.place == "there, 0.0 s, frame 0", "the nearest to the middle of both"
+    assert weakest.what == "bar: supported by 90% of the frames"
+
+
+def test_weakest_is_marked_without_its_namesake() -> None:
+    made = row(Verdict())
+    twin = replace(made.structures["things"][1], id="bar", attributes={"support": 0.1})
+    made = replace(made, structures={"others": (twin,), "things": made.structures["things"][:1]})
+    views = footage_views(made, STILLS)
+    assert [view.what.partition(" by ")[2] for view in views] == ["10% of the frames", "90% of the frames"]
+
+
 def test_rows_without_stills_have_no_footage() -> None:
     assert footage_views(row(Verdict()), ()) == ()
     assert footage_views(row(Verdict()), (Still(7, STILLS[0].picture),)) == (), "a frame that was not located"

@@ -127,7 +127,7 @@ class Shelves:
     def openings(self, structures: Sequence[Structure]) -> list[Structure]:
         from savmap_shelves.report.openings import openings
 
-        return openings(structures)
+        return openings(structures, self.name)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

@@ -29,7 +29,11 @@ def pairs_compared(
     for number, (i, j) in enumerate(pairs):
         before, after = old.structures[i], new.structures[j]
         differences = [
-            _difference(found, k, carried[i], old.sizes[i], new.middles[j], new.sizes[j]) for k in tests.get(number, [])
+            replace(
+                _difference(found, k, carried[i], old.sizes[i], new.middles[j], new.sizes[j]),
+                edges=_edges(int(found.equations.axis[k]), (old, i), (new, j)),
+            )
+            for k in tests.get(number, [])
         ]
         if not sizes_only:
             differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j])]
@@ -55,6 +59,12 @@ def _difference(found: Fit, k: int, carried: Floats, old_size: Floats, middle: F
     p = 2 * float(student.sf(abs(residual) / sigma, found.freedom[k]))
     what = f"size {AXES[axis]}" if found.equations.size[k] else AXES[axis]
     return Difference(what, float(old[axis]), float(new[axis]), max(p, LEAST_P), residual, sigma)
+
+
+def _edges(axis: int, *elements: tuple[Elements, int]) -> tuple[float, ...]:
+    """Where an element's two edges across an axis lie in each map, m."""
+    ends = [(float(of.middles[k, axis]), float(of.sizes[k, axis]) / 2) for of, k in elements]
+    return tuple(end for middle, half in ends for end in (middle - half, middle + half))
 
 
 def _text(old: Elements, new: Elements, i: int, j: int) -> Iterator[Difference]:
@@ -105,21 +115,21 @@ def unpaired(
 
 def judged(rows: Sequence[Sequence[ElementChange]], level: float) -> list[tuple[ElementChange, ...]]:
     """The elements of each row with their states; the figures of all of them are one family of tests."""
-    chances = {
-        _test(number, k, one): one.p
-        for number, row in enumerate(rows)
-        for k, change in enumerate(row)
-        for one in change.differences
-    }
+    chances: dict[tuple[object, ...], float] = {}
+    for number, row in enumerate(rows):
+        for k, change in enumerate(row):
+            for one in change.differences:
+                test = _test(number, k, one)
+                chances[test] = min(one.p, chances.get(test, 1.0))
     limit = accepted(list(chances.values()), level)
     return [tuple(_judged(change, limit) for change in row) for row in rows]
 
 
 def _test(row: int, element: int, figure: Difference) -> tuple[object, ...]:
-    """What tells a test from the others: figures of elements of a row that differ by the same number, because they share an edge, are one."""
-    if figure.difference_m is None:
+    """What tells a test from the others: figures of a row's elements that end at the same edges in both maps are one."""
+    if not figure.edges:
         return row, element, figure.what
-    return row, figure.what, round(figure.difference_m / EQUAL_M)
+    return row, figure.what, *(round(one / EQUAL_M) for one in figure.edges)
 
 
 def accepted(chances: Sequence[float], level: float) -> float:

@@ -160,7 +160,8 @@ def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, lever: F
             )
         )
         sizes = old.sizes[rows, axis], new.sizes[columns, axis]
-        some = np.flatnonzero(np.maximum(*sizes) > LEAST_SIZE_M)
+        # what has no extent at all in one of the maps was not measured there
+        some = np.flatnonzero((np.maximum(*sizes) > LEAST_SIZE_M) & (np.minimum(*sizes) > 0))
         slopes = np.zeros((len(some), 6 + 6 * kinds))
         if axis < 2:
             slopes[:, 4 + axis] = sizes[0][some]

@@ -19,7 +19,9 @@ class Difference:
 
     `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or texts; an old place
     stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what all likes have in common; `sigma_m` is
-    its standard deviation, and `p` the chance of at least as much where nothing changed. Texts have neither difference nor sigma.
+    its standard deviation, and `p` the chance of at least as much where nothing changed. Texts have neither difference nor sigma. `edges`:
+    along its axis, where the two edges that make a place or a size lie in the old map and in the new one, m, each in its own frame; figures of
+    which these are equal are one measurement.
     """
 
     what: str
@@ -29,6 +31,7 @@ class Difference:
     difference_m: float | None = None
     sigma_m: float | None = None
     significant: bool = False
+    edges: tuple[float, ...] = ()
 
     @property
     def sigmas(self) -> float:
@@ -85,6 +88,15 @@ class RowMotion:
     def ambiguous(self) -> bool:
         """Whether another shift fits as well."""
         return bool(self.alternatives_m)
+
+    @property
+    def shift_covariance(self) -> Floats:
+        """Covariance (3, 3) m^2 of `shift_m`: a heading that is off turns the frame's origin about the middle of the row."""
+        lever = self.shift_m - self.middle_m
+        by_heading = np.deg2rad([lever[2], 0.0, -lever[0]])
+        slopes = np.column_stack([np.eye(3), by_heading])
+        spread: Floats = slopes @ self.covariance @ slopes.T
+        return spread
 
     def points(self, points: Floats) -> Floats:
         """Points (n, 3) of the old row in the new row's frame, scaled as that is."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from savmap.files.texts import json_visible
 from savmap.maps.comparison.records import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
 
 FORMAT, VERSION = "savmap-comparison", 1
@@ -17,7 +18,7 @@ MM = 1000.0
 
 def comparison_text(comparison: Comparison) -> str:
     """The text of a comparison's JSON file."""
-    return json.dumps(as_json(comparison), indent=1, ensure_ascii=False) + "\n"
+    return json_visible(json.dumps(as_json(comparison), indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
@@ -45,6 +46,7 @@ def _row(row: RowComparison) -> dict[str, Any]:
 def _motion(motion: RowMotion) -> dict[str, Any]:
     return {
         "shift_m": _rounded(motion.shift_m),
+        "shift_sigma_m": _rounded(np.sqrt(np.diag(motion.shift_covariance))),
         "heading_deg": round(motion.heading_deg, PLACE),
         "covariance": [[float(f"{value:.6g}") for value in line] for line in motion.covariance.tolist()],
         "scale": _rounded(motion.scale, 7),
@@ -101,11 +103,11 @@ def comparison_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def motion_text(motion: RowMotion | None) -> str:
-    """How the old frame lies in the new one."""
+    """How the old frame lies in the new one, with standard deviations of its origin's shift."""
     if motion is None:
         return "nothing in common was found, so that nothing is compared"
-    sigmas = np.sqrt(np.diag(motion.covariance)).tolist()
-    axes = zip("xyz", motion.shift_m.tolist(), sigmas, strict=False)
+    sigmas = np.sqrt(np.diag(motion.shift_covariance)).tolist()
+    axes = zip("xyz", motion.shift_m.tolist(), sigmas, strict=True)
     shift = ", ".join(f"{axis} {value:+.3f} m (+- {MM * sigma:.0f} mm)" for axis, value, sigma in axes)
     return f"old frame moved by {shift}, turned by {motion.heading_deg:.2f} deg; {motion.pairs} elements in common"
 

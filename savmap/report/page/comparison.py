@@ -19,6 +19,8 @@ from savmap.report.scene import MM, Figure, Layer, Shape, frame_of, joined, metr
 from savmap.report.templating import rendered, resource
 from savmap.types import Drawing, Floats, Orthophoto, RowMap, SiteMap, Structure
 
+Key = tuple[str, str]
+"""Plugin and id: plugins do not know one another's ids."""
 MARGIN_MM, PARTS = 500.0, (0.03, 0.03)
 LEGEND = (
     ("before line", "old date"),
@@ -102,19 +104,19 @@ def _section(dates: Dates, row: RowComparison, anchor: str) -> RowSection:
     )
 
 
-def _structures(row: RowMap) -> dict[str, Structure]:
-    return {one.id: one for group in row.structures.values() for one in group}
+def _structures(row: RowMap) -> dict[Key, Structure]:
+    return {(plugin, one.id): one for plugin, group in row.structures.items() for one in group}
 
 
 def _elevation(dates: Dates, row: RowComparison, anchor: str) -> Figure:
     """Both dates over one another, in the new row's frame, in millimetres, as one faces the row."""
     motion = row.motion
     old, new = _structures(dates.old.rows[row.old]), _structures(dates.new.rows[row.new])
-    carried = {name: motion.points(one.vertices) if motion else one.vertices for name, one in old.items()}
+    carried = {key: motion.points(one.vertices) if motion else one.vertices for key, one in old.items()}
     points = [_flat(part) for part in (*carried.values(), *(one.vertices for one in new.values()), np.zeros((1, 3)))]
     frame = frame_of(np.concatenate(points), MARGIN_MM, PARTS)
     grid, labels = metre_grid(frame, -1)
-    before = Shape(joined(line for name, one in old.items() for line in _lines(carried[name], one)))
+    before = Shape(joined(line for key, one in old.items() for line in _lines(carried[key], one)))
     after = Shape(joined(line for one in new.values() for line in _lines(one.vertices, one)))
     layers = [grid, Layer("before line", (before,)), Layer("mapped structure", (after,))]
     for state, style in STYLES.items():
@@ -136,19 +138,20 @@ def _elevation(dates: Dates, row: RowComparison, anchor: str) -> Figure:
 def _changed(
     row: RowComparison,
     state: State,
-    old: Mapping[str, Structure],
-    carried: Mapping[str, Floats],
-    new: Mapping[str, Structure],
+    old: Mapping[Key, Structure],
+    carried: Mapping[Key, Floats],
+    new: Mapping[Key, Structure],
 ) -> Iterator[Shape]:
     """A shape with its hint for each element in a state."""
     for change in row.elements:
         if change.state == state:
             hint = f"{change_name(change)}: {state} {change_text(change)}"
             if change.new_id:
-                structure = new[change.new_id]
+                structure = new[change.plugin, change.new_id]
                 yield Shape(joined(_lines(structure.vertices, structure)), hint)
             elif change.old_id:
-                yield Shape(joined(_lines(carried[change.old_id], old[change.old_id])), hint)
+                key = change.plugin, change.old_id
+                yield Shape(joined(_lines(carried[key], old[key])), hint)
 
 
 def _flat(points: Floats) -> Floats:
@@ -172,8 +175,8 @@ def _photos(dates: Dates, row: RowComparison, anchor: str) -> Iterator[Figure]:
         return
     changes = [one for one in row.elements if one.state in CHANGES]
     for date, photo, structures in zip(("old", "new"), photos, maps, strict=True):
-        names = [name for one in changes if (name := one.old_id if date == "old" else one.new_id)]
-        drawings = [_outline(structures[name]) for name in names]
+        keys = [(one.plugin, name) for one in changes if (name := one.old_id if date == "old" else one.new_id)]
+        drawings = [_outline(structures[key]) for key in keys]
         if photo is not None:
             yield photo_view(f"{row.new}, {date}", photo, drawings, None, f"{anchor}-{date}")
 

@@ -1,7 +1,7 @@
 """Footage with the wireframe over it, at the places of a row that deserve a look: a person can check the map there without a survey."""
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -23,6 +23,9 @@ SHOWN, DOUBTED, UNDER = (86, 205, 255), (255, 120, 40), (0, 0, 0)
 """Lines in RGB, over a dark one: they are seen on bright and on dark footage."""
 
 Picture = NDArray[np.uint8]
+Key = tuple[str, str]
+"""Plugin and id of a structure."""
+Subject = tuple[str, Floats, frozenset[Key]]
 
 
 @dataclass(frozen=True)
@@ -50,28 +53,30 @@ def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ..
     return tuple(views)
 
 
-def _subjects(row: RowMap) -> Iterator[tuple[str, Floats, frozenset[str]]]:
-    """What is worth a look: why, its points (n, 3) m, and the ids of the structures that it is about."""
-    structures = {structure.id: structure for group in row.structures.values() for structure in group}
+def _subjects(row: RowMap) -> Iterator[Subject]:
+    """What is worth a look: why, its points (n, 3) m, and the structures that it is about."""
+    structures = _structures(row)
     doubts = row.verdict.doubts if row.verdict else ()
     shown = [subject for doubt in doubts if (subject := _subject(doubt, structures)) is not None][:MOST_VIEWS]
     yield from shown
-    told = frozenset[str]().union(*(names for _, _, names in shown))
-    weakest = sorted((one for one in structures.values() if one.id not in told), key=_support)
-    for structure in weakest[: max(USUAL_VIEWS - len(shown), 0)]:
-        yield (
-            f"{structure.id}: supported by {_support(structure):.0%} of the frames",
-            structure.vertices,
-            frozenset({structure.id}),
-        )
+    told = frozenset[Key]().union(*(keys for _, _, keys in shown))
+    weakest = sorted((key for key in structures if key not in told), key=lambda key: _support(structures[key]))
+    for key in weakest[: max(USUAL_VIEWS - len(shown), 0)]:
+        what = f"{key[1]}: supported by {_support(structures[key]):.0%} of the frames"
+        yield what, structures[key].vertices, frozenset({key})
 
 
-def _subject(doubt: Doubt, structures: dict[str, Structure]) -> tuple[str, Floats, frozenset[str]] | None:
-    names = frozenset(doubt.structures) & structures.keys()
-    points = [structures[name].vertices for name in sorted(names)]
+def _structures(row: RowMap) -> dict[Key, Structure]:
+    return {(plugin, one.id): one for plugin, group in row.structures.items() for one in group}
+
+
+def _subject(doubt: Doubt, structures: Mapping[Key, Structure]) -> Subject | None:
+    """A doubt names ids alone, so that all structures of such an id are meant."""
+    keys = frozenset(key for key in structures if key[1] in doubt.structures)
+    points = [structures[key].vertices for key in sorted(keys)]
     if doubt.place is not None and not points:
         points = [np.array([doubt.place])]
-    return (doubt.what, np.concatenate(points), names) if points else None
+    return (doubt.what, np.concatenate(points), keys) if points else None
 
 
 def _support(structure: Structure) -> float:
@@ -79,13 +84,12 @@ def _support(structure: Structure) -> float:
     return float(value) if isinstance(value, int | float) else 1.0
 
 
-def _view(still: Still, world_from_rig: Floats, points: Floats, row: RowMap, doubted: frozenset[str]) -> Picture:
+def _view(still: Still, world_from_rig: Floats, points: Floats, row: RowMap, doubted: frozenset[Key]) -> Picture:
     world_from_view = looking_at(world_from_rig[:3, 3], points.mean(axis=0))
     camera = intrinsics(_hfov_deg(world_from_rig[:3, 3], points), WIDTH_PX, HEIGHT_PX)
     picture = _cut(still, world_from_rig[:3, :3].T @ world_from_view, camera)
-    structures = [structure for group in row.structures.values() for structure in group]
-    for structure in sorted(structures, key=lambda one: one.id in doubted):
-        colour, width = (DOUBTED, 2) if structure.id in doubted else (SHOWN, 1)
+    for key, structure in sorted(_structures(row).items(), key=lambda item: item[0] in doubted):
+        colour, width = (DOUBTED, 2) if key in doubted else (SHOWN, 1)
         for ends in structure.vertices[structure.edges.reshape(-1, 2)]:
             _line(picture, (ends - world_from_rig[:3, 3]) @ world_from_view, camera, colour, width)
     return picture

@@ -10,13 +10,16 @@ import pytest
 from savmap.maps.comparison import (
     CHANGES,
     Comparison,
+    Difference,
     ElementChange,
+    RowMotion,
     as_json,
     compare_maps,
     comparison_lines,
     comparison_text,
 )
-from savmap.maps.comparison.changes import accepted
+from savmap.maps.comparison.changes import accepted, judged
+from savmap.maps.comparison.texts import motion_text
 from savmap.types import SiteMap, Structure
 
 BAYS = place.irregular()
@@ -198,6 +201,26 @@ def test_json_says_all_and_lines_say_what_changed() -> None:
     assert lines[2] == "  1 moved, 56 same"
 
 
+def test_json_holds_no_raw_control_character() -> None:
+    hostile = "A03\N{RIGHT-TO-LEFT OVERRIDE}\x9b31m"
+    bays = (*BAYS[:2], replace(BAYS[2], text=hostile), *BAYS[3:])
+    text = comparison_text(compare_maps(place.mapped(bays, 1), place.mapped(bays, 2)))
+    assert "\u202e" not in text
+    assert "\x9b" not in text
+    assert hostile in [one["text"] for one in json.loads(text)["rows"][0]["elements"]]
+
+
+def test_sigma_of_the_shift_is_that_of_the_origin() -> None:
+    spread = np.diag([0.001, 0.001, 0.002, 0.1]) ** 2
+    motion = RowMotion(np.array([-8.0, 0, 0.5]), 0.0, spread, np.zeros(3), np.array([2.0, 0, 0.5]), 9)
+    rng = np.random.default_rng(1)
+    drawn = rng.multivariate_normal(np.zeros(4), spread, 20000)
+    turns = np.deg2rad(drawn[:, 3])
+    z = motion.middle_m[2] + drawn[:, 2] + 10 * np.sin(turns)
+    assert np.sqrt(motion.shift_covariance[2, 2]) == pytest.approx(z.std(), rel=0.03)
+    assert "z +0.500 m (+- 18 mm)" in motion_text(motion)
+
+
 def test_points_are_carried_as_the_elements_are() -> None:
     old, new = place.mapped(BAYS, 1), place.mapped(BAYS, 2)
     motion = compare_maps(old, new).rows[0].motion
@@ -212,3 +235,27 @@ def test_benjamini_and_hochberg() -> None:
     assert accepted([0.01, 0.02, 0.03, 0.2], 0.05) == 0.03
     assert accepted([0.2], 0.05) == -1.0
     assert accepted([], 0.05) == -1.0
+
+
+def element(number: int, p: float, edges: tuple[float, ...], difference_m: float = 0.003) -> ElementChange:
+    figure = Difference("y", 0.0, difference_m, p, difference_m, 0.001, edges=edges)
+    name = f"bar {number}"
+    return ElementChange("racks", "bar", "same", name, name, "", np.zeros(3), (figure,), p)
+
+
+def test_equal_differences_of_other_edges_are_tests_of_their_own() -> None:
+    row = [element(0, 0.02, (0.0, 0.1, 0.0, 0.1)), *(element(k, 0.9, (k, k + 0.1, k, k + 0.1)) for k in range(1, 10))]
+    assert {one.state for one in judged([row], 0.1)[0]} == {"same"}
+
+
+def test_figures_of_the_same_edges_are_one_test() -> None:
+    edges = 1.0, 3.7, 1.01, 3.7
+    row = [element(k, p, edges) for k, p in enumerate((0.02, 0.02, 0.9, 0.9))]
+    row += [element(4, 0.9, (1.0, 3.7, 1.01, 3.8))]
+    assert [one.state for one in judged([row], 0.05)[0]] == ["moved", "moved", "same", "same", "same"]
+
+
+def test_independent_differences_are_all_counted() -> None:
+    found = compare_maps(place.mapped(BAYS, 1), place.mapped(BAYS, 2)).rows[0]
+    heights = [one.edges for bar in found.elements for one in bar.differences if one.what == "y"]
+    assert len({tuple(np.round(edges, 5)) for edges in heights}) == len(heights) > 40

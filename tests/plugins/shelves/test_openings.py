@@ -1,11 +1,17 @@
 """The clear space between beams, as structures for the comparison of two dates."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from perfect_maps import structures_of, surveyed_row
 
+from savmap.errors import OutputError
 from savmap.maps.comparison import compare_maps
+from savmap.plugin.manager import open_plugin
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 from savmap_shelves.report.openings import openings
+from savmap_shelves.report.slots import slots_of
 
 
 def site_of(structures: list[Structure]) -> SiteMap:
@@ -23,12 +29,38 @@ def test_each_opening_is_the_space_between_two_beams() -> None:
     assert bridge.vertices[:, 1].max() == 4.2
 
 
-def test_spaces_too_low_for_goods_are_none() -> None:
+def test_openings_are_the_slots_with_a_beam_above() -> None:
     row = surveyed_row()
     row["sections"][0]["beams"][1] = [0.6, 0.7]
-    names = {one.id for one in openings(structures_of(row)) if one.id.startswith("section 1 ")}
-    assert "section 1 / opening 1" not in names
-    assert "section 1 / opening 2" in names
+    made = structures_of(row)
+    slots = [slot for slot in slots_of(site_of(made), "shelves") if slot.clear_height is not None]
+    found = openings(made)
+    assert [tuple(one.attributes.values()) for one in found] == [(slot.bay, slot.level) for slot in slots]
+    sizes = [np.ptp(one.vertices, axis=0)[:2] for one in found]
+    expected = [(slot.clear_width, slot.clear_height) for slot in slots]
+    np.testing.assert_allclose(sizes, [[one.value for one in both if one] for both in expected], atol=1e-12)
+    variances = [np.diagonal(one.covariances[[0, 3]], axis1=1, axis2=2).sum(axis=0)[:2] for one in found]
+    np.testing.assert_allclose(np.sqrt(variances), [[one.sigma for one in both if one] for both in expected])
+
+
+def test_without_an_upright_no_width_is_compared() -> None:
+    whole = structures_of(surveyed_row())
+    part = [one for one in whole if one.id != "upright 2"]
+    lone = next(one for one in openings(part) if one.id == "section 1 / opening 1")
+    np.testing.assert_allclose(np.ptp(lone.vertices, axis=0), [0, 0.8, 0])
+    found = compare_maps(
+        site_of(whole), site_of(part), ({"A": {"shelves": openings(whole)}}, {"A": {"shelves": openings(part)}})
+    ).rows[0]
+    tested = {one.name: {figure.what for figure in one.differences} for one in found.openings}
+    assert tested["section 1 / opening 1"] == {"size y"}
+    assert tested["section 3 / opening 0"] == {"size x", "size y"}
+    assert {one.state for one in found.openings} == {"same"}
+
+
+def test_beams_without_a_section_are_refused() -> None:
+    bad = replace(structures_of(surveyed_row())[-1], attributes={})
+    with pytest.raises(OutputError, match="'section' should be a whole number"):
+        open_plugin("shelves", {}).openings([bad])
 
 
 def test_a_raised_beam_changes_the_openings_beside_it() -> None:

@@ -1,51 +1,45 @@
 """The clear space between a section's beams, where goods stand: what two dates of a rack are compared by beside its elements."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from savmap.types import Floats, Structure
+from savmap.types import Measured, Structure
+from savmap_shelves.report.slots import Bay, Opening, bays_of, openings_of
 
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
-FLOOR_SIGMA_M = 0.01
-LEAST_M = 0.3
-"""What is lower holds no goods."""
+UPRIGHT_LINE = np.array([[0, 1]])
 CORNERS = ("lower left", "lower right", "upper left", "upper right")
+ENDS = ("lower", "upper")
 
 
-def openings(structures: Sequence[Structure]) -> list[Structure]:
-    """A structure "section 3 / opening 2" for each space between two beams, one above the other, numbered by the beam it stands on; 0 stands
-    on the floor. Its corners are those of the beams that bound it."""
-    sections: dict[int, list[Structure]] = {}
-    for beam in structures:
-        if beam.label == "beam":
-            sections.setdefault(int(float(beam.attributes["section"])), []).append(beam)
-    return [opening for number, beams in sorted(sections.items()) for opening in _openings(number, beams)]
+def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
+    """A structure "section 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands on the floor. Its
+    corners are those of the clear space between uprights and beams; where an upright was not mapped, it is a line in the middle of the section,
+    which has a height alone. Raises OutputError for structures that lack what the plugin gives them."""
+    return [
+        _structure(bay, opening, opening.roof)
+        for bay in bays_of(structures, None, plugin)
+        for opening in openings_of(bay, None, plugin)
+        if opening.roof is not None
+    ]
 
 
-def _openings(number: int, beams: Sequence[Structure]) -> Iterator[Structure]:
-    ordered = sorted(beams, key=lambda beam: float(beam.vertices[:, 1].mean()))
-    bottoms = [_floor(*_edge(ordered[0], "lower")), *(_edge(beam, "upper") for beam in ordered[:-1])]
-    tops = [_edge(beam, "lower") for beam in ordered]
-    for level, ((low, low_spread), (high, high_spread)) in enumerate(zip(bottoms, tops, strict=True)):
-        if float(high[:, 1].mean() - low[:, 1].mean()) < LEAST_M:
-            continue
-        name = f"section {number} / opening {level}"
-        labels = tuple(f"{name} / {corner}" for corner in CORNERS)
-        corners, spread = np.concatenate([low, high]), np.concatenate([low_spread, high_spread])
-        yield Structure(name, "opening", corners, spread, labels, RING, {"section": number, "level": level})
+def _structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
+    name = f"section {bay.number} / opening {opening.level}"
+    xs = bay.extent if bay.clear_width else (_middle(*bay.extent),)
+    corners = [(x, y, bay.face) for y in (opening.floor, roof) for x in xs]
+    named, edges = (CORNERS, RING) if bay.clear_width else (ENDS, UPRIGHT_LINE)
+    return Structure(
+        name,
+        "opening",
+        np.array([[one.value for one in corner] for corner in corners]),
+        np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
+        tuple(f"{name} / {corner}" for corner in named),
+        edges,
+        {"section": bay.number, "level": opening.level},
+    )
 
 
-def _edge(beam: Structure, side: str) -> tuple[Floats, Floats]:
-    """The left and the right corner (2, 3) of a beam's lower or upper edge, with covariances (2, 3, 3)."""
-    chosen = [index for index, label in enumerate(beam.vertex_labels) if side in label.split()]
-    chosen.sort(key=lambda index: float(beam.vertices[index, 0]))
-    return beam.vertices[chosen], beam.covariances[chosen]
-
-
-def _floor(corners: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """The floor beneath a beam's corners."""
-    spread = covariances.copy()
-    spread[:, 1, :] = spread[:, :, 1] = 0.0
-    spread[:, 1, 1] = FLOOR_SIGMA_M**2
-    return corners * np.array([1.0, 0.0, 1.0]), spread
+def _middle(left: Measured, right: Measured) -> Measured:
+    return Measured((left.value + right.value) / 2, float(np.hypot(left.sigma, right.sigma)) / 2)

@@ -11,6 +11,8 @@ from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Str
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
 FRAMES = ("world", "row")
+FLOOR = Measured(0.0, 0.0)
+"""What all heights are above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,17 @@ class Bay:
     beams: Sequence[Structure]
 
 
+@dataclass(frozen=True)
+class Opening:
+    """A space of a bay: its level (0 on the floor), the height of what goods stand on, of the beam above and of the clear space between,
+    m; the last two are None where it is open above."""
+
+    level: int
+    floor: Measured
+    roof: Measured | None
+    clear_height: Measured | None
+
+
 def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
     """The openings of all rows, row by row, from left to right and from the floor up. Raises OutputError for a map whose structures are not
     such as the plugin makes them."""
@@ -60,7 +73,7 @@ def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
 
 def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     """The row's slots in the world's frame; in the row's own if there are other rows and it has no place among them."""
-    bays = bays_of(row, plugin)
+    bays = bays_of(row.structures.get(plugin, ()), row.joint, plugin)
     signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
     placement = site.placements.get(row.name)
     known = placement is not None or len(site.rows) == 1
@@ -78,9 +91,8 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     ]
 
 
-def bays_of(row: RowMap, plugin: str) -> list[Bay]:
+def bays_of(structures: Sequence[Structure], joint: JointCovariance | None, plugin: str) -> list[Bay]:
     """The sections that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
-    structures = row.structures.get(plugin, ())
     uprights = {number_of(part, "upright"): part for part in structures if part.label == "upright"}
     grouped: dict[int, list[Structure]] = {}
     for part in structures:
@@ -88,7 +100,7 @@ def bays_of(row: RowMap, plugin: str) -> list[Bay]:
             grouped.setdefault(number_of(part, "section"), []).append(part)
     sides = {number: (uprights.get(number), uprights.get(number + 1)) for number in grouped}
     return [
-        _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), *sides[number], row.joint, plugin)
+        _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), *sides[number], joint, plugin)
         for number, beams in sorted(grouped.items())
     ]
 
@@ -118,6 +130,17 @@ def _bay(
         face,
         beams,
     )
+
+
+def openings_of(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Opening]:
+    """The openings of a bay from the floor up; the topmost is open above."""
+    for level, (below, above) in enumerate(pairwise((None, *bay.beams, None))):
+        floor = FLOOR if below is None else edge(below, 1, "upper")
+        roof = None if above is None else edge(above, 1, "lower")
+        height = roof
+        if above is not None and below is not None:
+            height = gap(joint, plugin, (below, "upper"), (above, "lower"), 1)
+        yield Opening(level, floor, roof, height)
 
 
 def edge(structure: Structure, axis: int, side: str = "") -> Measured:
@@ -150,27 +173,22 @@ def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]
     """The openings of a bay from the floor up, in the row's frame."""
     here = sorted((part for part in signs if part.attributes["bay"] == f"section {bay.number}"), key=_middle_x)
     at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
-    for level, (below, above) in enumerate(pairwise((None, *bay.beams, None))):
-        floor = Measured(0.0, 0.0) if below is None else edge(below, 1, "upper")
-        roof = None if above is None else edge(above, 1, "lower")
-        height = roof
-        if above is not None and below is not None:
-            height = gap(row.joint, plugin, (below, "upper"), (above, "lower"), 1)
-        centre, covariance = _centre(bay, floor, roof or floor)
-        texts = tuple(_text(part) for part in here if _between_uprights(part, bay) and _level(part, bay) == level)
+    for opening in openings_of(bay, row.joint, plugin):
+        centre, covariance = _centre(bay, opening.floor, opening.roof or opening.floor)
+        inside = [part for part in here if _between_uprights(part, bay) and _level(part, bay) == opening.level]
         depth = bay.depth_m, bay.depth_assumed
         yield Slot(
             row.name,
             "row",
             bay.number,
-            level,
-            texts,
+            opening.level,
+            tuple(_text(part) for part in inside),
             at_bay,
             centre,
             covariance,
             bay.clear_width,
-            height,
-            floor,
+            opening.clear_height,
+            opening.floor,
             *depth,
         )
 
