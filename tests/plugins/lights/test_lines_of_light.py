@@ -17,11 +17,11 @@ from . import drawn_ceiling as drawn
 LIGHTS = Lights(Settings())
 
 
-def mapped(features: list[Feature]) -> list[Structure]:
+def mapped(features: list[Feature], plugin: Lights = LIGHTS) -> list[Structure]:
     """The lamps of a drive whose path is known."""
     path, facts = drawn.path(), drawn.facts()
     tracks = track_lamps(features, facts, path)
-    constraints = LIGHTS.constrain(tracks, facts, path, KeySpace("lights"))
+    constraints = plugin.constrain(tracks, facts, path, KeySpace("lights"))
     solution = solve(merge(camera_priors(facts, path, fixed=path), constraints))
     return LIGHTS.describe(tracks, solution.landmarks_of("lights"))
 
@@ -61,6 +61,20 @@ def test_thick_strips_beside_the_camera_are_at_their_middles() -> None:
     truth = [[x, drawn.HEIGHT_M, 2.4] for start in starts for x in (start, start + 1.0)]
     assert (np.abs(np.array([point for point, _ in rays]) - truth).max(axis=0) < [0.012, 0.005, 0.003]).all()
     assert max(np.sqrt(covariance[2, 2]) for _, covariance in rays) < 0.0015
+
+
+def test_strips_across_on_one_line_keep_their_lengths() -> None:
+    strips = []
+    for x in (0.5, 2.1, 3.7, 5.3):
+        near, far = drawn.LINE_Z_M - 0.5, drawn.LINE_Z_M + 0.5
+        corners = [(x - 0.1, near), (x + 0.1, near), (x + 0.1, far), (x - 0.1, far)]
+        strips.append(np.array([(a, drawn.HEIGHT_M, b) for a, b in corners]))
+    lamps = mapped(drawn.features_of(strips, faded=False), Lights(Settings(line=True)))
+    assert len(lamps) == 4
+    ends = np.array([lamp.vertices for lamp in lamps])
+    assert np.abs(np.ptp(ends[:, :, 2], axis=1) - 1.0).max() < 0.03
+    assert np.ptp(ends[:, 0, 2]) < 0.001
+    assert np.ptp(ends[:, :, 1]) < 0.001
 
 
 def test_a_beam_below_a_line_of_light_makes_no_lamps() -> None:

@@ -28,9 +28,28 @@ def ties(
     """Relations between the same parts of neighbouring lamps: all of them where the user says that the lamps are `on_a_line`, at one
     height; otherwise those of y and those of z that hold for most lamps, between the lamps that they hold for."""
     if on_a_line:
-        points = [key for parts in keys.values() for key in parts.values()]
-        return [door.equal_coordinate(axis, points[0], other) for other in points[1:] for axis in AXES]
+        by_part = _are_across(tracks, facts, path)
+        return [*_all_equal("y", keys, False), *_all_equal("z", keys, by_part)]
     return [relation for axis in AXES for relation in _tied(tracks, keys, facts, path, axis)]
+
+
+def _are_across(tracks: Sequence[Track], facts: RowFacts, path: Trajectory) -> bool:
+    """Whether most lamps with two ends lie across the aisle."""
+    ends: dict[str, list[Floats]] = {}
+    for track in tracks:
+        ends.setdefault(str(track.place[track.label]), []).append(place_of(track, facts, path)[0])
+    ways = [np.abs(both[1] - both[0]) for both in ends.values() if len(both) == 2]
+    return bool(ways) and float(np.mean([way[2] > way[0] for way in ways])) > 0.5
+
+
+def _all_equal(axis: door.Axis, keys: Mapping[str, Mapping[str, int]], by_part: bool) -> Iterator[door.Relation]:
+    """One coordinate for all points, or for all of one part of the lamps."""
+    groups: dict[str, list[int]] = {}
+    for parts in keys.values():
+        for part, key in parts.items():
+            groups.setdefault(part if by_part else "", []).append(key)
+    for first, *others in groups.values():
+        yield from (door.equal_coordinate(axis, first, other) for other in others)
 
 
 def _tied(
