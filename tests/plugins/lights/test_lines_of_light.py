@@ -9,7 +9,7 @@ from savmap.graph import KeySpace, camera_priors, merge, solve
 from savmap.types import Feature, Structure
 from savmap_lights.doubts import UNKNOWN_M
 from savmap_lights.plugin import Lights, Settings
-from savmap_lights.space.ties import alike, place_of
+from savmap_lights.space.ties import alike, place_of, unnoticed
 from savmap_lights.tracking import track_lamps
 
 from . import drawn_ceiling as drawn
@@ -109,6 +109,15 @@ def test_values_are_alike_that_agree_with_most() -> None:
     values, sigmas = np.array([6.0, 6.002, 5.999, 5.9, 6.05]), np.array([0.002, 0.002, 0.002, 0.002, 0.03])
     assert alike(values, sigmas).tolist() == [True, True, True, False, True]
     assert not alike(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
+
+
+def test_ties_are_as_loose_as_the_test_is_blind() -> None:
+    vague, sharp = np.full(5, 0.03), np.full(5, 0.002)
+    values = np.array([6.0, 6.0, 6.0, 6.0, 5.92])
+    assert alike(values, vague).all()
+    assert 0.03 < unnoticed(values, vague) < 0.09
+    assert unnoticed(np.full(5, 6.0), vague) == 0.0
+    assert unnoticed(6.0 + sharp * [1, -1, 0, 1, -1], sharp) < 0.003
 
 
 def test_a_strip_with_a_hidden_end_is_as_long_as_its_likes() -> None:
