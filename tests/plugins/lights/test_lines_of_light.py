@@ -159,3 +159,26 @@ def test_light_that_no_lamp_explains_is_told() -> None:
     assert len(lamps) == 4
     beyond = [lamp.attributes.get("light beyond, x m") for lamp in lamps]
     assert beyond == [None, pytest.approx(3.2, abs=0.1), None, None]
+
+
+def test_light_before_the_first_lamp_is_doubted() -> None:
+    starts = [0.5, 1.9, 3.3, 4.7]
+    features = drawn.features_of([drawn.strip(x, x + 0.8) for x in starts])
+    lamps = mapped([f for f in features if not any(_is_near(f, x) for x in (0.5, 1.3)) or f.part == "middle"])
+    assert len(lamps) == 3
+    assert lamps[0].attributes["light before, x m"] == pytest.approx(0.9, abs=0.1)
+    assert [doubt.structures for doubt in LIGHTS.doubt(lamps)] == [("light 1",)]
+
+
+@pytest.mark.parametrize("lower", [0.4, 0.6])
+def test_a_lamp_on_another_plane_is_doubted(lower: float) -> None:
+    heights = [drawn.HEIGHT_M] * 2 + [drawn.HEIGHT_M - lower] + [drawn.HEIGHT_M] * 2
+    strips = [drawn.strip(1.4 * k, 1.4 * k + 0.8, height) for k, height in enumerate(heights)]
+    lamps = whole(mapped(drawn.features_of(strips)))
+    assert LIGHTS.doubt(lamps)
+    assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in lamps if len(lamps) == 4]).max(initial=0) < 0.02
+
+
+def test_lamps_at_unequal_distances_are_beyond_doubt() -> None:
+    lamps = mapped(drawn.features_of([drawn.strip(x, x + 0.8) for x in (-3.0, 0.0, 1.3, 4.0, 5.5, 8.0)]))
+    assert not LIGHTS.doubt(whole(lamps))
