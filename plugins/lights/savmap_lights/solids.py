@@ -14,7 +14,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def with_solids(structures: Sequence[Structure]) -> list[Structure]:
-    """Lamps with the space above their underside, which is what was mapped."""
+    """Lamps with the space around what was mapped, which is the middle of their height."""
     return [replace(lamp, solid=_solid(lamp.vertices)) for lamp in structures]
 
 
@@ -31,4 +31,4 @@ def _solid(vertices: Floats) -> Solid | None:
         (vertices[0], vertices[-1]) if len(vertices) > 1 else (vertices[0] - half * way, vertices[0] + half * way)
     )
     outline = np.array([first - aside, last - aside, last + aside, first + aside])
-    return Solid(outline, THICKNESS_M * UP, assumed=True, ifc_class="IfcLightFixture")
+    return Solid(outline - THICKNESS_M / 2 * UP, THICKNESS_M * UP, assumed=True, ifc_class="IfcLightFixture")

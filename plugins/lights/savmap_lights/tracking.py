@@ -16,12 +16,12 @@ from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of,
 from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Place
 from savmap_lights.space.scatter import scatter
-from savmap_lights.space.unmapped import light_beyond, shining
+from savmap_lights.space.unmapped import light_before, light_beyond, shining
 
 MAX_SLOPE = 3.0
 LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
 PATH_M = 0.007
-SEEN_TO, BEYOND = "seen to, mm", "light beyond, mm"
+SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
@@ -48,7 +48,10 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     tracks = _tracks(lamps, marks, level, line, facts, start)
     complete = _complete(tracks, lamps)
     mapped = [lamps[number - 1] for number in complete]
-    return _numbered(tracks, complete, light_beyond(mapped, shining(seen, level, line, mapped)))
+    places, x = shining(seen, level, line, mapped), start.world_from_rig[:, 0, 3]
+    passed = float(x.min()), float(x.max())
+    before = light_before(mapped, places, passed)
+    return _numbered(tracks, complete, before, light_beyond(mapped, places, passed))
 
 
 def _tracks(
@@ -87,14 +90,18 @@ def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
     return complete
 
 
-def _numbered(tracks: Sequence[Track], complete: Sequence[int], beyond: Sequence[float | None]) -> list[Track]:
-    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains."""
+def _numbered(
+    tracks: Sequence[Track], complete: Sequence[int], before: float | None, beyond: Sequence[float | None]
+) -> list[Track]:
+    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains, the first
+    with that of such light before it."""
     numbered = []
     for track in tracks:
         if track.place[track.label] in complete:
             index = complete.index(int(track.place[track.label]))
-            name, x = f"{track.label} {index + 1} / {track.place['part']}", beyond[index]
-            light = {} if x is None else {BEYOND: round(1000 * x)}
+            name = f"{track.label} {index + 1} / {track.place['part']}"
+            told = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
+            light = {key: round(1000 * x) for key, x in told.items() if x is not None}
             numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **light}))
     return numbered
 

@@ -9,7 +9,7 @@ from savmap.graph import KeySpace, camera_priors, merge, solve
 from savmap.types import Feature, Structure
 from savmap_lights.doubts import UNKNOWN_M
 from savmap_lights.plugin import Lights, Settings
-from savmap_lights.space.ties import alike, place_of
+from savmap_lights.space.ties import alike, place_of, unnoticed
 from savmap_lights.tracking import track_lamps
 
 from . import drawn_ceiling as drawn
@@ -17,11 +17,11 @@ from . import drawn_ceiling as drawn
 LIGHTS = Lights(Settings())
 
 
-def mapped(features: list[Feature]) -> list[Structure]:
+def mapped(features: list[Feature], plugin: Lights = LIGHTS) -> list[Structure]:
     """The lamps of a drive whose path is known."""
     path, facts = drawn.path(), drawn.facts()
     tracks = track_lamps(features, facts, path)
-    constraints = LIGHTS.constrain(tracks, facts, path, KeySpace("lights"))
+    constraints = plugin.constrain(tracks, facts, path, KeySpace("lights"))
     solution = solve(merge(camera_priors(facts, path, fixed=path), constraints))
     return LIGHTS.describe(tracks, solution.landmarks_of("lights"))
 
@@ -63,6 +63,20 @@ def test_thick_strips_beside_the_camera_are_at_their_middles() -> None:
     assert max(np.sqrt(covariance[2, 2]) for _, covariance in rays) < 0.0015
 
 
+def test_strips_across_on_one_line_keep_their_lengths() -> None:
+    strips = []
+    for x in (0.5, 2.1, 3.7, 5.3):
+        near, far = drawn.LINE_Z_M - 0.5, drawn.LINE_Z_M + 0.5
+        corners = [(x - 0.1, near), (x + 0.1, near), (x + 0.1, far), (x - 0.1, far)]
+        strips.append(np.array([(a, drawn.HEIGHT_M, b) for a, b in corners]))
+    lamps = mapped(drawn.features_of(strips, faded=False), Lights(Settings(line=True)))
+    assert len(lamps) == 4
+    ends = np.array([lamp.vertices for lamp in lamps])
+    assert np.abs(np.ptp(ends[:, :, 2], axis=1) - 1.0).max() < 0.03
+    assert np.ptp(ends[:, 0, 2]) < 0.001
+    assert np.ptp(ends[:, :, 1]) < 0.001
+
+
 def test_a_beam_below_a_line_of_light_makes_no_lamps() -> None:
     lamps = mapped(drawn.features_of([drawn.strip(0.5, 5.5)], beams=(1.5, 3.0, 4.2)))
     assert len(lamps) == 1
@@ -95,6 +109,15 @@ def test_values_are_alike_that_agree_with_most() -> None:
     values, sigmas = np.array([6.0, 6.002, 5.999, 5.9, 6.05]), np.array([0.002, 0.002, 0.002, 0.002, 0.03])
     assert alike(values, sigmas).tolist() == [True, True, True, False, True]
     assert not alike(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
+
+
+def test_ties_are_as_loose_as_the_test_is_blind() -> None:
+    vague, sharp = np.full(5, 0.03), np.full(5, 0.002)
+    values = np.array([6.0, 6.0, 6.0, 6.0, 5.92])
+    assert alike(values, vague).all()
+    assert 0.03 < unnoticed(values, vague) < 0.09
+    assert unnoticed(np.full(5, 6.0), vague) == 0.0
+    assert unnoticed(6.0 + sharp * [1, -1, 0, 1, -1], sharp) < 0.003
 
 
 def test_a_strip_with_a_hidden_end_is_as_long_as_its_likes() -> None:
@@ -136,3 +159,26 @@ def test_light_that_no_lamp_explains_is_told() -> None:
     assert len(lamps) == 4
     beyond = [lamp.attributes.get("light beyond, x m") for lamp in lamps]
     assert beyond == [None, pytest.approx(3.2, abs=0.1), None, None]
+
+
+def test_light_before_the_first_lamp_is_doubted() -> None:
+    starts = [0.5, 1.9, 3.3, 4.7]
+    features = drawn.features_of([drawn.strip(x, x + 0.8) for x in starts])
+    lamps = mapped([f for f in features if not any(_is_near(f, x) for x in (0.5, 1.3)) or f.part == "middle"])
+    assert len(lamps) == 3
+    assert lamps[0].attributes["light before, x m"] == pytest.approx(0.9, abs=0.1)
+    assert [doubt.structures for doubt in LIGHTS.doubt(lamps)] == [("light 1",)]
+
+
+@pytest.mark.parametrize("lower", [0.4, 0.6])
+def test_a_lamp_on_another_plane_is_doubted(lower: float) -> None:
+    heights = [drawn.HEIGHT_M] * 2 + [drawn.HEIGHT_M - lower] + [drawn.HEIGHT_M] * 2
+    strips = [drawn.strip(1.4 * k, 1.4 * k + 0.8, height) for k, height in enumerate(heights)]
+    lamps = whole(mapped(drawn.features_of(strips)))
+    assert LIGHTS.doubt(lamps)
+    assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in lamps if len(lamps) == 4]).max(initial=0) < 0.02
+
+
+def test_lamps_at_unequal_distances_are_beyond_doubt() -> None:
+    lamps = mapped(drawn.features_of([drawn.strip(x, x + 0.8) for x in (-3.0, 0.0, 1.3, 4.0, 5.5, 8.0)]))
+    assert not LIGHTS.doubt(whole(lamps))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import chdtri
 
 import savmap.plugin as door
 from savmap.plugin import Floats, RowFacts, Track, Trajectory
@@ -14,6 +15,9 @@ HANGS_M = 0.005
 TIED_M = 0.003
 MOST = 0.6
 FEWEST = 3
+SELDOM = 0.16
+HALVINGS = 30
+SQRT_2 = 2**0.5
 STATED = 4
 """As many measurements as the stated standard deviations count for, beside how well the rays meet."""
 
@@ -28,9 +32,28 @@ def ties(
     """Relations between the same parts of neighbouring lamps: all of them where the user says that the lamps are `on_a_line`, at one
     height; otherwise those of y and those of z that hold for most lamps, between the lamps that they hold for."""
     if on_a_line:
-        points = [key for parts in keys.values() for key in parts.values()]
-        return [door.equal_coordinate(axis, points[0], other) for other in points[1:] for axis in AXES]
+        by_part = _are_across(tracks, facts, path)
+        return [*_all_equal("y", keys, False), *_all_equal("z", keys, by_part)]
     return [relation for axis in AXES for relation in _tied(tracks, keys, facts, path, axis)]
+
+
+def _are_across(tracks: Sequence[Track], facts: RowFacts, path: Trajectory) -> bool:
+    """Whether most lamps with two ends lie across the aisle."""
+    ends: dict[str, list[Floats]] = {}
+    for track in tracks:
+        ends.setdefault(str(track.place[track.label]), []).append(place_of(track, facts, path)[0])
+    ways = [np.abs(both[1] - both[0]) for both in ends.values() if len(both) == 2]
+    return bool(ways) and float(np.mean([way[2] > way[0] for way in ways])) > 0.5
+
+
+def _all_equal(axis: door.Axis, keys: Mapping[str, Mapping[str, int]], by_part: bool) -> Iterator[door.Relation]:
+    """One coordinate for all points, or for all of one part of the lamps."""
+    groups: dict[str, list[int]] = {}
+    for parts in keys.values():
+        for part, key in parts.items():
+            groups.setdefault(part if by_part else "", []).append(key)
+    for first, *others in groups.values():
+        yield from (door.equal_coordinate(axis, first, other) for other in others)
 
 
 def _tied(
@@ -48,11 +71,13 @@ def _tied(
         placed = [place_of(track, facts, path) for track in own]
         values = np.array([point[column] for point, _ in placed])
         sigmas = np.array([np.sqrt(covariance[column, column]) for _, covariance in placed])
-        chosen = [own[index] for index in np.flatnonzero(alike(values, sigmas)).tolist()]
+        agree = alike(values, sigmas)
+        chosen = [own[index] for index in np.flatnonzero(agree).tolist()]
+        tied = max(TIED_M, SQRT_2 * unnoticed(values[agree], sigmas[agree]))
         pairs = pairwise(
             keys[f"{track.label} {track.place[track.label]}"][str(track.place["part"])] for track in chosen
         )
-        yield from (door.equal_coordinate(axis, first, second, TIED_M) for first, second in pairs)
+        yield from (door.equal_coordinate(axis, first, second, tied) for first, second in pairs)
 
 
 def alike(values: Floats, sigmas: Floats) -> np.ndarray:
@@ -63,6 +88,27 @@ def alike(values: Floats, sigmas: Floats) -> np.ndarray:
     centre = _weighted_median(values, 1 / spread**2)
     agree = np.abs(values - centre) < ALIKE_SIGMA * spread
     return agree if agree.mean() >= MOST else np.zeros(len(values), np.bool_)
+
+
+def unnoticed(values: Floats, sigmas: Floats) -> float:
+    """How far, m, some values (n,) with standard deviations (n,) may differ between themselves without it showing: the scatter with which
+    values would fit a common one this well in only `SELDOM` of all cases. 0 where they fit so well even without any."""
+    if len(values) < FEWEST:
+        return 0.0
+    least = float(chdtri(len(values) - 1, 1 - SELDOM))
+    low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values) / least)
+    if _misfit(values, sigmas) <= least:
+        return 0.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _misfit(values, np.hypot(sigmas, middle)) > least else (low, middle)
+    return high
+
+
+def _misfit(values: Floats, sigmas: Floats) -> float:
+    """The sum of squares of values (n,), in standard deviations (n,), about their weighted mean."""
+    centre = float(np.average(values, weights=1 / sigmas**2))
+    return float((((values - centre) / sigmas) ** 2).sum())
 
 
 def _weighted_median(values: Floats, weights: Floats) -> float:

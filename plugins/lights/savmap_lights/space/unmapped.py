@@ -27,14 +27,21 @@ def shining(seen: Sightings, level_m: float, line_z: float, lamps: Sequence[Lamp
     return found[np.array(enough, np.bool_)]
 
 
-def light_beyond(lamps: Sequence[Lamp], places: Floats) -> list[float | None]:
-    """For each lamp, in their order along x, the first of some places that lies between it and the next."""
+def light_beyond(lamps: Sequence[Lamp], places: Floats, passed: tuple[float, float]) -> list[float | None]:
+    """For each lamp, in their order along x, the first of some places that lies between it and the next; after the last, as far as the
+    camera `passed`, from where to where along x."""
     reaches = [reach_of(lamp) for lamp in lamps]
-    nexts = [*(low for low, _ in reaches[1:]), np.inf]
+    nexts = [*(low for low, _ in reaches[1:]), passed[1]]
     return [
         min((x for x in places.tolist() if high < x < after), default=None)
         for (_, high), after in zip(reaches, nexts, strict=True)
     ]
+
+
+def light_before(lamps: Sequence[Lamp], places: Floats, passed: tuple[float, float]) -> float | None:
+    """The last of some places that lies before the first lamp, where the camera passed below it."""
+    first = reach_of(lamps[0])[0]
+    return max((x for x in places.tolist() if passed[0] < x < first), default=None)
 
 
 def reach_of(lamp: Lamp) -> tuple[float, float]:
