@@ -8,7 +8,9 @@ import pytest
 
 from savmap.errors import PluginError
 from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
-from savmap.jobs.scheduler import RunOptions
+from savmap.jobs.scheduler import MappedRows, RunOptions
+from savmap.maps.run_record import RunLog
+from savmap.report.site_report import viewed
 from savmap.site.job import job_for
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 from savmap.types.progress import NoteCollector
@@ -50,3 +52,13 @@ def test_warning_of_mapping_is_left_to_its_task(monkeypatch: pytest.MonkeyPatch,
     with pytest.raises(PluginError, match="enough"):
         map_job_into(job_for(EXAMPLE / "site.yaml", None, tmp_path), RunOptions(jobs=0), notes)
     assert notes.lines == []
+
+
+def test_viewer_of_a_run_is_of_its_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    name = next(iter(job.site.rows))
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    mapped = MappedRows({name: RowMap(name, FrameTable(np.zeros(0), ()), {}, path, {}, ())}, {}, RunLog(rows={}))
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
+    map_job_into(job, RunOptions(jobs=0), NoteCollector())
+    assert viewed(tmp_path, job.site.survey) == (tmp_path / "view.html", False)
