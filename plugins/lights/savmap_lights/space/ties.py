@@ -96,7 +96,7 @@ def unnoticed(values: Floats, sigmas: Floats) -> float:
     if len(values) < FEWEST:
         return 0.0
     least = float(chdtri(len(values) - 1, 0.5))
-    low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values) / least)
+    low, high = 0.0, float(np.ptp(values) * np.sqrt(len(values) / least))
     if _misfit(values, sigmas) <= least:
         return 0.0
     for _ in range(HALVINGS):
