@@ -1,6 +1,7 @@
-"""What is implausible about mapped lamps: heights that disagree, lengths, light that no lamp explains, ends that were never seen."""
+"""What is implausible about mapped lamps: heights that disagree, lengths, gaps in a regular line, ends that were never seen."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,7 @@ LIGHT_BEYOND, LIGHT_BEFORE = "light beyond, x m", "light before, x m"
 FEWEST = 4
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
+GAP = 1.5
 LONGER = 1.3
 
 
@@ -22,7 +24,7 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
     """Doubts about the lamps of one row."""
     ordered = sorted(lamps, key=lambda lamp: float(lamp.vertices[:, 0].mean()))
     whole = [lamp for lamp in ordered if is_whole(lamp)]
-    return [*_heights(whole), *_lengths(whole), *_lights(ordered), *_open(ordered)]
+    return [*_heights(whole), *_lengths(whole), *_gaps(ordered), *_open(ordered)]
 
 
 def is_whole(lamp: Structure) -> bool:
@@ -61,14 +63,18 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
             yield Doubt("shape", what, (lamp.id,), _middle(lamp))
 
 
-def _lights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """Light that no lamp explains. A dark gap is a lamp that is out, or none."""
-    for lamp in lamps:
-        for name, side in ((LIGHT_BEFORE, "before"), (LIGHT_BEYOND, "beyond")):
-            if name in lamp.attributes:
-                x = float(lamp.attributes[name])
-                what = f"something shines at x = {x:.2f} m, {side} {lamp.id}, that is not mapped: a lamp may be missing, or hang at another height"
-                yield Doubt("shape", what, (lamp.id,), (x, *_middle(lamp)[1:]))
+def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A gap in a line of lamps that is regular but for it, and in which something shines. A dark one is a lamp that is out, or none."""
+    x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
+    steps = np.diff(x)
+    if len(steps) < FEWEST or not _are_regular(steps):
+        return
+    usual = float(np.median(steps))
+    for before, after in pairwise(lamps):
+        step = float(after.vertices[:, 0].mean() - before.vertices[:, 0].mean())
+        if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
+            what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
+            yield Doubt("shape", what, (before.id, after.id), _middle(before))
 
 
 def _are_regular(sizes: Floats) -> bool:

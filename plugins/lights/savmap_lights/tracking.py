@@ -16,10 +16,12 @@ from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of,
 from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Place
 from savmap_lights.space.scatter import scatter
+from savmap_lights.space.ties import place_of
 from savmap_lights.space.unmapped import light_before, light_beyond, shining
 
 MAX_SLOPE = 3.0
-LEAST_FITTING, MOST_FIT, OTHER_PLANE_M = 2, 0.5, 0.3
+LEAST_FITTING, MOST_FIT = 2, 0.5
+OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
 PATH_M = 0.007
 SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
 
@@ -48,10 +50,8 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     tracks = _tracks(lamps, marks, level, line, facts, start)
     complete = _complete(tracks, lamps)
     mapped = [lamps[number - 1] for number in complete]
-    places, x = shining(seen, level, line, mapped), start.world_from_rig[:, 0, 3]
-    passed = float(x.min()), float(x.max())
-    before = light_before(mapped, places, passed)
-    return _numbered(tracks, complete, before, light_beyond(mapped, places, passed))
+    places = shining(seen, level, line, mapped)
+    return _numbered(tracks, complete, light_before(mapped, places), light_beyond(mapped, places))
 
 
 def _tracks(
@@ -68,17 +68,27 @@ def _tracks(
     for number, (lamp, part, place) in enumerate(named):
         own = np.flatnonzero((rays.place == number) & agree)
         fits = len(own) >= MOST_FIT * (rays.place == number).sum()
-        if len(own) < LEAST_FITTING or not fits or abs(fitted.heights[lamp] - level_m) > OTHER_PLANE_M:
+        if len(own) < LEAST_FITTING or not fits:
             continue
         features = [
             _at_middle(_widened(marks.seen.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
             for k in own.tolist()
         ]
         track = track_of(lamp + 1, part, features)
+        if _is_vaguely_off(track, float(fitted.heights[lamp]) - level_m, facts, path):
+            continue
         if place.seen_to is not None:
             track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
         tracks.append(track)
     return tracks
+
+
+def _is_vaguely_off(track: Track, off_m: float, facts: RowFacts, path: Trajectory) -> bool:
+    """Whether a track seems to be on another plane than the lamps, without its rays being sure of that: no lamp."""
+    if abs(off_m) <= OTHER_PLANE_M:
+        return False
+    _, covariance = place_of(track, facts, path)
+    return abs(off_m) < SURELY_OFF * float(np.sqrt(covariance[1, 1]))
 
 
 def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:

@@ -1,4 +1,4 @@
-"""Repeatability: the landmarks by the odd and by the even frames alone.
+"""Repeatability: the landmarks by either half of the frames alone, every other one, of every view.
 
 The halves share references, first attitudes and the choice of measurements, but no picture: where they differ by more than their
 uncertainty, measurements of one thing were taken for another's, or the uncertainty is wrong.
@@ -19,7 +19,7 @@ LEAST_FRAMES, LEAST_SEEN = 12, 4
 
 @dataclass(frozen=True, eq=False)
 class HalfDifference:
-    """A landmark's position by the odd frames less that by the even ones (3,), m."""
+    """A landmark's position by the second, fourth ... frames less that by the first, third ... ones (3,), m."""
 
     plugin: str
     name: str
@@ -37,7 +37,7 @@ def half_differences(
     """
     if problem.camera.fixed is not None or len(problem.used) < LEAST_FRAMES:
         return ()
-    odd = np.isin(problem.measurements.frames, problem.used[1::2])
+    odd = odd_frames(problem.used, _sparsest(problem))[problem.at_frame]
     halves = [kept & odd, kept & ~odd]
     points = [_points(problem, estimate, half, inflation, huber) for half in halves]
     often = np.logical_and(*(_frames_seen(problem, half) >= LEAST_SEEN for half in halves))
@@ -45,6 +45,19 @@ def half_differences(
         HalfDifference(*problem.name_of(int(problem.keys[index])), points[0][index] - points[1][index])
         for index in np.flatnonzero(often)
     )
+
+
+def odd_frames(used: Ints, every: int) -> Bools:
+    """Which of the frames (f,) are of the one half: every other one of the view that is rendered from multiples of `every` only, with
+    the frames up to its next. A frame is in one half with all its views, or what one of them shows would have no pose there."""
+    _, number = np.unique(used // every, return_inverse=True)
+    return np.asarray(number % 2 == 1)
+
+
+def _sparsest(problem: Problem) -> int:
+    """`ViewSpec.every` of the view with measurements that is rendered least often."""
+    views = problem.measurements.views
+    return max(views[int(index)].every for index in np.unique(problem.measurements.view).tolist())
 
 
 def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: Floats, huber: Floats) -> Floats:

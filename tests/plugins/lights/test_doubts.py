@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.types import Structure
-from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, UNKNOWN_M, doubts_of
+from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M, doubts_of
 
 
 def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
@@ -24,14 +24,12 @@ def test_a_regular_line_is_beyond_doubt() -> None:
     assert not lines([lamp(1, 0), lamp(2, 7)])
 
 
-def test_light_that_no_lamp_explains_is_doubted() -> None:
-    lamps = [lamp(k, x) for k, x in enumerate([0.0, 3.0, 6.0, 13.0], 1)]
+def test_a_gap_in_which_something_shines_is_doubted() -> None:
+    lamps = [lamp(k, x) for k, x in enumerate([0.0, 3.0, 6.0, 9.0, 15.0, 18.0, 21.0], 1)]
     assert not lines(lamps)
-    lamps[2] = replace(lamps[2], attributes={LIGHT_BEYOND: 9.5})
-    lamps[0] = replace(lamps[0], attributes={LIGHT_BEFORE: -2.0})
-    before, beyond = lines(lamps)
-    assert before.startswith("something shines at x = -2.00 m, before light 1, that is not mapped")
-    assert beyond.startswith("something shines at x = 9.50 m, beyond light 3, that is not mapped")
+    lamps[3] = replace(lamps[3], attributes={LIGHT_BEYOND: 12.5})
+    (line,) = lines(lamps)
+    assert line.startswith("light 4 and light 5 are 6.00 m apart, others 3.00 m, and something shines between them")
 
 
 def test_a_lamp_at_another_height_is_doubted() -> None:

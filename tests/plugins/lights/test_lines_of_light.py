@@ -115,7 +115,7 @@ def test_ties_are_as_loose_as_the_test_is_blind() -> None:
     vague, sharp = np.full(5, 0.03), np.full(5, 0.002)
     values = np.array([6.0, 6.0, 6.0, 6.0, 5.92])
     assert alike(values, vague).all()
-    assert 0.03 < unnoticed(values, vague) < 0.09
+    assert 0.02 < unnoticed(values, vague) < 0.03
     assert unnoticed(np.full(5, 6.0), vague) == 0.0
     assert unnoticed(6.0 + sharp * [1, -1, 0, 1, -1], sharp) < 0.003
 
@@ -161,24 +161,17 @@ def test_light_that_no_lamp_explains_is_told() -> None:
     assert beyond == [None, pytest.approx(3.2, abs=0.1), None, None]
 
 
-def test_light_before_the_first_lamp_is_doubted() -> None:
+def test_light_before_the_first_lamp_is_told() -> None:
     starts = [0.5, 1.9, 3.3, 4.7]
     features = drawn.features_of([drawn.strip(x, x + 0.8) for x in starts])
     lamps = mapped([f for f in features if not any(_is_near(f, x) for x in (0.5, 1.3)) or f.part == "middle"])
     assert len(lamps) == 3
     assert lamps[0].attributes["light before, x m"] == pytest.approx(0.9, abs=0.1)
-    assert [doubt.structures for doubt in LIGHTS.doubt(lamps)] == [("light 1",)]
 
 
-@pytest.mark.parametrize("lower", [0.4, 0.6])
-def test_a_lamp_on_another_plane_is_doubted(lower: float) -> None:
-    heights = [drawn.HEIGHT_M] * 2 + [drawn.HEIGHT_M - lower] + [drawn.HEIGHT_M] * 2
+def test_a_lamp_on_another_plane_is_mapped_and_doubted() -> None:
+    heights = [6.0, 6.0, 5.6, 6.0, 6.0]
     strips = [drawn.strip(1.4 * k, 1.4 * k + 0.8, height) for k, height in enumerate(heights)]
     lamps = whole(mapped(drawn.features_of(strips)))
-    assert LIGHTS.doubt(lamps)
-    assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in lamps if len(lamps) == 4]).max(initial=0) < 0.02
-
-
-def test_lamps_at_unequal_distances_are_beyond_doubt() -> None:
-    lamps = mapped(drawn.features_of([drawn.strip(x, x + 0.8) for x in (-3.0, 0.0, 1.3, 4.0, 5.5, 8.0)]))
-    assert not LIGHTS.doubt(whole(lamps))
+    assert [lamp.vertices[:, 1].mean() for lamp in lamps] == pytest.approx(heights, abs=0.03)
+    assert [doubt.structures for doubt in LIGHTS.doubt(lamps)] == [(lamps[2].id,)]

@@ -15,7 +15,6 @@ HANGS_M = 0.005
 TIED_M = 0.003
 MOST = 0.6
 FEWEST = 3
-SELDOM = 0.16
 HALVINGS = 30
 SQRT_2 = 2**0.5
 STATED = 4
@@ -73,7 +72,8 @@ def _tied(
         sigmas = np.array([np.sqrt(covariance[column, column]) for _, covariance in placed])
         agree = alike(values, sigmas)
         chosen = [own[index] for index in np.flatnonzero(agree).tolist()]
-        tied = max(TIED_M, SQRT_2 * unnoticed(values[agree], sigmas[agree]))
+        blind = SQRT_2 * unnoticed(values[agree], sigmas[agree]) if axis == "y" else 0.0
+        tied = max(TIED_M, blind)
         pairs = pairwise(
             keys[f"{track.label} {track.place[track.label]}"][str(track.place["part"])] for track in chosen
         )
@@ -92,11 +92,11 @@ def alike(values: Floats, sigmas: Floats) -> np.ndarray:
 
 def unnoticed(values: Floats, sigmas: Floats) -> float:
     """How far, m, some values (n,) with standard deviations (n,) may differ between themselves without it showing: the scatter with which
-    values would fit a common one this well in only `SELDOM` of all cases. 0 where they fit so well even without any."""
+    values would fit a common one this well in one of two cases. 0 where they fit so well without any."""
     if len(values) < FEWEST:
         return 0.0
-    least = float(chdtri(len(values) - 1, 1 - SELDOM))
-    low, high = 0.0, float(np.ptp(values)) * np.sqrt(len(values) / least)
+    least = float(chdtri(len(values) - 1, 0.5))
+    low, high = 0.0, float(np.ptp(values) * np.sqrt(len(values) / least))
     if _misfit(values, sigmas) <= least:
         return 0.0
     for _ in range(HALVINGS):

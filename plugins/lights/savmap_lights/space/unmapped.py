@@ -27,21 +27,20 @@ def shining(seen: Sightings, level_m: float, line_z: float, lamps: Sequence[Lamp
     return found[np.array(enough, np.bool_)]
 
 
-def light_beyond(lamps: Sequence[Lamp], places: Floats, passed: tuple[float, float]) -> list[float | None]:
-    """For each lamp, in their order along x, the first of some places that lies between it and the next; after the last, as far as the
-    camera `passed`, from where to where along x."""
+def light_beyond(lamps: Sequence[Lamp], places: Floats) -> list[float | None]:
+    """For each lamp, in their order along x, the first of some places that lies between it and the next."""
     reaches = [reach_of(lamp) for lamp in lamps]
-    nexts = [*(low for low, _ in reaches[1:]), passed[1]]
+    nexts = [*(low for low, _ in reaches[1:]), np.inf]
     return [
         min((x for x in places.tolist() if high < x < after), default=None)
         for (_, high), after in zip(reaches, nexts, strict=True)
     ]
 
 
-def light_before(lamps: Sequence[Lamp], places: Floats, passed: tuple[float, float]) -> float | None:
-    """The last of some places that lies before the first lamp, where the camera passed below it."""
+def light_before(lamps: Sequence[Lamp], places: Floats) -> float | None:
+    """The last of some places that lies before the first lamp."""
     first = reach_of(lamps[0])[0]
-    return max((x for x in places.tolist() if passed[0] < x < first), default=None)
+    return max((x for x in places.tolist() if x < first), default=None)
 
 
 def reach_of(lamp: Lamp) -> tuple[float, float]:
