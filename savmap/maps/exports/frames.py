@@ -38,7 +38,9 @@ def elements(site: SiteMap) -> list[Element]:
     the rows' placements and the site's alignment, too. Raises OutputError where rows have no common frame."""
     require_one_frame(site)
     return [
-        Element(row.name, plugin, in_world(in_site(structure, site.placements.get(row.name)), site.alignment))
+        Element(
+            row.name, plugin, in_world(in_site(structure, site.placements.get(row.name)), alignment_of(site, row.name))
+        )
         for row in site.rows.values()
         for plugin, structures in row.structures.items()
         for structure in structures
@@ -54,8 +56,26 @@ def drives(site: SiteMap) -> list[Drive]:
 def world_from_row(site: SiteMap, row: str) -> Floats:
     """Transform (4, 4) from a row's frame to the world's."""
     placement = site.placements.get(row)
-    whole: Floats = world_from_site(site.alignment) @ (np.eye(4) if placement is None else placement.site_from_row)
+    whole: Floats = world_from_site(alignment_of(site, row)) @ (
+        np.eye(4) if placement is None else placement.site_from_row
+    )
     return whole
+
+
+def only_row(site: SiteMap, row: str) -> tuple[SiteMap, str]:
+    """The map of one of its rows alone, and a note where the site's alignment does not hold for it and is left out: a row that is not placed
+    among others, mapped or not, may stand anywhere in the user's world."""
+    alone = replace(site, rows={row: site.rows[row]})
+    others = (site.rows.keys() | site.failed.keys()) - {row}
+    if site.alignment is None or row in site.placements or not others:
+        return alone, ""
+    note = f"row {row} has no place in the site's frame: it is written in its own frame, without the site's alignment"
+    return replace(alone, alignment=None), note
+
+
+def alignment_of(site: SiteMap, row: str) -> Alignment | None:
+    """The site's alignment, where it holds for the row: it is placed, or no row is, because it is the only one."""
+    return site.alignment if row in site.placements or not site.placements else None
 
 
 def world_from_site(alignment: Alignment | None) -> Floats:
