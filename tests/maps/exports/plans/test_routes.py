@@ -1,6 +1,7 @@
 """The graph of what was driven: joined where paths meet, never taken twice, nothing that was not driven."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -66,6 +67,24 @@ def test_a_bend_is_followed() -> None:
     path = bend @ np.diag([1.0, -1.0])
     for place in graph.nodes:
         assert np.linalg.norm(path - place, axis=1).min() < 0.15
+
+
+@pytest.mark.parametrize("apart_m", [0.0, 0.1, 0.4])
+def test_out_and_back_along_one_line_is_one_path(apart_m: float) -> None:
+    back = straight((12, 1.5 + apart_m), (0, 1.5 + apart_m))
+    graph = route_graph(SiteMap({"A": row("A", np.vstack([straight((0, 1.5), (12, 1.5)), back]))}, {}))
+    assert components(graph) == 1
+    assert length(graph) == pytest.approx(12.0, abs=0.2)
+    assert len({frozenset(edge) for edge in graph.edges}) == len(graph.edges)
+
+
+def test_a_way_around_is_closed() -> None:
+    corners = [(0.0, 1.5), (12.0, 1.5), (12.0, 5.5), (0.0, 5.5), (0.0, 1.5)]
+    around = np.vstack([straight(*ends) for ends in pairwise(corners)])
+    graph = route_graph(SiteMap({"A": row("A", around)}, {}))
+    assert components(graph) == 1
+    assert length(graph) == pytest.approx(32.0, abs=0.6)
+    assert np.bincount(np.array(graph.edges).ravel()).min() == 2
 
 
 def test_a_map_without_a_path_has_no_graph() -> None:
