@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import OutputError
-from savmap.types import Alignment, Floats, Placement, RowMap, SiteMap, Solid, Structure, array_record
+from savmap.types import Alignment, Floats, Ints, Placement, RowMap, SiteMap, Solid, Structure, array_record
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 """world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along z goes down along y."""
@@ -27,7 +27,7 @@ class Drive:
     axes are the camera's: x right, y down, z ahead."""
 
     row: str
-    frames: Floats
+    frames: Ints
     stamps_s: Floats
     passes: tuple[str, ...]
     world_from_rig: Floats
@@ -125,7 +125,7 @@ def _points(points: Floats, transform: Floats) -> Floats:
 
 
 def _drive(row: RowMap, world_from_row: Floats) -> Drive:
-    located = row.trajectory.frames.astype(int)
+    located = row.trajectory.frames.astype(np.int64)
     passes = tuple(row.frames.passes[frame] for frame in located)
     return Drive(
         row.name, located, row.frames.stamps_s[located], passes, world_from_row @ row.trajectory.world_from_rig

@@ -17,8 +17,8 @@ import numpy as np
 from savmap.files.atomic import write_text
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
+from savmap.maps.exports.marks import attributes, bytes_of, colours, maker, sigmas, unique
 from savmap.maps.exports.models.bodies import Body
-from savmap.maps.exports.models.marks import attributes, bytes_of, colours, maker, sigmas, unique
 from savmap.maps.exports.models.parts import Part, RowParts, parts_of
 from savmap.types import Floats, SiteMap
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import Drive, drives, world_from_row
-from savmap.maps.exports.plans.footprints import unique
+from savmap.maps.exports.marks import IN_BRACKETS, unique
 from savmap.maps.exports.plans.stations import Station, stations
 from savmap.types import Bools, Floats, SiteMap, array_record
 
@@ -73,7 +73,7 @@ def route_graph(site: SiteMap) -> RouteGraph:
     names = list(_names(rows))
     for name, (_, number) in before.items():
         names[number] = name
-    named = tuple(unique(names))
+    named = tuple(unique(list(map(visible, names)), form=IN_BRACKETS))
     return RouteGraph(nodes, named, tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends, before)
 
 

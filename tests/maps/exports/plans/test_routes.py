@@ -8,7 +8,8 @@ import pytest
 from made_up_hall import HOSTILE, hall, row, straight, world
 
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.footprints import footprints, hull, in_the_way, unique
+from savmap.maps.exports.hull import hull
+from savmap.maps.exports.plans.footprints import footprints, in_the_way
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 
@@ -103,10 +104,6 @@ def test_footprints_are_solids_from_above() -> None:
     np.testing.assert_allclose(post.axis, [world(0.05, -1.0), world(0.05, 0.0)], atol=1e-9)
     low = [footprint.id for footprint in in_the_way(found.values(), 0.5) if footprint.row == "A"]
     assert low == ["post 1", "post 2", "bar 1"]
-
-
-def test_names_are_unique_and_on_one_line() -> None:
-    assert unique(["a", "a", "a (2)", "b\nc"]) == ["a", "a (2)", "a (2) (2)", "b\\nc"]
 
 
 def test_hull_leaves_corners_alone() -> None:
