@@ -87,7 +87,7 @@ class StructureEntry(_Part):
 
     id: str
     label: str
-    vertices: list[VertexEntry]
+    vertices: Annotated[list[VertexEntry], Field(min_length=1)]
     edges: list[tuple[int, int]]
     attributes: dict[str, Value | MeasuredEntry]
     solid: SolidEntry | None = None

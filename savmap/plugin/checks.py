@@ -128,7 +128,7 @@ def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory
 
 
 def check_structures(structures: Sequence[Structure]) -> None:
-    """Structures of different ids whose numbers are finite and whose attributes go into map.json."""
+    """Structures of different ids and with a vertex or more, whose numbers are finite and whose attributes go into map.json."""
     _require_distinct((structure.id for structure in structures), "structures with the id")
     for structure in structures:
         where = f"structure `{structure.id}`"
@@ -217,6 +217,7 @@ def _require_covariances(covariances: Floats, where: str) -> None:
 
 def _require_positions(structure: Structure, where: str) -> None:
     """Vertices within the map's bounds, and covariances that are ones, but for rounding."""
+    require(len(structure.vertices) > 0, f"{where}: it has no vertex")
     require(_finite(structure.vertices), f"{where}: a vertex is not finite")
     require(
         bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away"

@@ -190,6 +190,10 @@ def _short_vertex(content: dict[str, Any]) -> None:
     content["rows"]["A"]["structures"]["things"][0]["vertices"][2]["position_m"].pop()
 
 
+def _no_vertex(content: dict[str, Any]) -> None:
+    content["rows"]["A"]["structures"]["things"][0] |= {"vertices": [], "edges": []}
+
+
 def _loose_edge(content: dict[str, Any]) -> None:
     content["rows"]["A"]["structures"]["things"][0]["edges"][0] = [0, 9]
 
@@ -252,6 +256,7 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
         (_other_version, "version 7; this program reads version 1"),
         (_other_format, "is not a map"),
         (_short_vertex, r"rows\.A\.structures\.things\[0\]\.vertices\[2\]\.position_m\[2\]: Field required"),
+        (_no_vertex, r"structures\.things\[0\]\.vertices: List should have at least 1 item"),
         (_loose_edge, "thing 1: an edge joins a vertex that is not there"),
         (_frame_out_of_order, "frames should be numbered"),
         (_zero_quaternion, r"trajectory\[1\]\.orientation_xyzw: it is no unit quaternion"),

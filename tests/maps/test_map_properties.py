@@ -31,11 +31,9 @@ Draw = Callable[[st.SearchStrategy[Any]], Any]
 
 @st.composite
 def structures(draw: Draw) -> Structure:
-    count = draw(st.integers(0, 4))
+    count = draw(st.integers(1, 4))
     roots = draw(arrays(np.float64, (count, 3, 3), elements=st.floats(-10, 10)))
-    ends = (
-        st.lists(st.tuples(st.integers(0, count - 1), st.integers(0, count - 1)), max_size=3) if count else st.just([])
-    )
+    ends = st.lists(st.tuples(st.integers(0, count - 1), st.integers(0, count - 1)), max_size=3)
     measured = st.builds(Measured, FIGURES, st.floats(0, 1e6))
     return Structure(
         draw(TEXTS),

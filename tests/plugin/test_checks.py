@@ -112,6 +112,11 @@ FAULTS: list[tuple[str, Any, str]] = [
         constraints(relations=(fixed_coordinate("y", KEYS["thing 1"], 0.0, 0.0),)),
         "its sigma is 0.0, not positive",
     ),
+    (
+        "describe",
+        [Structure("empty", "light", np.zeros((0, 3)), np.zeros((0, 3, 3)), (), np.zeros((0, 2), np.int64))],
+        "structure `empty`: it has no vertex",
+    ),
     ("describe", [replace(THING, vertices=np.full((1, 3), NAN))], "structure `thing 1`: a vertex is not finite"),
     ("describe", [replace(THING, covariances=np.full((1, 3, 3), NAN))], "a covariance is not finite"),
     ("describe", [replace(THING, covariances=-np.eye(3)[None])], "a variance is negative"),

@@ -1,7 +1,6 @@
 """Commands about maps that are made: scores, report, other formats, where a structure is."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -111,6 +110,7 @@ def export(
     """Write a map in another format."""
     from savmap.errors import SiteError
     from savmap.maps.exports import export_map
+    from savmap.maps.exports.frames import only_row
     from savmap.maps.map_file import read_map
     from savmap.plugin.manager import exporters, load_installed
 
@@ -118,7 +118,9 @@ def export(
     if row is not None:
         if row not in site_map.rows:
             raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")
-        site_map = replace(site_map, rows={row: site_map.rows[row]})
+        site_map, note = only_row(site_map, row)
+        if note:
+            say(f"note: {note}")
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
     export_map(site_map, name, output, exporters(), broken)
     say(f"wrote {output}")

@@ -23,7 +23,7 @@ from savmap.graph.solver.astray import frames_astray, without_frames
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
-from savmap.graph.solver.judgement.reference_tests import refuse_unseen, tested_keys
+from savmap.graph.solver.judgement.reference_tests import refuse_unseen, solved_references, tested_keys
 from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
@@ -178,6 +178,8 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not misfits:
         return roughly
     soft = softened(given, misfits)
+    if not any(True for _ in solved_references(soft, estimate)):
+        return roughly
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
     found = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import OutputError
-from savmap.types import Alignment, Floats, Placement, RowMap, SiteMap, Solid, Structure, array_record
+from savmap.types import Alignment, Floats, Ints, Placement, RowMap, SiteMap, Solid, Structure, array_record
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 """world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along z goes down along y."""
@@ -27,7 +27,7 @@ class Drive:
     axes are the camera's: x right, y down, z ahead."""
 
     row: str
-    frames: Floats
+    frames: Ints
     stamps_s: Floats
     passes: tuple[str, ...]
     world_from_rig: Floats
@@ -38,7 +38,9 @@ def elements(site: SiteMap) -> list[Element]:
     the rows' placements and the site's alignment, too. Raises OutputError where rows have no common frame."""
     require_one_frame(site)
     return [
-        Element(row.name, plugin, in_world(in_site(structure, site.placements.get(row.name)), site.alignment))
+        Element(
+            row.name, plugin, in_world(in_site(structure, site.placements.get(row.name)), alignment_of(site, row.name))
+        )
         for row in site.rows.values()
         for plugin, structures in row.structures.items()
         for structure in structures
@@ -54,8 +56,26 @@ def drives(site: SiteMap) -> list[Drive]:
 def world_from_row(site: SiteMap, row: str) -> Floats:
     """Transform (4, 4) from a row's frame to the world's."""
     placement = site.placements.get(row)
-    whole: Floats = world_from_site(site.alignment) @ (np.eye(4) if placement is None else placement.site_from_row)
+    whole: Floats = world_from_site(alignment_of(site, row)) @ (
+        np.eye(4) if placement is None else placement.site_from_row
+    )
     return whole
+
+
+def only_row(site: SiteMap, row: str) -> tuple[SiteMap, str]:
+    """The map of one of its rows alone, and a note where the site's alignment does not hold for it and is left out: a row that is not placed
+    among others, mapped or not, may stand anywhere in the user's world."""
+    alone = replace(site, rows={row: site.rows[row]})
+    others = (site.rows.keys() | site.failed.keys()) - {row}
+    if site.alignment is None or row in site.placements or not others:
+        return alone, ""
+    note = f"row {row} has no place in the site's frame: it is written in its own frame, without the site's alignment"
+    return replace(alone, alignment=None), note
+
+
+def alignment_of(site: SiteMap, row: str) -> Alignment | None:
+    """The site's alignment, where it holds for the row: it is placed, or no row is, because it is the only one."""
+    return site.alignment if row in site.placements or not site.placements else None
 
 
 def world_from_site(alignment: Alignment | None) -> Floats:
@@ -105,7 +125,7 @@ def _points(points: Floats, transform: Floats) -> Floats:
 
 
 def _drive(row: RowMap, world_from_row: Floats) -> Drive:
-    located = row.trajectory.frames.astype(int)
+    located = row.trajectory.frames.astype(np.int64)
     passes = tuple(row.frames.passes[frame] for frame in located)
     return Drive(
         row.name, located, row.frames.stamps_s[located], passes, world_from_row @ row.trajectory.world_from_rig

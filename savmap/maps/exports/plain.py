@@ -13,10 +13,10 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_bytes, write_text
 from savmap.maps.exports.frames import in_site, require_one_frame
+from savmap.maps.exports.marks import bytes_of, colours, sigmas
 from savmap.types import SiteMap, Structure
 
 FORMULAS = tuple("=+-@")
-COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75))
 COLUMNS = [
     "row",
     "frame",
@@ -72,17 +72,15 @@ def cell(text: str) -> str:
 
 
 def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
-    sigmas = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
-    for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas, strict=True):
+    for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas(structure), strict=True):
         yield (cell(label), *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
 
 
 def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
-    labels = sorted({structure.label for structure in structures})
-    colours = {label: COLOURS[k % len(COLOURS)] for k, label in enumerate(labels)}
+    palette = {label: bytes_of(colour) for label, colour in colours(one.label for one in structures).items()}
     firsts = np.cumsum([0, *(len(structure.vertices) for structure in structures)]).tolist()
     yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
-    for label, colour in colours.items():
+    for label, colour in palette.items():
         yield f"comment label {label}: {_spaced(colour)}"
     yield f"element vertex {firsts[-1]}"
     yield from (f"property double {axis}" for axis in "xyz")
@@ -91,7 +89,7 @@ def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
     yield from ("property int vertex1", "property int vertex2", "end_header")
     for structure in structures:
         yield from (
-            f"{x:.4f} {y:.4f} {z:.4f} {_spaced(colours[structure.label])}" for x, y, z in structure.vertices.tolist()
+            f"{x:.4f} {y:.4f} {z:.4f} {_spaced(palette[structure.label])}" for x, y, z in structure.vertices.tolist()
         )
     for first, structure in zip(firsts, structures, strict=False):
         yield from (f"{first + a} {first + b}" for a, b in structure.edges.tolist())

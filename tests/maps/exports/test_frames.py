@@ -1,10 +1,12 @@
 """The world's frame of exports: z up, aligned, with the covariance of where the site stands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.maps.exports.frames import drives, elements
+from savmap.maps.exports.frames import drives, elements, only_row, world_from_row, world_from_site
 from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Solid, Structure, Trajectory
 
 
@@ -48,3 +50,20 @@ def test_drive_has_the_located_frames() -> None:
 def test_rows_without_a_common_frame_are_refused() -> None:
     with pytest.raises(OutputError, match="rows B have no place"):
         elements(SiteMap({"A": row("A"), "B": row("B")}, {}, placements={"A": Placement(0, 0, 0, np.eye(3))}))
+
+
+def test_a_row_without_a_place_is_not_put_into_the_world() -> None:
+    aligned = Alignment(10.0, 20.0, 90.0, np.zeros((3, 3)), z_m=1.0)
+    placed = {"A": Placement(0, 0, 0, np.zeros((3, 3)))}
+    site = SiteMap({"A": row("A"), "B": row("B")}, {}, placements=placed, alignment=aligned)
+    alone, note = only_row(site, "B")
+    assert alone.alignment is None
+    assert "row B has no place in the site's frame" in note
+    kept = replace(site, rows={"B": site.rows["B"]})
+    for one in (alone, kept):
+        np.testing.assert_allclose(elements(one)[0].structure.vertices[2], [2, 0, 1], atol=1e-12)
+        np.testing.assert_allclose(world_from_row(one, "B"), world_from_site(None), atol=1e-12)
+    assert (only_row(site, "A")[0].alignment, only_row(site, "A")[1]) == (aligned, "")
+    beside = SiteMap({"B": row("B")}, {}, failed={"A": "dark"}, alignment=aligned)
+    assert only_row(beside, "B")[0].alignment is None
+    assert only_row(replace(beside, failed={}), "B")[0].alignment is aligned

@@ -1,6 +1,7 @@
 """`savmap export`: PLY, CSV and plugins' formats, whole or not at all."""
 
 import csv
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,10 +10,11 @@ import pytest
 
 from savmap.cli.commands.results import export
 from savmap.errors import OutputError, PluginError, SiteError
+from savmap.maps.exports.marks import bytes_of, colours
 from savmap.maps.map_file import write_map
 from savmap.plugin import manager
 from savmap.plugin.hookspecs import Exporter, hookimpl
-from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 
 def thing(name: str, label: str, x: float) -> Structure:
@@ -52,8 +54,21 @@ def test_ply_has_vertices_edges_and_a_colour_for_each_label(
     assert "element edge 4\n" in head
     lines = [line.split() for line in body.splitlines()]
     assert [float(value) for value in lines[5][:3]] == [6.0, 7.0, 5.0]
-    assert len({tuple(line[3:]) for line in lines[:6]}) == 2
+    colour = {label: tuple(map(str, bytes_of(value))) for label, value in colours(["post", "bar"]).items()}
+    assert [tuple(line[3:]) for line in lines[:6]] == [*[colour["post"]] * 3, *[colour["bar"]] * 3]
     assert lines[6:] == [["0", "1"], ["1", "2"], ["3", "4"], ["4", "5"]]
+
+
+def test_a_row_without_a_place_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    placed, aligned = Placement(0, 0, 0, np.zeros((3, 3))), Alignment(5.0, 6.0, 0.0, np.zeros((3, 3)))
+    site = SiteMap({"A": row("A"), "B": row("B")}, {"savmap": "0"}, placements={"A": placed}, alignment=aligned)
+    write_map(site, tmp_path / "map.json")
+    export(tmp_path / "map.json", "nerfstudio", tmp_path / "b.json", "B")
+    assert "note: row B has no place in the site's frame" in capsys.readouterr().out
+    frames = json.loads((tmp_path / "b.json").read_text())["frames"]
+    assert np.array(frames[0]["transform_matrix"])[:3, 3] == pytest.approx([0, 0, 0])
+    export(tmp_path / "map.json", "nerfstudio", tmp_path / "a.json", "A")
+    assert "note" not in capsys.readouterr().out
 
 
 def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,27 @@ def test_passes_are_not_mixed_in_one_tum_file(tmp_path: Path) -> None:
     assert zipfile.ZipFile(tmp_path / "a.zip").namelist() == ["A/back.tum", "A/there.tum"]
 
 
+def test_no_two_rows_share_a_folder(tmp_path: Path) -> None:
+    names = ("A/1", "A_1", "Gang \xc4", "Gang \xd6", "x", "X")
+    site = SiteMap(
+        {name: row(name) for name in names}, {}, placements={n: Placement(0, 0, 0, np.eye(3)) for n in names}
+    )
+    export(site, tmp_path / "a.zip", "tum")
+    files = zipfile.ZipFile(tmp_path / "a.zip").namelist()
+    assert len({name.casefold() for name in files}) == 2 * len(names)
+    export(site, tmp_path / "transforms.json", "nerfstudio")
+    pictures = [frame["file_path"] for frame in json.loads((tmp_path / "transforms.json").read_text())["frames"]]
+    assert len(set(pictures)) == 4 * len(names)
+
+
+@pytest.mark.parametrize("name", ["tum", "colmap", "nerfstudio"])
+@pytest.mark.parametrize("ending", [".txt", ".zip"])
+def test_a_map_without_a_path_is_refused(tmp_path: Path, name: str, ending: str) -> None:
+    still = replace(row("A"), trajectory=Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))))
+    with pytest.raises(OutputError, match="no camera path"):
+        export(SiteMap({"A": still}, {}), tmp_path / f"a{ending}", name)
+
+
 def test_colmap_sees_vertices_where_savmap_does(tmp_path: Path) -> None:
     """A COLMAP pixel is savmap's and a half."""
     pycolmap = pytest.importorskip("pycolmap")
@@ -135,13 +157,14 @@ def test_mcap_holds_foxgloves_messages(tmp_path: Path) -> None:
 def test_rosbag_holds_markers(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
     decoder = pytest.importorskip("mcap_ros2.decoder")
-    export(SiteMap({"A": row("A")}, {}), tmp_path / "a.mcap", "rosbag2")
+    export(SiteMap({"A\n": row("A\n")}, {}), tmp_path / "a.mcap", "rosbag2")
     with (tmp_path / "a.mcap").open("rb") as stream:
         bag = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
         assert bag.get_header().profile == "ros2"
         ((schema, channel, _, message),) = bag.iter_decoded_messages()
     assert (schema.name, channel.topic) == ("visualization_msgs/msg/MarkerArray", "/savmap/map")
     lines, text = message.markers
+    assert lines.ns == "A\\n/things/bar"
     assert (lines.type, text.type, text.text, lines.header.frame_id) == (5, 9, "bar 1", "map")
     points = np.array([[point.x, point.y, point.z] for point in lines.points])
     np.testing.assert_allclose(points, PLACES[[0, 1, 1, 2]] @ world_from_site(None)[:3, :3].T, atol=1e-9)

@@ -11,7 +11,7 @@ import pytest
 from perfect_maps import structures_of, surveyed_row
 
 from savmap.errors import OutputError
-from savmap.maps.exports.frames import world_from_row
+from savmap.maps.exports.frames import only_row, world_from_row
 from savmap.types import (
     Alignment,
     FrameTable,
@@ -132,6 +132,19 @@ def test_slots_of_placed_rows_stand_in_the_world() -> None:
 def test_rows_without_a_common_frame_keep_their_own() -> None:
     slots = slots_of(SiteMap({"A": row("A"), "B": row("B")}, {}), "shelves")
     assert {slot.frame for slot in slots} == {"row"}
+
+
+def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
+    aligned = Alignment(5.0, 6.0, 30.0, np.zeros((3, 3)), 0.5)
+    placed = {"A": Placement(0, 0, 0, np.zeros((3, 3)))}
+    site = SiteMap({"A": row("A"), "B": row("B")}, {}, placements=placed, alignment=aligned)
+    chosen = slots_of(only_row(site, "B")[0], "shelves")
+    assert {slot.frame for slot in chosen} == {"row"}
+    np.testing.assert_allclose(chosen[1].centre, [1.9, 0.0, 0.8], atol=1e-12)
+    kept = slots_of(replace(site, rows={"B": site.rows["B"]}), "shelves")
+    assert [slot.frame for slot in kept] == [slot.frame for slot in chosen]
+    alone = slots_of(SiteMap({"A": row("A")}, {}, alignment=aligned), "shelves")
+    assert {slot.frame for slot in alone} == {"world"}
 
 
 def test_json_is_as_the_published_schema_says(tmp_path: Path) -> None:

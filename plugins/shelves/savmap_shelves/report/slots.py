@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from savmap.maps.exports.frames import in_site, in_world
+from savmap.maps.exports.frames import alignment_of, in_site, in_world
 from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
@@ -72,18 +72,20 @@ def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
 
 
 def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
-    """The row's slots in the world's frame; in the row's own if there are other rows and it has no place among them."""
+    """The row's slots in the world's frame; in the row's own if it has no place there: neither among other rows nor, being alone, by the
+    alignment."""
     bays = bays_of(row.structures.get(plugin, ()), row.joint, plugin)
     signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
     placement = site.placements.get(row.name)
-    known = placement is not None or len(site.rows) == 1
+    alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
+    known = placement is not None or alignment is not None
     slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs)]
     if not slots:
         return []
     centres = np.array([slot.centre for slot in slots])
     covariances = np.array([slot.covariance for slot in slots])
     points = Structure("slots", "slot", centres, covariances, ("",) * len(slots), np.zeros((0, 2), np.int64))
-    moved = in_world(in_site(points, placement), site.alignment if known else None)
+    moved = in_world(in_site(points, placement), alignment)
     frame = FRAMES[0] if known else FRAMES[1]
     return [
         replace(slot, frame=frame, centre=centre, covariance=covariance)

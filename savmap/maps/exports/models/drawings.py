@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
+from savmap.maps.exports.hull import hull
 from savmap.types import Floats, RowMap, Structure
 from savmap.types.common import array_record
 
@@ -109,17 +109,7 @@ def _shapes(structure: Structure, axes: tuple[int, int], way: float) -> list[Sha
         if np.abs(depth[[*axes]]).max() < SKEW * np.linalg.norm(depth):
             return [Shape(structure, outline[:, axes] * turn, closed=True)]
         flat = np.concatenate([outline, outline + depth])[:, axes] * turn
-        return [Shape(structure, _hull(flat), closed=True)]
+        return [Shape(structure, hull(flat), closed=True)]
     flat = structure.vertices[:, axes] * turn
     ends = [flat[edge] for edge in structure.edges] or [flat[k : k + 1] for k in range(len(flat))]
     return [Shape(structure, points, closed=False) for points in ends]
-
-
-def _hull(points: Floats) -> Floats:
-    """The convex hull (m, 2) of points (n, 2), around; the points' two ends where they are on one line."""
-    try:
-        corners: Floats = points[ConvexHull(points).vertices]
-    except QhullError:
-        order = np.lexsort(points.T)
-        corners = points[order[[0, -1]]]
-    return corners

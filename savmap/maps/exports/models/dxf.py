@@ -17,8 +17,8 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports import require_library
+from savmap.maps.exports.marks import bytes_of, colours, sigmas, unique
 from savmap.maps.exports.models.drawings import Dimension, Shape, dimensions, elevation, plan, reach
-from savmap.maps.exports.models.marks import bytes_of, colours, sigmas, unique
 from savmap.maps.exports.models.parts import Part, RowParts, parts_of
 from savmap.types import Floats, RowMap, SiteMap, Structure
 
@@ -109,7 +109,7 @@ class _Drawing:
         document.appids.new(APP)
         document.dimstyles.new(APP, dxfattribs=STYLE)
         palette = colours(labels)
-        names = unique([_layer_name(label) for label in palette], str.casefold, " ")
+        names = unique([_layer_name(label) for label in palette], str.casefold, "{} {}")
         self.layers = dict(zip(palette, names, strict=True))
         for kind in ("3D", "ELEVATION", "PLAN"):
             for label, name in self.layers.items():

@@ -15,7 +15,7 @@ import numpy as np
 
 from savmap.files.atomic import write_bytes
 from savmap.files.texts import json_visible
-from savmap.maps.exports.models.marks import attributes, colours, linear, maker, sigmas
+from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas
 from savmap.maps.exports.models.parts import Part, RowParts, parts_of
 from savmap.types import Floats, Ints, SiteMap
 

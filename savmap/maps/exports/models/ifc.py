@@ -17,8 +17,8 @@ import numpy as np
 from savmap.files.atomic import write_text
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
+from savmap.maps.exports.marks import attributes, bytes_of, colours, maker, sigmas, unique
 from savmap.maps.exports.models.bodies import Body
-from savmap.maps.exports.models.marks import attributes, bytes_of, colours, maker, sigmas, unique
 from savmap.maps.exports.models.parts import Part, RowParts, parts_of
 from savmap.types import Floats, SiteMap
 
@@ -227,10 +227,12 @@ class _Model:
             )
 
     def property(self, name: str, value: Any) -> Entity:
-        """A property of one value, or of a list of them; numbers in a list are lengths."""
+        """A property of one value, or of a list of them, all of one type: lengths where they are numbers, else texts."""
         if isinstance(value, list):
             lengths = isinstance(value[0], float)
-            values = [self.file.create_entity("IfcLengthMeasure", one) if lengths else self.value(one) for one in value]
+            given = value if lengths else [_text(one) for one in value]
+            kind = "IfcLengthMeasure" if lengths else _text_type(given)
+            values = [self.file.create_entity(kind, one) for one in given]
             return self.file.create_entity("IfcPropertyListValue", name, ListValues=values)
         return self.file.create_entity("IfcPropertySingleValue", name, NominalValue=self.value(value))
 
@@ -240,7 +242,7 @@ class _Model:
             return self.file.create_entity("IfcBoolean", value)
         if isinstance(value, str):
             text = _text(value)
-            return self.file.create_entity("IfcLabel" if len(text) <= LONGEST_LABEL else "IfcText", text)
+            return self.file.create_entity(_text_type([text]), text)
         if isinstance(value, int) and abs(value) < 2**31:
             return self.file.create_entity("IfcInteger", value)
         return self.file.create_entity("IfcReal", float(value))
@@ -308,6 +310,11 @@ def _compound(degrees: float) -> list[int]:
 
 def _label(text: str) -> str:
     return _text(text)[:LONGEST_LABEL]
+
+
+def _text_type(texts: Sequence[str]) -> str:
+    """The type that holds all of these texts."""
+    return "IfcLabel" if all(len(text) <= LONGEST_LABEL for text in texts) else "IfcText"
 
 
 def _text(text: str) -> str:

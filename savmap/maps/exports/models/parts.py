@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from savmap.maps.exports.frames import Element, elements, world_from_row
+from savmap.maps.exports.marks import doubts
 from savmap.maps.exports.models.bodies import Body, body_of
-from savmap.maps.exports.models.marks import doubts
 from savmap.types import Floats, SiteMap, Structure
 from savmap.types.common import array_record
 

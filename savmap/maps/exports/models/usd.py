@@ -15,7 +15,7 @@ from savmap.errors import OutputError
 from savmap.files.atomic import write_bytes
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
-from savmap.maps.exports.models.marks import attributes, colours, linear, maker, sigmas, unique
+from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas, unique
 from savmap.maps.exports.models.parts import Part, RowParts, parts_of
 from savmap.types import Floats, SiteMap
 

@@ -7,6 +7,8 @@ import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import Element
+from savmap.maps.exports.hull import hull
+from savmap.maps.exports.marks import IN_BRACKETS, unique
 from savmap.types import Floats, Solid, array_record
 
 CLEARANCE_M = 2.5
@@ -47,48 +49,13 @@ class Footprint:
 def footprints(elements: Sequence[Element]) -> list[Footprint]:
     """The footprints of all elements that have a solid, in their order. Texts are on one line and show what they do."""
     solids = [(element, element.structure.solid) for element in elements if element.structure.solid is not None]
-    names = unique(f"{element.row} / {element.structure.id}" for element, _ in solids)
+    names = unique([visible(f"{element.row} / {element.structure.id}") for element, _ in solids], form=IN_BRACKETS)
     return [_footprint(name, element, solid) for name, (element, solid) in zip(names, solids, strict=True) if solid]
 
 
 def in_the_way(found: Iterable[Footprint], floor_m: float) -> list[Footprint]:
     """Those that begin lower than `CLEARANCE_M` above the floor."""
     return [footprint for footprint in found if footprint.bottom_m < floor_m + CLEARANCE_M]
-
-
-def unique(names: Iterable[str]) -> list[str]:
-    """Names on one line, with a number behind those that occur again."""
-    taken: set[str] = set()
-    result: list[str] = []
-    for name in map(visible, names):
-        number, chosen = 1, name
-        while chosen in taken:
-            number += 1
-            chosen = f"{name} ({number})"
-        taken.add(chosen)
-        result.append(chosen)
-    return result
-
-
-def hull(points: Floats) -> Floats:
-    """The convex hull (m, 2) of points (n, 2), counter-clockwise from the leftmost, without corners on straight sides."""
-    ordered = sorted(set(map(tuple, np.asarray(points).tolist())))
-    lower, upper = _chain(ordered), _chain(ordered[::-1])
-    corners: Floats = np.array([*lower[:-1], *upper[:-1]] or ordered, dtype=np.float64)
-    return corners
-
-
-def _chain(points: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    chain: list[tuple[float, ...]] = []
-    for point in points:
-        while len(chain) > 1 and _area(chain[-2], chain[-1], point) <= 0:
-            chain.pop()
-        chain.append(point)
-    return chain
-
-
-def _area(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _footprint(name: str, element: Element, solid: Solid) -> Footprint:

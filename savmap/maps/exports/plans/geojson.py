@@ -8,9 +8,9 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import Element, elements
+from savmap.maps.exports.json_text import json_text
 from savmap.maps.exports.plans.footprints import Footprint, footprints
 from savmap.maps.exports.plans.geodesy import Earth
-from savmap.maps.exports.plans.json_text import json_text
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 
@@ -47,7 +47,7 @@ def _solid(earth: Earth, footprint: Footprint) -> dict[str, Any]:
         "top_m": round(footprint.top_m, DECIMALS) + 0.0,
         "depth": "assumed" if footprint.assumed else "given",
     }
-    return _feature("Polygon", [ring(earth, footprint)], properties)
+    return feature("Polygon", [ring(earth, footprint)], properties)
 
 
 def _empty(element: Element) -> bool:
@@ -68,8 +68,8 @@ def _lines(earth: Earth, element: Element) -> dict[str, Any]:
     }
     edges = [places[edge] for edge in structure.edges if np.linalg.norm(np.diff(places[edge], axis=0)) > LEAST_M]
     if not edges:
-        return _feature("Point", earth.positions(places.mean(axis=0)[None])[0], properties)
-    return _feature("MultiLineString", [earth.positions(edge) for edge in edges], properties)
+        return feature("Point", earth.positions(places.mean(axis=0)[None])[0], properties)
+    return feature("MultiLineString", [earth.positions(edge) for edge in edges], properties)
 
 
 def _ways(earth: Earth, graph: RouteGraph) -> list[dict[str, Any]]:
@@ -77,8 +77,9 @@ def _ways(earth: Earth, graph: RouteGraph) -> list[dict[str, Any]]:
         return []
     nodes = earth.positions(graph.nodes)
     lines = [[nodes[a], nodes[b]] for a, b in graph.edges]
-    return [_feature("MultiLineString", lines, {"label": "driven"})]
+    return [feature("MultiLineString", lines, {"label": "driven"})]
 
 
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    """A feature of GeoJSON with a geometry of this kind."""
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}

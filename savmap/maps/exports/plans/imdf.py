@@ -14,10 +14,11 @@ import numpy as np
 from savmap.errors import OutputError
 from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.footprints import Footprint, footprints, hull
+from savmap.maps.exports.hull import hull
+from savmap.maps.exports.json_text import json_text, timestamp
+from savmap.maps.exports.plans.footprints import Footprint, footprints
 from savmap.maps.exports.plans.geodesy import Earth
 from savmap.maps.exports.plans.geojson import ring
-from savmap.maps.exports.plans.json_text import json_text, timestamp
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Floats, SiteMap
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
-from savmap.maps.exports.plans.json_text import json_text, timestamp
+from savmap.maps.exports.json_text import json_text, timestamp
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.maps.exports.plans.stations import Station
 from savmap.types import SiteMap

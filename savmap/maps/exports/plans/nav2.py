@@ -14,8 +14,9 @@ import yaml
 from savmap.errors import OutputError
 from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
+from savmap.maps.exports.json_text import json_text
 from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
-from savmap.maps.exports.plans.json_text import json_text
+from savmap.maps.exports.plans.geojson import feature
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import Floats, SiteMap
 
@@ -95,12 +96,12 @@ def route_content(graph: RouteGraph) -> dict[str, Any]:
     """The graph of Nav2's route server: ids of nodes, then of edges, all different; an edge for each way that it is driven."""
     nodes = np.round(graph.nodes, DECIMALS).tolist()
     features = [
-        _feature("Point", at, {"id": number, "frame": FRAME, "metadata": {"name": name, "row": row}})
+        feature("Point", at, {"id": number, "frame": FRAME, "metadata": {"name": name, "row": row}})
         for number, (at, name, row) in enumerate(zip(nodes, graph.names, graph.rows, strict=True))
     ]
     ways = [way for a, b in graph.edges for way in ((a, b), (b, a))]
     features += [
-        _feature("MultiLineString", [[nodes[a], nodes[b]]], {"id": len(nodes) + number, "startid": a, "endid": b})
+        feature("MultiLineString", [[nodes[a], nodes[b]]], {"id": len(nodes) + number, "startid": a, "endid": b})
         for number, (a, b) in enumerate(ways)
     ]
     crs = {"type": "name", "properties": {"name": CRS}}
@@ -136,7 +137,3 @@ def vector_objects(found: list[Footprint]) -> str:
         {"vector_object_server": {"ros__parameters": settings}}, sort_keys=False, default_flow_style=None
     )
     return names + text
-
-
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}

@@ -9,7 +9,8 @@ import yaml
 
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.footprints import footprints, hull, in_the_way
+from savmap.maps.exports.hull import hull
+from savmap.maps.exports.plans.footprints import footprints, in_the_way
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Floats, SiteMap
 

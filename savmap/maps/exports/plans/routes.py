@@ -11,7 +11,7 @@ import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import Drive, drives, world_from_row
-from savmap.maps.exports.plans.footprints import unique
+from savmap.maps.exports.marks import IN_BRACKETS, unique
 from savmap.maps.exports.plans.stations import Station, stations
 from savmap.types import Bools, Floats, SiteMap, array_record
 
@@ -36,8 +36,8 @@ DECIMALS = 4
 @dataclass(frozen=True, eq=False)
 @array_record
 class RouteGraph:
-    """Nodes (n, 2) m in the world, a name for each (that of the section before which it is) and the row by which it was driven first; edges as pairs of nodes, to be driven both ways;
-    for each row the nodes at its left and its right end, as one faces it; and the nodes before sections by the sections' names."""
+    """Nodes (n, 2) m in the world, a name for each (that of the section before which it is) and the row by which it was driven first; edges as
+    pairs of nodes, the lower number first, each once, to be driven both ways; for each row the nodes at its left and its right end, as one faces it; and the nodes before sections by the sections' names."""
 
     nodes: Floats
     names: tuple[str, ...]
@@ -54,7 +54,8 @@ def route_graph(site: SiteMap) -> RouteGraph:
     driven = [drive for drive in drives(site) if len(drive.frames)]
     for drive in driven:
         for piece in _pieces(drive):
-            paths.add(piece, drive.row)
+            for part in _one_way(piece):
+                paths.add(part, drive.row)
     stops = {station.name: (station, stop) for station in stations(site) if (stop := paths.stop(station)) is not None}
     numbers: dict[tuple[float, float], int] = {}
     rows: list[str] = []
@@ -65,14 +66,14 @@ def route_graph(site: SiteMap) -> RouteGraph:
             if (x, y) not in numbers:
                 rows.append(row)
             along.append(numbers.setdefault((x, y), len(numbers)))
-        edges += [(a, b) for a, b in pairwise(along) if a != b]
+        edges += [(min(a, b), max(a, b)) for a, b in pairwise(along) if a != b]
     nodes = np.array(list(numbers), dtype=np.float64).reshape(-1, 2)
     ends = {drive.row: _ends(drive, world_from_row(site, drive.row), nodes) for drive in driven if len(nodes)}
     before = {name: (station, numbers[_key(stop)]) for name, (station, stop) in stops.items() if _key(stop) in numbers}
     names = list(_names(rows))
     for name, (_, number) in before.items():
         names[number] = name
-    named = tuple(unique(names))
+    named = tuple(unique(list(map(visible, names)), form=IN_BRACKETS))
     return RouteGraph(nodes, named, tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends, before)
 
 
@@ -143,6 +144,38 @@ def _pieces(drive: Drive) -> Iterator[Floats]:
         for part in np.split(path, breaks):
             if _length(part) > STEP_M:
                 yield _resampled(part)
+
+
+def _one_way(path: Floats) -> list[Floats]:
+    """The path (n, 2) in parts, split where it turns back along its main direction or across it: what came back beside the way out can then
+    be told from it. Each part begins where the one before it ends."""
+    _, _, axes = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)
+    parts = [path]
+    for axis in axes:
+        parts = [split for part in parts for split in _split(part, _turns(part @ axis))]
+    return parts
+
+
+def _turns(along: Floats) -> list[int]:
+    """Where a coordinate (n) turns back by `LEAST_M` or more."""
+    turns: list[int] = []
+    low = high = way = 0
+    for number, here in enumerate(along.tolist()):
+        low = low if along[low] <= here else number
+        high = high if along[high] >= here else number
+        if way >= 0 and along[high] - here >= LEAST_M:
+            turns.append(high)
+            way, low = -1, number
+        elif way <= 0 and here - along[low] >= LEAST_M:
+            turns.append(low)
+            way, high = 1, number
+    return turns
+
+
+def _split(path: Floats, turns: Sequence[int]) -> list[Floats]:
+    """The path's parts between the turns, which belong to both sides. What is shorter than `LEAST_M` stays with what follows."""
+    starts = [0, *(turn for turn in turns if _length(path[: turn + 1]) >= LEAST_M)]
+    return [path[first : last + 1] for first, last in pairwise([*starts, len(path) - 1])]
 
 
 def _resampled(path: Floats) -> Floats:

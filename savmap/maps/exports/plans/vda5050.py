@@ -10,8 +10,8 @@ import numpy as np
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import elements
+from savmap.maps.exports.json_text import json_text, timestamp
 from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
-from savmap.maps.exports.plans.json_text import json_text, timestamp
 from savmap.types import SiteMap
 
 VERSION = "3.0.0"

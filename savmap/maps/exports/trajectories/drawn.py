@@ -2,27 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from savmap.errors import visible
 from savmap.maps.exports.frames import Element
+from savmap.maps.exports.marks import bytes_of, colours, sigmas
 from savmap.types import Floats, Measured, Structure
 
 FRAME = "map"
 """The frame's name in messages: that of ROS for a map."""
 NANO = 1_000_000_000
 LINE_M = 0.02
-COLOURS = ((0, 114, 178), (230, 159, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (213, 94, 0))
-"""Okabe and Ito's, which colour-blind people can tell apart."""
 
 Colour = tuple[int, int, int]
 
 
 def coloured(found: Sequence[Element]) -> Iterator[tuple[Element, Colour]]:
     """The elements, each with its label's colour."""
-    labels = sorted({element.structure.label for element in found})
+    palette = colours(element.structure.label for element in found)
     for element in found:
-        yield element, COLOURS[labels.index(element.structure.label) % len(COLOURS)]
+        yield element, bytes_of(palette[element.structure.label])
 
 
 def segments(structure: Structure) -> Floats:
@@ -34,14 +31,13 @@ def segments(structure: Structure) -> Floats:
 def texts(element: Element) -> dict[str, str]:
     """Row, plugin, label, attributes and the vertices' standard deviations as texts, by name."""
     structure = element.structure
-    sigmas = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
     attributes = {
         name: f"{value.value:g} +- {value.sigma:g}" if isinstance(value, Measured) else str(value)
         for name, value in structure.attributes.items()
     }
     vertices = {
         f"sigma of {label}, mm": " ".join(f"{1000 * value:.1f}" for value in sigma)
-        for label, sigma in zip(structure.vertex_labels, sigmas, strict=True)
+        for label, sigma in zip(structure.vertex_labels, sigmas(structure), strict=True)
     }
     whole = {"row": element.row, "plugin": element.plugin, "label": structure.label, **attributes, **vertices}
     return {visible(name): visible(value) for name, value in whole.items()}

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from savmap.maps.exports import require_library
 from savmap.maps.exports.frames import Element, elements
 from savmap.maps.exports.trajectories.drawn import FRAME, LINE_M, NANO, Colour, coloured, segments, texts, title
-from savmap.maps.exports.trajectories.frames import PassFrames, passes
+from savmap.maps.exports.trajectories.passes import PassFrames, passes
 from savmap.types import Floats, SiteMap
 
 LINE_LIST = 2
@@ -40,18 +40,17 @@ def write_mcap(site: SiteMap, path: Path) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile="", library="savmap")
-        _send(writer, "/map", "foxglove.SceneUpdate", [(0, {"deletions": [], "entities": entities})])
+        _send(writer, "/map", "foxglove.SceneUpdate", {"deletions": [], "entities": entities})
         for each in passes(site):
-            _send(writer, f"/drive/{each.folder}", "foxglove.PosesInFrame", [(0, _drive(each))])
+            _send(writer, f"/drive/{each.folder}", "foxglove.PosesInFrame", _drive(each))
         writer.finish()
 
 
-def _send(writer: Any, topic: str, schema: str, messages: Sequence[tuple[int, object]]) -> None:
+def _send(writer: Any, topic: str, schema: str, message: object) -> None:
     shape = {"title": schema, "type": "object", "properties": SCHEMAS[schema]}
     number = writer.register_schema(schema, "jsonschema", json.dumps(shape).encode())
     channel = writer.register_channel(topic, "json", number)
-    for time_ns, message in messages:
-        writer.add_message(channel, time_ns, json.dumps(message).encode(), time_ns)
+    writer.add_message(channel, 0, json.dumps(message).encode(), 0)
 
 
 def _entity(element: Element, colour: Colour) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from savmap.errors import visible
 from savmap.maps.exports import require_library
 from savmap.maps.exports.frames import Element, elements
 from savmap.maps.exports.trajectories.drawn import LINE_M, Colour, coloured, segments, texts, title
-from savmap.maps.exports.trajectories.frames import PassFrames, passes
+from savmap.maps.exports.trajectories.passes import PassFrames, passes
 from savmap.types import SiteMap
 
 

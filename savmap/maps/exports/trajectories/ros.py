@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from savmap.errors import visible
 from savmap.maps.exports import require_library
 from savmap.maps.exports.frames import Element, elements
 from savmap.maps.exports.trajectories.drawn import FRAME, LINE_M, Colour, coloured, segments, title
@@ -69,7 +70,7 @@ def _marker(element: Element, colour: Colour) -> dict[str, Any]:
     picture = {"header": header, "format": "", "data": b""}
     return {
         "header": header,
-        "ns": f"{element.row}/{element.plugin}/{element.structure.label}",
+        "ns": visible(f"{element.row}/{element.plugin}/{element.structure.label}"),
         "action": 0,
         "pose": _pose({"x": 0.0, "y": 0.0, "z": 0.0}),
         "color": paint,

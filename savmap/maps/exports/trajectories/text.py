@@ -1,6 +1,5 @@
 """Trajectories for programs of SLAM and neural rendering: TUM, COLMAP, nerfstudio."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -8,10 +7,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
-from savmap.files.atomic import write_bytes
+from savmap.files.atomic import write_text
 from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import Element, elements
-from savmap.maps.exports.trajectories.frames import HEIGHT_PX, WIDTH_PX, PassFrames, passes
+from savmap.maps.exports.json_text import json_text
+from savmap.maps.exports.trajectories.passes import HEIGHT_PX, WIDTH_PX, PassFrames, passes
 from savmap.types import Floats, SiteMap
 
 OPENGL_FROM_RIG = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -21,40 +21,49 @@ GREY = "160 160 160"
 
 def write_tum(site: SiteMap, path: Path) -> None:
     """TUM's text: time in s, position in m, quaternion x y z w of world_from_rig; one pass, or a zip of all where the path ends with .zip. Raises
-    OutputError for several passes and another ending."""
-    found = passes(site)
+    OutputError for several passes and another ending, and for a map without a camera path."""
+    found = _driven(site)
     if path.suffix == ".zip":
         return write_archive(path, {f"{each.folder}.tum": _tum(each).encode() for each in found})
     if len(found) != 1:
         raise OutputError(
             f"{path}: a TUM file holds one pass, and the map has {len(found)}: name a .zip, or choose with --row"
         )
-    write_bytes(path, _tum(found[0]).encode())
+    write_text(path, _tum(found[0]))
 
 
 def write_nerfstudio(site: SiteMap, path: Path) -> None:
-    """nerfstudio's transforms.json: world_from_camera of panoramas in OpenGL's axes, z up."""
+    """nerfstudio's transforms.json: world_from_camera of panoramas in OpenGL's axes, z up. Raises OutputError for a map without a camera
+    path."""
     frames = [
         {"file_path": f"images/{picture}", "transform_matrix": (pose @ OPENGL_FROM_RIG).round(9).tolist()}
-        for each in passes(site)
+        for each in _driven(site)
         for picture, pose in zip(each.pictures(), each.world_from_rig, strict=True)
     ]
     half = WIDTH_PX / 2
     camera = {"camera_model": "EQUIRECTANGULAR", "w": WIDTH_PX, "h": HEIGHT_PX, "fl_x": half, "fl_y": half}
     centre = {"cx": WIDTH_PX / 2, "cy": HEIGHT_PX / 2, "orientation_override": "none"}
-    write_bytes(path, (json.dumps({**camera, **centre, "frames": frames}, indent=1) + "\n").encode())
+    write_text(path, json_text({**camera, **centre, "frames": frames}))
 
 
 def write_colmap(site: SiteMap, path: Path) -> None:
     """A zip of COLMAP's text model: one EQUIRECTANGULAR camera, an image for each located frame, and the map's vertices as points, which no image
-    sees. COLMAP's pixel centres lie at halves: its x is savmap's and 0.5."""
-    images = [_image(*one) for one in enumerate(_frames(passes(site)), 1)]
+    sees. COLMAP's pixel centres lie at halves: its x is savmap's and 0.5. Raises OutputError for a map without a camera path."""
+    images = [_image(*one) for one in enumerate(_frames(_driven(site)), 1)]
     files = {
         "cameras.txt": f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 EQUIRECTANGULAR {WIDTH_PX} {HEIGHT_PX} {WIDTH_PX} {HEIGHT_PX}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[]\n" + "".join(images),
         "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n" + "".join(_points(elements(site))),
     }
     write_archive(path, {name: text.encode() for name, text in files.items()})
+
+
+def _driven(site: SiteMap) -> list[PassFrames]:
+    """The passes of all rows. Raises OutputError where there is none."""
+    found = passes(site)
+    if not found:
+        raise OutputError("the map holds no camera path, and this format is of nothing else")
+    return found
 
 
 def _tum(each: PassFrames) -> str:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from savmap.maps.exports.marks import PALETTE, colours, unique
 from savmap.maps.exports.models.bodies import Body, body_of
-from savmap.maps.exports.models.marks import PALETTE, colours, unique
 from savmap.types import Floats, Solid
 
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]])
@@ -70,6 +70,7 @@ def test_an_outline_that_crosses_itself_is_filled_all_the_same() -> None:
 def test_names_are_given_once() -> None:
     assert unique(["a", "a", "a_2", "a", "A"]) == ["a", "a_2", "a_2_2", "a_3", "A"]
     assert unique(["a", "A"], str.casefold) == ["a", "A_2"]
+    assert unique(["a", "a", "a (2)"], form="{} ({})") == ["a", "a (2)", "a (2) (2)"]
 
 
 def test_labels_have_colours_of_their_own() -> None:

@@ -129,3 +129,13 @@ def test_identifiers_stay_when_others_come() -> None:
     for name in names:
         one, other = (ifc_text(SiteMap(rows, {}), "IFC4").split(name)[1][:22] for rows in (few, many))
         assert one == other
+
+
+def test_a_list_has_values_of_one_type(tmp_path: Path) -> None:
+    part = things()[0]
+    labels = ("short", "L" * 300, *part.vertex_labels[2:])
+    file = opened(SiteMap({"A": row("A", [replace(part, vertex_labels=labels)])}, {}), tmp_path / "map.ifc")
+    lists = {one.Name: {value.is_a() for value in one.ListValues} for one in file.by_type("IfcPropertyListValue")}
+    assert lists["VertexLabels"] == {"IfcText"}
+    assert lists["Doubts"] == {"IfcLabel"}
+    assert lists["VertexX"] == {"IfcLengthMeasure"}

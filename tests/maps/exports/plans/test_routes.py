@@ -1,13 +1,15 @@
 """The graph of what was driven: joined where paths meet, never taken twice, nothing that was not driven."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from made_up_hall import HOSTILE, hall, row, straight, world
 
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.footprints import footprints, hull, in_the_way, unique
+from savmap.maps.exports.hull import hull
+from savmap.maps.exports.plans.footprints import footprints, in_the_way
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 
@@ -68,6 +70,24 @@ def test_a_bend_is_followed() -> None:
         assert np.linalg.norm(path - place, axis=1).min() < 0.15
 
 
+@pytest.mark.parametrize("apart_m", [0.0, 0.1, 0.4])
+def test_out_and_back_along_one_line_is_one_path(apart_m: float) -> None:
+    back = straight((12, 1.5 + apart_m), (0, 1.5 + apart_m))
+    graph = route_graph(SiteMap({"A": row("A", np.vstack([straight((0, 1.5), (12, 1.5)), back]))}, {}))
+    assert components(graph) == 1
+    assert length(graph) == pytest.approx(12.0, abs=0.2)
+    assert len({frozenset(edge) for edge in graph.edges}) == len(graph.edges)
+
+
+def test_a_way_around_is_closed() -> None:
+    corners = [(0.0, 1.5), (12.0, 1.5), (12.0, 5.5), (0.0, 5.5), (0.0, 1.5)]
+    around = np.vstack([straight(*ends) for ends in pairwise(corners)])
+    graph = route_graph(SiteMap({"A": row("A", around)}, {}))
+    assert components(graph) == 1
+    assert length(graph) == pytest.approx(32.0, abs=0.6)
+    assert np.bincount(np.array(graph.edges).ravel()).min() == 2
+
+
 def test_a_map_without_a_path_has_no_graph() -> None:
     graph = route_graph(SiteMap({"A": row("A", np.zeros((0, 2)))}, {}))
     assert (len(graph.nodes), graph.edges, graph.ends) == (0, (), {})
@@ -84,10 +104,6 @@ def test_footprints_are_solids_from_above() -> None:
     np.testing.assert_allclose(post.axis, [world(0.05, -1.0), world(0.05, 0.0)], atol=1e-9)
     low = [footprint.id for footprint in in_the_way(found.values(), 0.5) if footprint.row == "A"]
     assert low == ["post 1", "post 2", "bar 1"]
-
-
-def test_names_are_unique_and_on_one_line() -> None:
-    assert unique(["a", "a", "a (2)", "b\nc"]) == ["a", "a (2)", "a (2) (2)", "b\\nc"]
 
 
 def test_hull_leaves_corners_alone() -> None:

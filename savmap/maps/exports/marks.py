@@ -1,4 +1,4 @@
-"""What models say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given once."""
+"""What exports say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given once."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
@@ -8,6 +8,8 @@ import numpy as np
 from savmap.types import Floats, Measured, SiteMap, Structure
 
 Colour = tuple[float, float, float]
+IN_BRACKETS = "{} ({})"
+"""The form of a name with a number, for people to read."""
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999")
 """Okabe and Ito's colours, which the colour-blind tell apart, without black."""
 
@@ -64,15 +66,15 @@ def doubts(site: SiteMap) -> Mapping[tuple[str, str], list[str]]:
     return said
 
 
-def unique(names: Sequence[str], key: Callable[[str], str] = str, between: str = "_") -> list[str]:
-    """The names, each once: one that was there before, `key` of both being equal, has a number added."""
+def unique(names: Sequence[str], key: Callable[[str], str] = str, form: str = "{}_{}") -> list[str]:
+    """The names, each once: one that was there before, `key` of both being equal, has a number added, in this form."""
     taken, given = set[str](), list[str]()
     counts = dict[str, int]()
     for name in names:
         new = name
         while key(new) in taken:
             counts[key(name)] = counts.get(key(name), 1) + 1
-            new = f"{name}{between}{counts[key(name)]}"
+            new = form.format(name, counts[key(name)])
         taken.add(key(new))
         given.append(new)
     return given

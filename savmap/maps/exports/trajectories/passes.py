@@ -1,12 +1,13 @@
 """The located frames of a map, pass by pass, in the world's frame, and the names that their pictures have in exports."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import drives
+from savmap.maps.exports.marks import unique
 from savmap.types import Floats, Ints, SiteMap, array_record
 
 WIDTH_PX, HEIGHT_PX = 3840, 1920
@@ -17,18 +18,15 @@ WIDTH_PX, HEIGHT_PX = 3840, 1920
 @array_record
 class PassFrames:
     """The located frames of one pass: numbers (n) in the row, times (n) s in the pass's video, world_from_rig (n, 4, 4), z up; the rig's axes are
-    x right, y down, z ahead."""
+    x right, y down, z ahead. `folder`: row and pass as the name of a folder, of letters, digits, dots, dashes and underscores; no other pass of
+    the map has it, nor one that differs by capitals alone."""
 
     row: str
     name: str
+    folder: str
     numbers: Ints
     stamps_s: Floats
     world_from_rig: Floats
-
-    @property
-    def folder(self) -> str:
-        """Row and pass as the name of a folder: letters, digits, dots, dashes and underscores."""
-        return f"{plain(self.row)}/{plain(self.name)}"
 
     def pictures(self) -> list[str]:
         """A file name for each frame's panorama: its time in the video, in milliseconds."""
@@ -41,10 +39,17 @@ def passes(site: SiteMap) -> list[PassFrames]:
 
 
 def _passes(site: SiteMap) -> Iterator[PassFrames]:
-    for drive in drives(site):
-        for name in dict.fromkeys(drive.passes):
+    found = drives(site)
+    for drive, folder in zip(found, _folders([drive.row for drive in found]), strict=True):
+        names = list(dict.fromkeys(drive.passes))
+        for name, inner in zip(names, _folders(names), strict=True):
             here = np.array([other == name for other in drive.passes])
-            yield PassFrames(drive.row, name, drive.frames[here], drive.stamps_s[here], drive.world_from_rig[here])
+            frames = drive.frames[here], drive.stamps_s[here], drive.world_from_rig[here]
+            yield PassFrames(drive.row, name, f"{folder}/{inner}", *frames)
+
+
+def _folders(names: Sequence[str]) -> list[str]:
+    return unique([plain(name) for name in names], key=str.casefold)
 
 
 def plain(text: str) -> str:
