@@ -98,7 +98,9 @@ def _vertex(site: SiteMap, name: str) -> MapVertex:
     vertices = [vertex for vertex in _vertices(site) if not row or vertex.row == row.strip()]
     hits = [vertex for vertex in vertices if vertex.label.lower() == label.strip().lower()]
     if not hits:
-        near = difflib.get_close_matches(label.strip(), sorted({vertex.label for vertex in vertices}), 3)
+        labels = sorted({vertex.label for vertex in vertices})
+        near = [known for known in labels if known.lower().startswith(f"{label.strip().lower()} /")][:8]
+        near = near or difflib.get_close_matches(label.strip(), labels, 3)
         raise SiteError(f"`{name}` is no vertex of the map" + (f"; nearest: {'; '.join(near)}" if near else ""))
     if len(hits) > 1:
         rows = ", ".join(sorted({vertex.row for vertex in hits}))

@@ -99,7 +99,20 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> None:
     lines = savmap("--help", folder=tmp_path).stdout.partition("Commands:\n")[2].splitlines()
-    first = ["map", "init", "check", "demo", "evaluate", "report", "compare", "view", "export", "align", "find", "measure"]
+    first = [
+        "map",
+        "init",
+        "check",
+        "demo",
+        "evaluate",
+        "report",
+        "compare",
+        "view",
+        "export",
+        "align",
+        "find",
+        "measure",
+    ]
     then = ["plugins", "split", "schema", "simulate", "train", "adapt", "label", "plugin"]
     assert [line.split()[0] for line in lines if line.strip()] == first + then
 

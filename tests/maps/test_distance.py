@@ -50,6 +50,8 @@ def test_rows_are_told_apart_and_need_a_common_frame() -> None:
         vertex_distance(site, "A: post 1 / top", "B: post 2 / top")
     with pytest.raises(SiteError, match="nearest: post"):
         vertex_distance(site, "A: post / top", "B: post 2 / top")
+    with pytest.raises(SiteError, match="`A: post 1` is no vertex of the map; nearest: post 1"):
+        vertex_distance(site, "A: post 1", "B: post 2 / top")
     placed = {"A": Placement(0, 0, 0, np.zeros((3, 3))), "B": Placement(0, -4.0, 0, np.zeros((3, 3)))}
     found = vertex_distance(SiteMap(site.rows, {}, placements=placed), "A: post 1 / top", "B: post 2 / top")
     assert found.length_m == pytest.approx(5.0)
