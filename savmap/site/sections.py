@@ -1,5 +1,6 @@
 """Sections of a site file: what is known without mapping, views aimed by hand, the camera, where rows stand."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -261,6 +262,10 @@ class AlignPoint(Strict):
     """Standard deviation of each."""
 
 
+LEAST_LINE_M = 0.001
+"""Two points that are nearer give no line a direction."""
+
+
 class AlignLine(Strict):
     """A straight line of the user's world on which places of the map lie, seen from above."""
 
@@ -276,8 +281,8 @@ class AlignLine(Strict):
     @field_validator("world_m")
     @classmethod
     def _apart(cls, value: tuple[tuple[float, float], tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-        if value[0] == value[1]:
-            raise ValueError("the two points of the line are the same")
+        if math.dist(*value) < LEAST_LINE_M:
+            raise ValueError(f"the two points of the line are the same, to {LEAST_LINE_M:g} m")
         return value
 
 
