@@ -105,9 +105,9 @@ def test_a_second_run_does_only_what_changed(undisturbed: Path) -> None:
 
 def test_one_bad_row_stops_no_other(tmp_path: Path) -> None:
     lengths = [{"between": ["upright 1 / left", "upright 5 / right"], "value": 28.0, "sigma": 0.003}]
-    path = site(tmp_path, references={"lengths": lengths})
+    path = site(tmp_path, references={"lengths": lengths, "on_contradiction": "refuse"})
     code, said, rows = finish(path, "--jobs", "1")
-    assert code == 10
+    assert code == 10, said
     assert said.strip().splitlines()[-1].startswith("savmap: 1 of 2 rows could not be mapped: C")
     content = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
     assert list(content["rows"]) == ["A"]
