@@ -80,6 +80,11 @@ class Summary:
         return self.row.verdict.doubts if self.row and self.row.verdict else ()
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What the verdict rests on that nothing checks."""
+        return self.row.verdict.notes if self.row and self.row.verdict else ()
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What of a mapped row deserves attention."""
         off, skipped = self.references_off, self.run.skipped if self.run else 0
@@ -91,7 +96,6 @@ class Summary:
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
             (skipped, f"{skipped} frames skipped"),
-            *((True, note) for note in (self.row.verdict.notes if self.row and self.row.verdict else ())),
         )
         return tuple(text for applies, text in remarks if applies)
 
