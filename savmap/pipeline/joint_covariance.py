@@ -1,6 +1,7 @@
 """How the errors of a row's vertices go together, from the solve: what a distance between two of them needs."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,53 +15,52 @@ SAME_M, SAME_SIGMA_M = 1e-3, 5e-4
 def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: Solution) -> JointCovariance | None:
     """Of all coordinates of vertices that are, bit by bit, a landmark's of their plugin, with its variance; others are taken for independent.
     None where there is no such coordinate."""
-    found = {
-        plugin: {structure.id: _slots(structure, plugin, solution) for structure in group}
-        for plugin, group in structures.items()
-        if solution.landmarks_of(plugin)
-    }
+    place = {key: 3 * number for number, key in enumerate(solution.covariance.keys)}
+    positions = np.full(3 * len(place), np.nan)
+    found: dict[str, dict[str, Ints]] = {}
+    for plugin, group in structures.items():
+        landmarks, keys = solution.landmarks_of(plugin), solution.keys.get(plugin, {})
+        if landmarks:
+            points = _Points.of(landmarks, np.array([place[keys[name]] for name in landmarks]))
+            positions[points.slots] = points.positions
+            found[plugin] = {structure.id: points.slots_of(structure) for structure in group}
     slots = np.unique(
         np.concatenate([[-1], *(numbers.ravel() for group in found.values() for numbers in group.values())])
     )[1:]
     if not len(slots):
         return None
     covariance = solution.covariance.points[np.ix_(slots, slots)]
-    group = _groups(_positions(solution)[slots], slots % 3, covariance)
-    first = np.array([np.flatnonzero(group == number)[0] for number in range(group.max() + 1)])
+    same = _groups(positions[slots], slots % 3, covariance)
+    _, first = np.unique(same, return_index=True)
     number_of = np.full(slots[-1] + 2, -1)
-    number_of[slots] = group
+    number_of[slots] = same
     coordinates = {
         plugin: {name: number_of[numbers] for name, numbers in group.items()} for plugin, group in found.items()
     }
     return JointCovariance(coordinates, covariance[np.ix_(first, first)])
 
 
-def _slots(structure: Structure, plugin: str, solution: Solution) -> Ints:
-    """For each vertex and axis (v, 3) the place in the solve's covariance of the landmark that has this position and variance; -1: none has."""
-    landmarks, keys = solution.landmarks_of(plugin), solution.keys[plugin]
-    names = tuple(landmarks)
-    first = 3 * np.array([solution.covariance.keys.index(keys[name]) for name in names])
-    variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
-    alike = (structure.vertices[:, None] == _stacked(landmarks, "position")) & (
-        variances[:, None] == np.diagonal(_stacked(landmarks, "covariance"), axis1=1, axis2=2)
-    )
-    slots: Ints = np.where(alike.any(axis=1), first[alike.argmax(axis=1)] + np.arange(3), -1)
-    return slots
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """A plugin's landmarks: places (m, 3) of their coordinates in the solve's covariance, positions (m, 3) m and variances (m, 3) m^2."""
 
+    slots: Ints
+    positions: Floats
+    variances: Floats
 
-def _stacked(landmarks: Mapping[str, Landmark], name: str) -> Floats:
-    return np.array([getattr(landmark, name) for landmark in landmarks.values()])
+    @classmethod
+    def of(cls, landmarks: Mapping[str, Landmark], first: Ints) -> "_Points":
+        """Landmarks whose x stand at `first` (m,)."""
+        positions = np.array([landmark.position for landmark in landmarks.values()])
+        variances = np.array([np.diag(landmark.covariance) for landmark in landmarks.values()])
+        return cls(first[:, None] + np.arange(3), positions, variances)
 
-
-def _positions(solution: Solution) -> Floats:
-    """Coordinates (3m,) of all points in the order of the solve's covariance."""
-    place = {key: 3 * number for number, key in enumerate(solution.covariance.keys)}
-    positions = np.full(3 * len(place), np.nan)
-    for plugin, landmarks in solution.landmarks.items():
-        for name, landmark in landmarks.items():
-            first = place[solution.keys[plugin][name]]
-            positions[first : first + 3] = landmark.position
-    return positions
+    def slots_of(self, structure: Structure) -> Ints:
+        """For each vertex and axis (v, 3) the place of the landmark's coordinate that has this position and variance; -1: none has."""
+        variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
+        alike = (structure.vertices[:, None] == self.positions) & (variances[:, None] == self.variances)
+        slots: Ints = np.where(alike.any(axis=1), self.slots[alike.argmax(axis=1), np.arange(3)], -1)
+        return slots
 
 
 def _groups(positions: Floats, axes: Ints, covariance: Floats) -> Ints:
