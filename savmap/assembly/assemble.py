@@ -12,11 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
+from savmap.assembly.doubts import drive_doubts, match_doubts, placement_doubts, with_doubts
 from savmap.assembly.matches import LandmarkMatch, overlap_record, worst_of_each
 from savmap.assembly.matching import match_landmarks
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
 from savmap.graph.site_poses import SitePoses, solve_site_poses
-from savmap.types import CrossRowLandmark, Floats, Placement, RowMap, SiteMap, Structure
+from savmap.types import CrossRowLandmark, CrossRowMatch, Floats, Placement, RowMap, SiteMap, Structure
 
 SQUARE_DEG = 0.2
 ROUNDS = 3
@@ -33,7 +34,7 @@ Landmarks = Mapping[str, Sequence[CrossRowLandmark]]
 
 @dataclass(frozen=True)
 class Assembly:
-    """The site map with placements and matches, and notes for the user."""
+    """The site map with placements, matches and doubts about rows that do not fit one another, and notes for the user."""
 
     site_map: SiteMap
     notes: tuple[str, ...] = ()
@@ -62,8 +63,15 @@ def assembled(
     used = [overlap for overlap in common if overlap.prior.a in start]
     solver = Solver(start, anchors, used, None if square_deg is None else float(np.radians(square_deg)))
     landmarks = {name: landmarks_of(rows[name], find_landmarks) for name in start}
-    poses, matches, notes = solver.matched(landmarks)
-    return Assembly(_placed(site_map, used, poses, matches), (*notes, *_far_from_priors(known, poses)))
+    solved = solver.matched(landmarks)
+    drives = [overlap_record(overlap, solved.poses) for overlap in used]
+    placed = _placed(site_map, drives, solved)
+    doubts = (
+        placement_doubts(known, solved.poses),
+        drive_doubts(used, drives),
+        match_doubts(solved.left_out, solved.poses),
+    )
+    return Assembly(with_doubts(placed, *doubts), tuple(solved.ambiguous))
 
 
 def gauge_of(rows: Mapping[str, RowMap], common: Sequence[Overlap]) -> dict[str, Placement]:
@@ -119,25 +127,37 @@ class Solver:
         priors = [overlap.prior for overlap in self.overlaps]
         return solve_site_poses(self.start, self.anchors, priors, points, self.square_rad)
 
-    def matched(self, landmarks: Mapping[str, Landmarks]) -> tuple[SitePoses, list[LandmarkMatch], list[str]]:
-        """Poses, matches and notes: landmarks are matched until no more are found, and matches that do not fit are left out."""
-        poses, matches, notes = self.solve(), list[LandmarkMatch](), list[str]()
+    def matched(self, landmarks: Mapping[str, Landmarks]) -> "Matched":
+        """Landmarks are matched until no more are found, and matches that do not fit are left out."""
+        poses, matches, left_out = self.solve(), list[LandmarkMatch](), list[LandmarkMatch]()
         for _ in range(ROUNDS):
             done = {(match.rows, match.kind) for match in matches}
             new, ambiguous = _new_matches(landmarks, poses, done)
             poses, matches, rejected = self._without_outliers([*matches, *new])
-            notes += rejected
+            left_out += rejected
             if not new:
                 break
-        return poses, matches, [*notes, *ambiguous]
+        return Matched(poses, matches, left_out, ambiguous)
 
-    def _without_outliers(self, matches: list[LandmarkMatch]) -> tuple[SitePoses, list[LandmarkMatch], list[str]]:
-        poses, notes = self.solve(matches), list[str]()
+    def _without_outliers(
+        self, matches: list[LandmarkMatch]
+    ) -> tuple[SitePoses, list[LandmarkMatch], list[LandmarkMatch]]:
+        poses, left_out = self.solve(matches), list[LandmarkMatch]()
         while outliers := worst_of_each([match for match in matches if not match.fits(poses)], poses):
-            notes += [f"{match} is left out: it is {match.residual_text(poses)} off" for match in outliers]
+            left_out += outliers
             matches = [match for match in matches if match not in outliers]
             poses = self.solve(matches)
-        return poses, matches, notes
+        return poses, matches, left_out
+
+
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """Rows' poses, the matches that constrain them, those that were left out, and a note for each pair of rows that is ambiguous."""
+
+    poses: SitePoses
+    matches: Sequence[LandmarkMatch]
+    left_out: Sequence[LandmarkMatch]
+    ambiguous: Sequence[str]
 
 
 def _new_matches(
@@ -199,26 +219,9 @@ def _without_covariance(site_from_row: Floats) -> Placement:
     return Placement(float(site_from_row[0, 3]), float(site_from_row[2, 3]), heading, np.eye(3))
 
 
-def _placed(
-    site_map: SiteMap, common: Sequence[Overlap], poses: SitePoses, matches: Sequence[LandmarkMatch]
-) -> SiteMap:
-    """The site map with the rows' placements, and with matches in the rows' order."""
-    records = [overlap_record(overlap, poses) for overlap in common] + [match.record(poses) for match in matches]
+def _placed(site_map: SiteMap, drives: Sequence[CrossRowMatch], solved: "Matched") -> SiteMap:
+    """The site map with the rows' placements, and with drives and matches in the rows' order."""
+    records = [*drives, *(match.record(solved.poses) for match in solved.matches)]
     order = {name: number for number, name in enumerate(site_map.rows)}
     records.sort(key=lambda record: (order[record.row_a], order[record.row_b]))
-    return replace(site_map, placements=dict(poses.rows), matches=tuple(records))
-
-
-def _far_from_priors(known: Mapping[str, Placement], poses: SitePoses) -> list[str]:
-    """A line for each row that does not stand where its prior says."""
-    lines = []
-    for name, prior in known.items():
-        place = poses.rows[name]
-        heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
-        off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
-        if off @ np.linalg.solve(prior.covariance, off) >= OFF_SIGMA**2:
-            lines.append(
-                f"row {name} stands {np.hypot(*off[:2]):.2f} m and {abs(heading):.2f} degrees from the place it was given, "
-                "by what it has in common with other rows"
-            )
-    return lines
+    return replace(site_map, placements=dict(solved.poses.rows), matches=tuple(records))

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from savmap.types.verdicts import DoubtKind
+
 FORMAT = "savmap-map"
 VERSION = 1
 
@@ -129,7 +131,7 @@ class ReferenceEntry(_Part):
 class DoubtEntry(_Part):
     """What speaks against a part of a row's map, in one line, and which structures, place (m) and frame it is about."""
 
-    kind: Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals"]
+    kind: DoubtKind
     what: str
     structures: list[str] = []
     place_m: Vector | None = None

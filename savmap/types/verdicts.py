@@ -5,10 +5,10 @@ from typing import Literal
 
 from savmap.types.common import require
 
-DoubtKind = Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals"]
+DoubtKind = Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals", "site"]
 """What a doubt comes from: a given value that the pictures contradict; odd and even frames that disagree; a structure that few of the
 frames show that should; an implausible shape or place among its likes; what the footage is; how the camera went; measurements that do
-not fit."""
+not fit; rows that do not fit one another, or the places they were given."""
 
 
 @dataclass(frozen=True)
