@@ -9,7 +9,7 @@ import numpy as np
 from savmap.graph.problem import Estimate, Problem
 from savmap.types import Bools, Floats
 
-LEAST_LEFT = 0.1
+LEAST_LEFT, NEAREST_M = 0.1, 0.1
 LOOSE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 0.1])
 """What is known of a pose in any case, 1/rad and 1/m: a frame with few measurements is not at a loss."""
 
@@ -41,6 +41,6 @@ def _slopes(problem: Problem, estimate: Estimate) -> Floats:
     poses = estimate.poses[problem.at_frame]
     forms = problem.linear_forms
     offsets = np.einsum("nji,nj->ni", poses[:, :3, :3], estimate.points[problem.at_key] - poses[:, :3, 3])
-    depths = np.maximum(np.einsum("ni,ni->n", forms.axes, offsets), LEAST_LEFT)[:, None, None]
+    depths = np.maximum(np.einsum("ni,ni->n", forms.axes, offsets), NEAREST_M)[:, None, None]
     turns = np.cross(forms.forms, offsets[:, None])
     return np.asarray(np.concatenate([turns, -forms.forms], axis=2) / depths)

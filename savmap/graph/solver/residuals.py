@@ -17,7 +17,8 @@ SURE = 10.0
 UPPER, UPPER_CHI2 = 0.8, 1.62
 LAGS = 30
 LEAST_RATE = 0.05
-LEAST_LEFT = 0.4
+LEAST_OF_ONE = 0.4
+"""Of an error's square, at least so much is taken to be left where its point's mean absorbed the rest."""
 MOST_INFLATION = 30.0
 FEW_PAIRS = 30.0
 """A class's autocorrelations are taken for those of all classes with the weight of so many pairs."""
@@ -119,10 +120,10 @@ def _factors(rates: Floats, count: float) -> tuple[float, float]:
     weights = np.maximum(1 - np.arange(1, LAGS + 1) / max(count, 1.0), 0.0)
     lags = int(np.argmax(np.append(rates, 0.0) < LEAST_RATE))
     total, lost = 2 * float(weights[:lags] @ rates[:lags]), 2 * float(weights[:lags].sum())
-    solved = min((1 + total) / max(1 + (total - lost) / count, LEAST_LEFT), MOST_INFLATION)
+    solved = min((1 + total) / max(1 + (total - lost) / count, LEAST_OF_ONE), MOST_INFLATION)
     reported = 1.0
     for _ in range(TURNS):
-        raised = rates * max(1 - reported / count, LEAST_LEFT) + reported / count
+        raised = rates * max(1 - reported / count, LEAST_OF_ONE) + reported / count
         lags = int(np.argmax(np.append(raised, 0.0) < LEAST_RATE))
         reported = 1 + 2 * float(weights[:lags] @ raised[:lags])
     return solved, min(max(reported, solved), MOST_INFLATION)

@@ -44,10 +44,12 @@ def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ..
     if not located:
         return ()
     centres = np.array([poses[still.frame][:3, 3] for still in located])
-    views = []
+    views, decoded = [], dict[int, Picture]()
     for what, points, doubted in _subjects(row):
         nearest = located[int(np.linalg.norm(centres - points.mean(axis=0), axis=1).argmin())]
-        picture = _view(nearest, poses[nearest.frame], points, row, doubted)
+        if nearest.frame not in decoded:
+            decoded[nearest.frame] = _decoded(nearest)
+        picture = _view(decoded[nearest.frame], poses[nearest.frame], points, row, doubted)
         stamp, name = row.frames.stamps_s[nearest.frame], row.frames.passes[nearest.frame]
         views.append(FootageView(what, f"{name}, {stamp:.1f} s, frame {nearest.frame}", _uri(picture)))
     return tuple(views)
@@ -84,10 +86,10 @@ def _support(structure: Structure) -> float:
     return float(value) if isinstance(value, int | float) else 1.0
 
 
-def _view(still: Still, world_from_rig: Floats, points: Floats, row: RowMap, doubted: frozenset[Key]) -> Picture:
+def _view(panorama: Picture, world_from_rig: Floats, points: Floats, row: RowMap, doubted: frozenset[Key]) -> Picture:
     world_from_view = looking_at(world_from_rig[:3, 3], points.mean(axis=0))
     camera = intrinsics(_hfov_deg(world_from_rig[:3, 3], points), WIDTH_PX, HEIGHT_PX)
-    picture = _cut(still, world_from_rig[:3, :3].T @ world_from_view, camera)
+    picture = _cut(panorama, world_from_rig[:3, :3].T @ world_from_view, camera)
     for key, structure in sorted(_structures(row).items(), key=lambda item: item[0] in doubted):
         colour, width = (DOUBTED, 2) if key in doubted else (SHOWN, 1)
         for ends in structure.vertices[structure.edges.reshape(-1, 2)]:
@@ -116,9 +118,15 @@ def _hfov_deg(centre: Floats, points: Floats) -> float:
     return float(np.clip(2 * ROOM * half, LEAST_HFOV_DEG, MOST_HFOV_DEG))
 
 
-def _cut(still: Still, rig_from_view: Floats, camera: Floats) -> Picture:
-    """The part (HEIGHT_PX, WIDTH_PX, 3), RGB, of a still that a view shows."""
-    panorama = cv2.cvtColor(np.asarray(cv2.imdecode(still.picture, cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
+def _decoded(still: Still) -> Picture:
+    """A still's panorama (h, 2 h, 3), RGB."""
+    return np.asarray(
+        cv2.cvtColor(np.asarray(cv2.imdecode(still.picture, cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB), np.uint8
+    )
+
+
+def _cut(panorama: Picture, rig_from_view: Floats, camera: Floats) -> Picture:
+    """The part (HEIGHT_PX, WIDTH_PX, 3) of a panorama that a view shows."""
     pixels = np.stack(np.meshgrid(np.arange(WIDTH_PX), np.arange(HEIGHT_PX)), axis=-1).astype(np.float64)
     rays = rays_from_pixels(pixels, camera) @ rig_from_view.T
     places = panorama_pixels_from_rays(rays, panorama.shape[0]).astype(np.float32)

@@ -23,7 +23,8 @@ LOOSE_M = 100.0
 RANK = 1e-12
 """Variances that are so much smaller than the largest are those of rounding: of differences between references to one thing."""
 MOST_TRIED = 2000
-LEAST_LEFT = 2
+LEAST_BELIEVED = 2
+"""References that an explanation must leave standing, where there are so many."""
 Names = frozenset[str]
 
 
@@ -130,7 +131,7 @@ class Agreement:
     def _explanations(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
         """Those with so many references of either kind."""
         costs = {out: self.cost(out) for out in self._sets(mistakable, firm, loose)}
-        if not costs or len(self.all_names) - firm - loose < min(LEAST_LEFT, len(self.all_names)):
+        if not costs or len(self.all_names) - firm - loose < min(LEAST_BELIEVED, len(self.all_names)):
             return []
         best = min(costs, key=costs.__getitem__)
         if not self._agrees(best) or not self._refutes(best):
