@@ -2,7 +2,7 @@
 
     python bench/photos.py [--model FILE ...] [--ways letterboxed tiles scales] [--labels DIR --pictures DIR] [-o photos.json]
 
-Without `--model` it is the plugin's own network. Three ways of showing a photograph: `letterboxed`, the whole of it scaled into one view
+Without `--model` all networks that the plugin comes with are measured: mapping takes the one that sees more of a row. Three ways of showing a photograph: `letterboxed`, the whole of it scaled into one view
 of 640x480; `tiles`, scaled so that its median front member is 10 px thick and cut into overlapping views; `scales`, the mean of the
 probabilities at three scales. All figures are read at the photograph's own resolution (at most 1280 px wide); a pixel has a class
 where its probability is above the threshold:
@@ -265,9 +265,15 @@ def line(what: str, counts: Mapping[str, Count]) -> str:
     return f"  {what:22s}" + "".join(f"{part:26s}" for part in parts).rstrip()
 
 
-def network(plugin: str, model: Path | None, threads: int) -> Segmenter:
-    """A plugin's own network, or another one, with all its classes. Raises PluginError or ModelError."""
-    return Segmenter(model or Path(load_class(plugin).model), threads, providers=("cpu",))
+def networks(plugin: str) -> list[Path]:
+    """The networks that a plugin comes with, its own first. Raises PluginError."""
+    found = load_class(plugin)
+    return [Path(found.model), *map(Path, getattr(found, "further_models", ()))]
+
+
+def network(model: Path, threads: int) -> Segmenter:
+    """A network with all its classes. Raises ModelError."""
+    return Segmenter(model, threads, providers=("cpu",))
 
 
 def predictor(segmenter: Segmenter, classes: Sequence[str]) -> Predict:
@@ -310,7 +316,7 @@ def shown(
 def arguments(given: Sequence[str] | None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", type=Path, action="append", help="a network; may be repeated")
+    parser.add_argument("--model", type=Path, action="append", help="a network instead of those of the plugin; may be repeated")
     parser.add_argument("--plugin", default="shelves", help="whose network and classes")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
     parser.add_argument("--threshold", type=float, default=0.5)
@@ -331,9 +337,9 @@ def main(command: Sequence[str] | None = None) -> None:
     else:
         photographs = list(others(given.labels, given.pictures or given.labels, classes))
     results: dict[str, dict[str, object]] = {}
-    for model in given.model or [None]:
-        segmenter = network(given.plugin, model, given.threads)
-        results[str(model or segmenter.path.name)] = {
+    for model in given.model or networks(given.plugin):
+        segmenter = network(model, given.threads)
+        results[str(model) if given.model else model.name] = {
             way: shown(segmenter, photographs, way, classes, given.threshold) for way in given.ways
         }
     if given.output is not None:
