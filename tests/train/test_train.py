@@ -116,6 +116,26 @@ class TestWithTorch:
             average([tmp_path / "a.pt", tmp_path / "b.pt"], ["crossbar"], tmp_path / "n.onnx")
         assert not (tmp_path / "n.onnx").exists()
 
+    def test_a_raised_class_is_seen_more(self, tmp_path: Path) -> None:
+        from savmap.train.average import average
+        from savmap.train.checkpoint import save_checkpoint
+        from savmap.train.network import build
+        from savmap.vision.networks.segmenter import Segmenter
+
+        classes = ["column", "crossbar"]
+        save_checkpoint(tmp_path / "a.pt", build(2, None), classes, [])
+        average([tmp_path / "a.pt"], classes, tmp_path / "as-it-is.onnx")
+        recipe = average([tmp_path / "a.pt"], classes, tmp_path / "raised.onnx", {"crossbar": 0.7})
+        assert recipe["logits raised by"] == {"crossbar": 0.7}
+        picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8)
+        before, after = (
+            np.log(Segmenter(tmp_path / f"{name}.onnx").probabilities(picture)) for name in ("as-it-is", "raised")
+        )
+        assert np.allclose((after[2] - after[0]) - (before[2] - before[0]), 0.7, atol=1e-3)
+        assert np.allclose(after[1] - after[0], before[1] - before[0], atol=1e-3)
+        with pytest.raises(OutputError, match=r"--raise purlin: is no class of column, crossbar"):
+            average([tmp_path / "a.pt"], classes, tmp_path / "n.onnx", {"purlin": 0.1})
+
     def test_a_full_disk_keeps_the_earlier_checkpoint(self, tmp_path: Path) -> None:
         from savmap.train.checkpoint import save_checkpoint
         from savmap.train.network import build
