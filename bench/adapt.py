@@ -95,7 +95,11 @@ def main() -> None:
         print("\n".join(adapted_lines(adapted)))
         networks = {"shipped": float_model(load_class(PLUGIN).model)}
         folder = base / "out" / "adapted"
-        maps = {"first map": folder / "first" / "map.json"}
+        maps = {
+            "first map": next(
+                path for path in (folder / "first" / "map.json", base / "out" / "map.json") if path.is_file()
+            )
+        }
         for one in adapted.rounds:
             networks[f"round {one.number}"] = folder / f"round-{one.number}" / f"{PLUGIN}.onnx"
         if adapted.kept is not None:

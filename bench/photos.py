@@ -316,7 +316,9 @@ def shown(
 def arguments(given: Sequence[str] | None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", type=Path, action="append", help="a network instead of those of the plugin; may be repeated")
+    parser.add_argument(
+        "--model", type=Path, action="append", help="a network instead of those of the plugin; may be repeated"
+    )
     parser.add_argument("--plugin", default="shelves", help="whose network and classes")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
     parser.add_argument("--threshold", type=float, default=0.5)

@@ -10,7 +10,7 @@ from savmap.errors import SiteError
 from savmap.files.atomic import sha256
 from savmap.site.job import Job
 from savmap.train.plan import Progress
-from savmap.types import SiteMap
+from savmap.types import RowMap, SiteMap
 
 ROUNDS, VIEWS, PRACTICE = 2, 150, 120
 
@@ -57,10 +57,19 @@ class State:
         rows = self.site_map.rows.values()
         return sum(structure.label in classes for row in rows for structure in row.structures.get(plugin, ()))
 
+    def sound(self, plugin: str, classes: Sequence[str]) -> int:
+        """How many of these no doubt of their row's verdict names."""
+        return sum(_sound(row, plugin, classes) for row in self.site_map.rows.values())
+
     @property
     def digest(self) -> str:
         """A digest of the network and the map."""
         return sha256(self.trainable) + sha256(self.map_file)
+
+
+def _sound(row: RowMap, plugin: str, classes: Sequence[str]) -> int:
+    doubted = {name for doubt in (row.verdict.doubts if row.verdict else ()) for name in doubt.structures}
+    return sum(one.label in classes and one.id not in doubted for one in row.structures.get(plugin, ()))
 
 
 @dataclass(frozen=True)

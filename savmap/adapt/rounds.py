@@ -151,8 +151,8 @@ def _judged(
     except (StructureError, SolveError) as error:
         return replace(result, why=f"the site cannot be mapped with the new network: {error}"), start
     now = state.structures(work.plugin, work.classes)
-    if now < there:
-        return replace(result, structures_after=now, why="the new map has fewer structures"), start
+    if state.sound(work.plugin, work.classes) < start.sound(work.plugin, work.classes):
+        return replace(result, structures_after=now, why="the new map has fewer structures that nothing doubts"), start
     return replace(result, structures_after=now, kept=True, why="the network agrees better with the map"), state
 
 
