@@ -109,7 +109,7 @@ def opened(page: Page, file: Path) -> Opened:
     page.goto(file.resolve().as_uri())
     page.wait_for_selector("html[data-ready=yes]")
     open_s = time.perf_counter() - begin
-    frames_s, script_ms = page.evaluate("savmapViewer.spin(40)")
+    frames_s, script_ms = page.evaluate("savmapViewer.stage.spin(40)")
     return Opened(open_s, frames_s, script_ms, tuple(said))
 
 

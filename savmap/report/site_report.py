@@ -43,9 +43,9 @@ def report_for(
     surveyed = survey.rows if survey else {}
     common = any(name in surveyed for name in site_map.rows)
     evaluation = evaluation_of(site_map, survey, plugins) if survey and common else None
-    scores = evaluation.rows if evaluation else {}
+    deviations = evaluation.deviations if evaluation else {}
     drawings = {
-        name: drawings_of(row, plugins[name], surveyed.get(name), scores[name].deviations if name in scores else {})
+        name: drawings_of(row, plugins[name], surveyed.get(name), deviations.get(name, {}))
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
@@ -145,10 +145,10 @@ def drawings_of(
     row: RowMap,
     plugins: Mapping[str, LoadedPlugin],
     surveyed: Mapping[str, Any] | None,
-    deviations: Mapping[str, float],
+    deviations: Mapping[str, Mapping[str, float]],
 ) -> list[Drawing]:
-    """What the plugins draw of a row, over its survey where there is one; `deviations`: by structure id, m."""
+    """What the plugins draw of a row, over its survey where there is one; `deviations`: by plugin and structure id, m."""
     drawings: list[Drawing] = []
     for name, structures in row.structures.items():
-        drawings += plugins[name].draw(structures, surveyed, deviations)
+        drawings += plugins[name].draw(structures, surveyed, deviations.get(name, {}))
     return drawings

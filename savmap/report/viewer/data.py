@@ -40,7 +40,7 @@ def page_data(site_map: SiteMap, title: str, evaluation: Evaluation | None, besi
     rows = [
         {
             **_row(row, site_map.placements.get(name), beside.get(name, {}).get("joint", "")),
-            "structures": list(_structures(row, labels, _deviations(evaluation, name))),
+            "structures": list(_structures(row, labels, evaluation)),
             "face": beside.get(name, {}).get("face"),
             "stills": beside.get(name, {}).get("stills", []),
         }
@@ -65,8 +65,9 @@ def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
     }
 
 
-def _structures(row: RowMap, labels: dict[str, int], deviations: Mapping[str, float]) -> Iterator[Entry]:
+def _structures(row: RowMap, labels: dict[str, int], evaluation: Evaluation | None) -> Iterator[Entry]:
     for plugin, group in row.structures.items():
+        deviations = evaluation.deviations_of(row.name, plugin) if evaluation else {}
         for structure in group:
             yield {
                 "plugin": visible(plugin),
@@ -105,10 +106,6 @@ def _off(deviation: float | None) -> float | str | None:
     if deviation is None or np.isnan(deviation):
         return None
     return round(float(deviation), 5) if np.isfinite(deviation) else "spurious"
-
-
-def _deviations(evaluation: Evaluation | None, row: str) -> Mapping[str, float]:
-    return evaluation.rows[row].deviations if evaluation and row in evaluation.rows else {}
 
 
 def _doubt(doubt: Doubt) -> Entry:

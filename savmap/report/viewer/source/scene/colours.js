@@ -1,5 +1,5 @@
 // Colours that are told apart by colour-blind people (Okabe and Ito, darkened for a light ground; viridis without its brightest part).
-import { text } from "./text.js";
+import { text } from "../text.js";
 
 const LABELS = ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"];
 const RAMP = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151"];
@@ -57,7 +57,7 @@ function byLabel(site) {
 }
 
 function byVerdict() {
-  const of = (one) => (one.row.grade === null ? GREY : one.row.doubtful.has(one.id) ? CHECK : GOOD);
+  const of = (one) => (one.row.grade === null ? GREY : one.row.doubtful.has(one) ? CHECK : GOOD);
   return {
     of,
     legend: [

@@ -1,7 +1,7 @@
 // Names over a view: the most important first, and none where it would cover another.
 import { Matrix4, Vector4 } from "three";
-import { element } from "./dom.js";
-import { toSite } from "./data.js";
+import { element } from "../page/dom.js";
+import { toSite } from "../site/data.js";
 
 const MOST = 90,
   HEIGHT = 17,

@@ -1,7 +1,7 @@
 // The panels beside the view: selection, measure, doubts, notes, colours, help.
 import { byId, element, fill } from "./dom.js";
-import { metres, millimetres } from "./measure.js";
-import { text } from "./text.js";
+import { metres, millimetres } from "../site/measure.js";
+import { text } from "../text.js";
 
 const MOST_LISTED = 40;
 

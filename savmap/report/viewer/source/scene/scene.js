@@ -26,13 +26,12 @@ import {
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
-import { linesOf, toSite, vertexOf } from "./data.js";
-import { ownCovariance } from "./measure.js";
-import { picture } from "./pictures.js";
+import { linesOf, toSite, vertexOf } from "../site/data.js";
+import { ownCovariance } from "../site/measure.js";
+import { picture } from "../site/pictures.js";
 
-export const COMMON = 0,
-  MODEL = 1,
-  PHOTO = 2; // layers: seen everywhere, in the model alone, over panoramas alone
+export const MODEL = 1,
+  PHOTO = 2; // layers: in the model alone, over panoramas alone; what is in neither is seen everywhere
 const MOST_THICK = 5000; // segments: beyond that only the row at hand has thick lines
 const SELECTED = "#e8007d",
   MEASURE = "#1b1f24",
@@ -51,7 +50,7 @@ export class Model {
     this.place = new Group();
     this.scene.add(this.marked, this.rule, this.place);
     this.addFloor();
-    this.shown = { solids: false, photos: false, path: true, ellipsoids: false };
+    this.shown = { solids: false, photos: false, facePhotos: true, path: true, ellipsoids: false };
     this.exaggeration = 10;
   }
 
@@ -104,6 +103,20 @@ export class Model {
     }
   }
 
+  // Orthophotos are shown in the face view until somebody hides them there, and in the others where somebody asks for them.
+  nameOf(part) {
+    return part === "photos" && this.kind === "face" ? "facePhotos" : part;
+  }
+
+  shows(part) {
+    return this.shown[this.nameOf(part)];
+  }
+
+  toggle(part) {
+    this.shown[this.nameOf(part)] = !this.shows(part);
+    this.update();
+  }
+
   get pathShown() {
     return this.shown.path && this.kind !== "face";
   }
@@ -129,7 +142,7 @@ export class Model {
       if (objects.ellipsoids) dispose(objects.ellipsoids);
       objects.ellipsoids = this.shown.ellipsoids && here ? ellipsoids(objects.row, this.exaggeration) : null;
       if (objects.ellipsoids) objects.group.add(objects.ellipsoids);
-      if (objects.photo) objects.photo.visible = this.shown.photos;
+      if (objects.photo) objects.photo.visible = this.shows("photos");
     }
   }
 
@@ -156,7 +169,7 @@ export class Model {
     objects.photo.material.map?.dispose();
     objects.photo.material.map = textureOf(image);
     objects.photo.material.needsUpdate = true;
-    objects.photo.visible = this.shown.photos;
+    objects.photo.visible = this.shows("photos");
   }
 
   mark(elements) {
@@ -193,7 +206,12 @@ function rowObjects(row) {
   const path = pathLine(row);
   group.add(path);
   const made = { solids: null, photo: null, ellipsoids: null, photoSize: -1, lines: [] };
-  return { row, group, ends, owners, coarse, path, ...made };
+  const objects = { row, group, ends, owners, coarse, path, ...made };
+  // over panoramas only the row is drawn that they are of
+  objects.drawOver = (shown) => {
+    for (const line of objects.lines.slice(1)) line.visible = shown;
+  };
+  return objects;
 }
 
 // The lines of a row's elements, the longest of each first: `coarse` of them show what is where.

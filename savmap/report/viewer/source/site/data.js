@@ -3,7 +3,6 @@ import { floatsOf } from "./pictures.js";
 
 const UNIT_M = 1e-5;
 const GAP_M = 6;
-const FACE_M = 0.5;
 const CROSS_M = 0.04;
 const WRITTEN = ["text", "code"];
 
@@ -49,8 +48,8 @@ function rowOf(site, entry, names) {
   }
   keyApart(row);
   row.box = boxOf(row.positions);
-  row.front = frontOf(row);
-  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.structures));
+  for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
+  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));
   return row;
 }
 
@@ -89,6 +88,15 @@ function keyApart(row) {
     if (alike.length > 1) for (const one of alike) one.key = `${row.name}/${one.plugin}/${one.id}`;
 }
 
+// The elements of a row that a doubt names: of those of one name, which plugins may give twice, that which is nearest to its place.
+function doubtedOf(row, doubt) {
+  const apart = (one) => Math.hypot(...one.centre.map((value, k) => value - doubt.place[k]));
+  return doubt.structures.flatMap((id) => {
+    const alike = row.elements.filter((one) => one.id === id);
+    return alike.length > 1 && doubt.place ? [alike.reduce((a, b) => (apart(b) < apart(a) ? b : a))] : alike;
+  });
+}
+
 const fullLabel = (name, id) => (name.startsWith("+") ? id + name.slice(1) : name.slice(1));
 
 function pathOf(frames) {
@@ -123,17 +131,6 @@ export function boxOf(positions) {
     high[k % 3] = Math.max(high[k % 3], value);
   });
   return positions.length ? { low, high } : { low: [0, 0, 0], high: [1, 1, 1] };
-}
-
-// What a first look at a row should show: as much of its length as what lies in its face takes, with all that hangs over that.
-function frontOf(row) {
-  const inFace = row.elements.filter((one) => Math.abs(one.centre[2]) < FACE_M);
-  if (!inFace.length) return row.box;
-  const places = inFace.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]);
-  const { low, high } = boxOf(places);
-  const over = row.elements.filter((one) => one.centre[0] > low[0] && one.centre[0] < high[0]);
-  const box = boxOf(over.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]));
-  return { low: [low[0], box.low[1], box.low[2]], high: [high[0], box.high[1], box.high[2]] };
 }
 
 // Rows whose place is not known stand side by side in front of the others.
