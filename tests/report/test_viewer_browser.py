@@ -1,8 +1,6 @@
 """The viewer in a real browser, opened from a disk (extra `browser`, and a Chromium or Chrome on the path); skipped where there is none."""
 
 import json
-import shutil
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,72 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_map import EVIL, photo, row, site, stills, thing
+from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.distance import vertex_distance
-from savmap.report.viewer import View, write_view
+from savmap.report.viewer import View
 from savmap.report.viewer import beside as beside_module
 from savmap.types import Doubt, SiteMap, Trajectory, Verdict
 
-playwright = pytest.importorskip("playwright.sync_api")
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no browser is installed")]
-Open = Callable[..., Any]
-HERE = """([id, corner]) => {
-    const one = savmapViewer.site.elements.find((other) => other.id === id && (!savmapViewer.only || other.row.name === savmapViewer.only));
-    const box = document.getElementById("view").getBoundingClientRect(), [x, y] = savmapViewer.stage.pixelOf(one.row, one.first + corner);
-    return [box.left + x, box.top + y];
-}"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = started.chromium.launch(executable_path=BROWSER, args=arguments)
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
-    """Opens views; nothing may have been asked of a network, said on the console, or asked of the user."""
-    heard: list[str] = []
-    pages = []
-
-    def opened(view: View, address: str = "", width: int = 1200, ready: bool = True) -> Any:
-        write_view(view, tmp_path / "view.html")
-        page = browser.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
-        page.on("console", lambda message: heard.append(message.text))
-        page.on("pageerror", lambda error: heard.append(str(error)))
-        page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
-        local = ("file:", "data:", "blob:")
-        page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
-        page.goto((tmp_path / "view.html").as_uri() + address)
-        page.wait_for_selector("html[data-ready=yes]" if ready else "#failure")
-        pages.append(page)
-        return page
-
-    yield opened
-    for page in pages:
-        page.close()
-    assert heard == []
+pytestmark = IN_BROWSER
 
 
 def one_row(**options: Any) -> View:
     return View(SiteMap({"A": row(**options)}, {}), title="Hall 1", photos={"A": photo()}, stills={"A": stills()})
-
-
-def until(page: Any, true: str) -> None:
-    """Wait for an expression to be true; the page's policy forbids what Playwright has for this."""
-    for _ in range(100):
-        if page.evaluate(f"Boolean({true})"):
-            return
-        page.wait_for_timeout(50)
-    pytest.fail(f"never true: {true}")
-
-
-def selected(page: Any) -> str:
-    return str(page.inner_text("#selection strong"))
 
 
 def measure(page: Any, first: tuple[str, int], second: tuple[str, int], rows: tuple[str, str] = ("", "")) -> str:
@@ -271,17 +215,20 @@ def test_views_and_orthophoto(opened: Open) -> None:
     page = opened(one_row())
     assert not page.is_checked("#show-photos")
     page.keyboard.press("3")
-    until(page, "savmapViewer.model.rows[0].photo?.visible && savmapViewer.model.rows[0].photoSize === 1")
+    until(
+        page,
+        "savmapViewer.model.rows[0].dates.new.photo?.visible && savmapViewer.model.rows[0].dates.new.photoSize === 1",
+    )
     assert page.is_checked("#show-photos")
     across = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
     assert abs(across[0][0] - across[1][0]) < 0.5  # upright in the elevation
     page.keyboard.press("2")
     flat = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
     assert abs(flat[0][1] - flat[1][1]) < 0.5  # a point in the plan
-    assert not page.evaluate("savmapViewer.model.rows[0].photo.visible")
+    assert not page.evaluate("savmapViewer.model.rows[0].dates.new.photo.visible")
     for key, shown in (("o", True), ("3", True), ("o", False), ("1", True)):
         page.keyboard.press(key)
-        assert page.evaluate("savmapViewer.model.rows[0].photo.visible") is shown
+        assert page.evaluate("savmapViewer.model.rows[0].dates.new.photo.visible") is shown
 
 
 def test_panorama_turns_to_what_is_selected(opened: Open) -> None:

@@ -34,7 +34,8 @@ STYLES: Mapping[State, str] = {"moved": "off line", "changed": "off line", "miss
 
 @dataclass(frozen=True, eq=False)
 class Dates:
-    """Two maps, what changed from one to the other, and orthophotos by row of either date, where there are any."""
+    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, and the address of the viewer's page
+    of both dates, where there is one."""
 
     old: SiteMap
     new: SiteMap
@@ -42,6 +43,7 @@ class Dates:
     old_photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     new_photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     title: str = "Comparison of two dates"
+    viewer: str = ""
 
 
 @dataclass(frozen=True, eq=False)

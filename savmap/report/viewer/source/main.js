@@ -1,5 +1,6 @@
 // The viewer of a map: its parts put together, and what all of them share: the row at hand, the view, the colours.
 import { buildBar, showKind } from "./page/bar.js";
+import { Dates } from "./page/dates.js";
 import { byId } from "./page/dom.js";
 import { Finder } from "./page/finder.js";
 import { listenToKeys } from "./page/keys.js";
@@ -33,6 +34,7 @@ class Viewer {
     this.selection = new Selection(this);
     this.lookout = new Lookout(this);
     this.side = new Side(this);
+    this.dates = new Dates(this);
     this.pointer = new Pointer(this);
   }
 
@@ -40,9 +42,11 @@ class Viewer {
     buildBar(this);
     listenToKeys(this);
     this.stage.start();
-    this.setMode(this.site.rows.some((row) => row.doubts.length) ? "verdict" : "label");
+    const doubted = this.site.rows.some((row) => row.doubts.length);
+    this.setMode(this.site.dates ? "change" : doubted ? "verdict" : "label");
     this.setRow(this.row);
     this.setKind("model");
+    this.dates.show("both");
     this.selection.select([]);
     this.selection.followAddress();
     this.stage.draw();
@@ -58,10 +62,13 @@ class Viewer {
   }
 
   setMode(mode) {
-    this.mode = mode;
-    const colours = colouring(this.site, mode);
+    this.mode = byId("mode").value = mode;
+    this.recolour();
+  }
+
+  recolour() {
+    const colours = colouring(this.site, this.mode, this.site.showing === "both" && !this.dates.parted);
     this.model.colour(colours.of);
-    byId("mode").value = mode;
     showLegend(colours);
     this.redraw();
   }
@@ -74,6 +81,7 @@ class Viewer {
     this.hangPhotos();
     this.lookout.follow(row);
     if (this.view.kind === "face" && this.view.row !== row) this.setKind("face");
+    this.dates.refresh();
     this.redraw();
   }
 
@@ -97,6 +105,7 @@ class Viewer {
     this.view.look(kind, whole, this.row, this.site.rows.length);
     this.side.tell();
     this.hangPhotos();
+    this.dates.refresh();
   }
 
   hangPhotos() {
@@ -104,7 +113,7 @@ class Viewer {
     const { rows } = this.site;
     for (const row of rows.length <= MOST_PHOTO_ROWS ? rows : [this.row]) {
       const fine = row === this.row && this.view.kind === "face";
-      this.model.hang(row, fine).then(
+      this.model.hang(row, fine, this.dates.pictured).then(
         () => this.redraw(),
         () => {},
       );

@@ -17,7 +17,7 @@ export function listenToKeys(viewer) {
 }
 
 function actsOf(viewer) {
-  const { selection, lookout, ruler, side } = viewer;
+  const { selection, lookout, ruler, side, dates } = viewer;
   return {
     1: () => viewer.setKind("model"),
     2: () => viewer.setKind("plan"),
@@ -38,6 +38,7 @@ function actsOf(viewer) {
     c: () => side.toggle("path"),
     n: () => side.toggle("labels"),
     u: () => side.toggle("ellipsoids"),
+    d: () => dates.next(),
     k: () => viewer.setMode(viewer.modes[(viewer.modes.indexOf(viewer.mode) + 1) % viewer.modes.length]),
     Escape: () => (ruler.on ? ruler.turn(false) : selection.select([])),
     "?": showHelp,

@@ -9,16 +9,17 @@ export class Pointer {
   constructor(viewer) {
     Object.assign(this, { viewer, over: null });
     const { view, panorama } = viewer;
-    this.listen(byId("view"), () => [view.camera, view.width, view.height, viewer.rowsInView]);
-    this.listen(byId("pano-area"), () => [
-      panorama.camera,
-      panorama.width,
-      panorama.height,
-      panorama.centre ? [panorama.row] : [],
-    ]);
+    this.listen(byId("view"), ([x]) => {
+      viewer.dates.aim(x);
+      return [view.camera, view.width, view.height, viewer.rowsInView];
+    });
+    this.listen(byId("pano-area"), () => {
+      const { camera, width, height, centre, row } = panorama;
+      return [camera, width, height, centre ? [row] : []];
+    });
   }
 
-  // On a part of the stage; `seen` gives its camera, size and the rows in it.
+  // On a part of the stage; `seen` gives its camera, size and the rows under a pixel.
   listen(area, seen) {
     let down = null;
     const place = (event) => {
@@ -37,7 +38,7 @@ export class Pointer {
     area.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > CLICK_PX) return;
       down = null;
-      if (event.button === 0) this.click(seen(), place(event), event.pointerType === "touch");
+      if (event.button === 0) this.click(seen(place(event)), place(event), event.pointerType === "touch");
     });
     area.addEventListener("pointermove", (event) => {
       if (event.buttons || event.pointerType === "touch") return;
@@ -74,7 +75,7 @@ export class Pointer {
   hover() {
     if (!this.over) return;
     const { area, at, seen } = this.over,
-      [camera, width, height, rows] = seen(),
+      [camera, width, height, rows] = seen(at),
       { ruler } = this.viewer;
     this.over = null;
     const tip = byId("tip"),

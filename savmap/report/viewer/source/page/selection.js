@@ -3,6 +3,7 @@ import { byId } from "./dom.js";
 import { showSelection } from "./panels.js";
 import { boxInSite, pointsOf } from "../scene/views.js";
 import { toSite } from "../site/data.js";
+import { visibleIn } from "../site/dates.js";
 import { named } from "../site/search.js";
 
 export class Selection {
@@ -14,6 +15,7 @@ export class Selection {
   select(elements, address = null, name = "") {
     const { viewer } = this;
     Object.assign(this, { elements, address, name });
+    if (elements.length) viewer.dates.uncover(elements);
     viewer.model.mark(elements);
     viewer.pointer.forget();
     this.show();
@@ -73,7 +75,8 @@ export class Selection {
 
   // Go to the next element of the row at hand, or to the one before.
   step(by) {
-    const all = this.viewer.row.elements,
+    const { row, site } = this.viewer,
+      all = row.elements.filter((one) => visibleIn(one, site.showing)),
       at = this.elements.length ? all.indexOf(this.elements[0]) : by > 0 ? -1 : 0;
     const next = all[(at + by + all.length) % all.length];
     if (next) this.open([next], next.key);

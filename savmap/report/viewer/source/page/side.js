@@ -72,6 +72,7 @@ export class Side {
       byId("names").replaceChildren();
     } else viewer.model.toggle(name);
     viewer.hangPhotos();
+    viewer.dates.refresh();
     this.tell();
     viewer.redraw();
   }

@@ -11,7 +11,7 @@ import {
 } from "three";
 import { toSite, vertexOf } from "../site/data.js";
 import { picture } from "../site/pictures.js";
-import { PHOTO, textureOf } from "./scene.js";
+import { PHOTO, textureOf } from "./shapes.js";
 
 const COLUMNS = 64,
   LINES = 32,

@@ -28,7 +28,7 @@ export function pick(rows, camera, width, height, x, y, reach = EDGE_PX, within 
     score = Infinity;
   for (const row of rows) {
     const pixels = projected(row, camera, width, height);
-    for (const one of row.elements) {
+    for (const one of row.shown) {
       const found = edgeDistance(one, pixels, x, y);
       const here =
         found <= reach
@@ -43,30 +43,30 @@ export function pick(rows, camera, width, height, x, y, reach = EDGE_PX, within 
 }
 
 export function pickVertex(rows, camera, width, height, x, y, reach = 18) {
-  let best = null,
-    least = reach;
-  for (const row of rows) {
-    const pixels = projected(row, camera, width, height);
-    for (let k = 0; 3 * k < pixels.length; k++) {
-      const apart = Math.hypot(pixels[3 * k] - x, pixels[3 * k + 1] - y);
-      if (apart < least && pixels[3 * k + 2] <= 1) [best, least] = [{ row, vertex: k }, apart];
-    }
-  }
-  return best;
+  return nearest(rows, (row) => row.shown, camera, width, height, x, y, reach);
 }
 
 // The place of a camera's path that is nearest the pointer.
 export function pickPlace(rows, camera, width, height, x, y) {
-  const found = pickVertex(
-    rows.map((row) => ({ row, siteFromRow: row.siteFromRow, positions: row.path.positions })),
-    camera,
-    width,
-    height,
-    x,
-    y,
-    EDGE_PX,
-  );
+  const paths = rows.map((row) => ({ row, siteFromRow: row.siteFromRow, positions: row.path.positions }));
+  const whole = (path) => [{ first: 0, count: path.positions.length / 3 }];
+  const found = nearest(paths, whole, camera, width, height, x, y, EDGE_PX);
   return found && { row: found.row.row, index: found.vertex };
+}
+
+// The vertex nearest a pixel, of those parts of each row.
+function nearest(rows, partsOf, camera, width, height, x, y, reach) {
+  let best = null,
+    least = reach;
+  for (const row of rows) {
+    const pixels = projected(row, camera, width, height);
+    for (const { first, count } of partsOf(row))
+      for (let k = first; k < first + count; k++) {
+        const apart = Math.hypot(pixels[3 * k] - x, pixels[3 * k + 1] - y);
+        if (apart < least && pixels[3 * k + 2] <= 1) [best, least] = [{ row, vertex: k }, apart];
+      }
+  }
+  return best;
 }
 
 function edgeDistance(one, pixels, x, y) {

@@ -40,13 +40,14 @@ export class Stage {
     this.asked = false;
     this.keepPace();
     const { view, panorama, model, row } = this.viewer;
-    for (const objects of model.rows) objects.drawOver(objects.row === panorama.row);
-    this.drawOn(byId("view"), view.camera, GROUND);
+    model.drawOver(panorama.row);
+    this.drawModel(view.camera);
     const taken = this.viewer.ruler.place();
     if (this.labels)
       drawNames(
         byId("names"),
         view.kind === "face" ? this.names.filter((name) => name.row === row) : this.names,
+        this.viewer.site.showing,
         view.camera,
         view.width,
         view.height,
@@ -70,12 +71,25 @@ export class Stage {
     if (moving) this.rest = setTimeout(() => this.redraw(), MOVING_MS + 50);
   }
 
-  drawOn(area, camera, ground) {
+  // Of two dates whose orthophotos lie beside one another, each is drawn on its hand of the divider.
+  drawModel(camera) {
+    const { dates, model, site } = this.viewer,
+      area = byId("view");
+    if (!dates.parted) return this.drawOn(area, camera, GROUND);
+    model.showDates("old");
+    this.drawOn(area, camera, GROUND, [0, dates.share]);
+    model.showDates("new");
+    this.drawOn(area, camera, GROUND, [dates.share, 1]);
+    model.showDates(site.showing);
+  }
+
+  // On an area of the page, from one share of its width to another.
+  drawOn(area, camera, ground, [from, to] = [0, 1]) {
     const part = area.getBoundingClientRect(),
       stage = byId("stage").getBoundingClientRect();
-    const frame = [part.left - stage.left, stage.bottom - part.bottom, part.width, part.height];
-    this.renderer.setViewport(...frame);
-    this.renderer.setScissor(...frame);
+    const [left, bottom] = [part.left - stage.left, stage.bottom - part.bottom];
+    this.renderer.setViewport(left, bottom, part.width, part.height);
+    this.renderer.setScissor(left + from * part.width, bottom, (to - from) * part.width, part.height);
     this.renderer.setClearColor(ground);
     const { panorama, model } = this.viewer;
     if (camera === panorama.camera && !panorama.centre) this.renderer.clear();

@@ -2,7 +2,7 @@
 import { OrthographicCamera, PerspectiveCamera, Vector3, Matrix4, MOUSE, TOUCH } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { boxOf, toSite } from "../site/data.js";
-import { MODEL, cornersOf } from "./scene.js";
+import { MODEL, cornersOf } from "./shapes.js";
 
 const MARGIN = 1.06,
   FLY_MS = 420;

@@ -1,10 +1,12 @@
 // The map as the page holds it (JSON, gzip, base64), and what is worked out of it once: savmap/report/viewer/data.py writes it.
+import { compareRow, showDates } from "./dates.js";
 import { floatsOf } from "./pictures.js";
 
 const UNIT_M = 1e-5;
 const GAP_M = 6;
 const CROSS_M = 0.04;
 const WRITTEN = ["text", "code"];
+const OLD = "old date/"; // in the address of an element of the earlier map
 
 export async function readSite() {
   const text = atob(document.getElementById("map").textContent.trim());
@@ -15,23 +17,27 @@ export async function readSite() {
 }
 
 function siteOf(content) {
-  const site = { title: content.title, surveyed: content.surveyed, elements: [], rows: [] };
+  const { title, surveyed, alignment, dates } = content;
+  const site = { title, surveyed, alignment, dates, elements: [], rows: [] };
   for (const entry of content.rows) site.rows.push(rowOf(site, entry, content.vertex_labels));
   placeOthers(site.rows);
+  showDates(site, dates ? "both" : "new");
   return site;
 }
 
 function rowOf(site, entry, names) {
+  const { before } = entry;
   const row = {
     index: site.rows.length,
     name: entry.name,
     placement: entry.placement,
     placementCovariance: entry.placement_covariance,
+    aligned: entry.aligned,
     grade: entry.grade,
     doubts: entry.doubts,
     remarks: entry.remarks,
-    positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
-    covariances: Float64Array.from(entry.covariances),
+    positions: Float64Array.from(entry.positions.concat(before?.positions ?? []), (value) => value * UNIT_M),
+    covariances: Float64Array.from(entry.covariances.concat(before?.covariances ?? [])),
     joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },
     path: pathOf(entry.frames),
     face: entry.face,
@@ -39,21 +45,24 @@ function rowOf(site, entry, names) {
     elements: [],
   };
   let first = 0;
-  for (const part of entry.structures) {
-    const one = elementOf(row, part, first, names);
-    one.index = site.elements.length;
-    site.elements.push(one);
-    row.elements.push(one);
-    first += part.labels.length;
-  }
+  for (const [date, parts] of [
+    ["new", entry.structures],
+    ["old", before?.structures ?? []],
+  ])
+    for (const part of parts) {
+      row.elements.push(elementOf(row, part, first, names, date));
+      first += part.labels.length;
+    }
+  site.elements.push(...row.elements);
   keyApart(row);
+  compareRow(row, before, Boolean(site.dates?.new.includes(row.name)));
   row.box = boxOf(row.positions);
   for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
   row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));
   return row;
 }
 
-function elementOf(row, part, first, names) {
+function elementOf(row, part, first, names, date) {
   const cut = part.id.lastIndexOf(" / ");
   const written = WRITTEN.map((key) => part.attributes[key]).filter((value) => typeof value === "string" && value);
   for (const text of [...written]) if (text.includes(":")) written.push(text.slice(text.indexOf(":") + 1));
@@ -61,7 +70,9 @@ function elementOf(row, part, first, names) {
   return {
     row,
     id: part.id,
-    key: `${row.name}/${part.id}`,
+    date,
+    state: null,
+    key: `${row.name}/${date === "old" ? OLD : ""}${part.id}`,
     label: part.label,
     plugin: part.plugin,
     group: cut > 0 ? part.id.slice(0, cut) : "",
@@ -83,16 +94,17 @@ function elementOf(row, part, first, names) {
 // Plugins do not know of each other's ids: where two of a row have the same, the address names the plugin too.
 function keyApart(row) {
   const seen = new Map();
-  for (const one of row.elements) seen.set(one.id, [...(seen.get(one.id) ?? []), one]);
+  for (const one of row.elements) seen.set(one.key, [...(seen.get(one.key) ?? []), one]);
   for (const alike of seen.values())
-    if (alike.length > 1) for (const one of alike) one.key = `${row.name}/${one.plugin}/${one.id}`;
+    if (alike.length > 1)
+      for (const one of alike) one.key = `${row.name}/${one.date === "old" ? OLD : ""}${one.plugin}/${one.id}`;
 }
 
 // The elements of a row that a doubt names: of those of one name, which plugins may give twice, that which is nearest to its place.
 function doubtedOf(row, doubt) {
   const apart = (one) => Math.hypot(...one.centre.map((value, k) => value - doubt.place[k]));
   return doubt.structures.flatMap((id) => {
-    const alike = row.elements.filter((one) => one.id === id);
+    const alike = row.elements.filter((one) => one.id === id && one.date === "new");
     return alike.length > 1 && doubt.place ? [alike.reduce((a, b) => (apart(b) < apart(a) ? b : a))] : alike;
   });
 }

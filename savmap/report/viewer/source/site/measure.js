@@ -1,6 +1,6 @@
 // The distance of two vertices and its standard deviation: from the joint covariance of the row where the map has it, else from each
 // vertex's own, and between rows with the covariance of their places.
-import { toSite, vertexOf } from "./data.js";
+import { elementOfVertex, toSite, vertexOf } from "./data.js";
 import { numbers } from "./pictures.js";
 
 // Have the joint covariance of a row at hand, which large maps keep beside the page.
@@ -22,7 +22,7 @@ export function measured(a, b) {
   const distance = Math.hypot(...difference);
   const along = difference.map((value) => value / distance);
   const variance = distance > 0 ? quadratic(along, covariance) : largestEigenvalue(covariance);
-  const how = !same ? "rows" : a.row.joint?.covariance ? "joint" : "own";
+  const how = !same ? "rows" : isOld(a) || isOld(b) ? "dates" : a.row.joint?.covariance ? "joint" : "own";
   return {
     distance,
     sigma: Math.sqrt(Math.max(variance, 0)),
@@ -31,6 +31,8 @@ export function measured(a, b) {
     how,
   };
 }
+
+const isOld = ({ row, vertex }) => elementOfVertex(row, vertex).date === "old";
 
 export function ownCovariance(row, vertex) {
   const [xx, xy, xz, yy, yz, zz] = row.covariances.slice(6 * vertex, 6 * vertex + 6);
@@ -45,7 +47,8 @@ function differenceInRow(row, a, b) {
   if (a === b) return sum(nothing, nothing);
   if (!row.joint?.covariance) return sum(ownCovariance(row, a), ownCovariance(row, b));
   const places = [a, b].flatMap((vertex) =>
-    [0, 1, 2].map((axis) => ({ vertex, axis, number: row.joint.coordinates[3 * vertex + axis] })),
+    // those of the earlier date are none of the map's
+    [0, 1, 2].map((axis) => ({ vertex, axis, number: row.joint.coordinates[3 * vertex + axis] ?? -1 })),
   );
   const whole = places.map((one, k) => places.map((other, n) => shared(row, one, other, k === n)));
   return [0, 1, 2].map((k) =>
@@ -111,7 +114,10 @@ function largestEigenvalue(c) {
   return mean + 2 * spread * Math.cos(Math.acos(Math.min(Math.max(half, -1), 1)) / 3);
 }
 
-export const metres = (value) => `${value.toFixed(3)}\u00a0m`;
+// To a millimetre; nothing is "-0".
+export const fixed = (value, digits = 3) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
+
+export const metres = (value) => `${fixed(value)}\u00a0m`;
 
 export function millimetres(value) {
   const mm = 1000 * value;
