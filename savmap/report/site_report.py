@@ -54,8 +54,15 @@ def report_for(
     return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
 
 
-def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
-    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map. Raises SavmapError."""
+def write_report(
+    map_file: Path,
+    path: Path,
+    run_file: Path | None = None,
+    survey_file: Path | None = None,
+    against: Path | None = None,
+) -> None:
+    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map, and with what changed since an earlier map
+    or that of a folder (`against`). Raises SavmapError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     log = read_log(run_file) if run_file else None
@@ -64,7 +71,8 @@ def write_report(map_file: Path, path: Path, run_file: Path | None = None, surve
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
     viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
-    write_page(replace(report, viewer=viewer), path)
+    comparison = _before(map_in(against), site_map, LEVEL).comparison if against else None
+    write_page(replace(report, viewer=viewer, comparison=comparison), path)
 
 
 def viewed(

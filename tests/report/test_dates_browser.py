@@ -47,7 +47,7 @@ def test_list_leads_to_changes_with_amount_and_sigma(opened: Open) -> None:
     page.locator("#changes button", has_text="moved").first.click()
     assert selected(page) == "section 3 / beam 3"
     assert page.inner_text("#state") == "Since the old date: moved"
-    assert f"{found.sigmas:.0f} sigma" in page.inner_text("#selection dl >> nth=0")
+    assert f"{found.sigmas:.0f}\u00a0\u03c3" in page.inner_text("#selection dl >> nth=0")
     assert page.evaluate("savmapViewer.selection.elements.map((one) => one.date)") == ["new", "old"]
 
 

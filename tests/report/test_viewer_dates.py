@@ -166,3 +166,16 @@ def test_states_are_told_apart_by_colour_blind_people(deficiency: str) -> None:
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     lab = as_seen(linear, deficiency)
     assert min(float(np.linalg.norm(a - b)) for a, b in combinations(lab, 2)) > 20
+
+
+def test_report_tells_what_changed(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    old, new = folders
+    page = tmp_path / "report.html"
+    arguments = ["report", str(new / "map.json"), "-o", str(page)]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert 'id="changes"' not in page.read_text(encoding="utf-8")
+    result = CliRunner().invoke(app, [*arguments, "--against", str(old)])
+    assert result.exit_code == 0, result.output
+    section = page.read_text(encoding="utf-8").split('<section id="changes">')[1].split("</section>")[0]
+    assert "1 missing, 1 moved, 1 new, 22 same" in section
+    assert re.search(r"section 3 / beam 3.*?y \+\d+ mm", section, re.DOTALL)

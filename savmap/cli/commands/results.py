@@ -32,12 +32,15 @@ def report(
         Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
     ] = None,
     survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder: tell what changed since.")
+    ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
 
-    write_report(map_file, output, run_file, survey)
+    write_report(map_file, output, run_file, survey, against)
     say(f"wrote {output}")
 
 

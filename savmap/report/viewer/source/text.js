@@ -74,7 +74,7 @@ export const text = {
     "size z": "depth",
   },
   wasAndIs: (old, now) => `"${old}" is "${now}"`,
-  sigmas: (many) => `${many < 9.95 ? many.toFixed(1) : many.toFixed(0)} sigma`,
+  sigmas: (many) => `${many < 9.95 ? many.toFixed(1) : many.toFixed(0)}\u00a0\u03c3`,
   noChanges: "Nothing of this row changed by more than chance.",
   rowNew: "This row is new.",
   rowNotCompared: "This row was not compared: the old map has nothing in common with it.",

@@ -71,6 +71,9 @@ export class Model {
 
   showDates(which) {
     for (const objects of this.rows) objects.showDates(which);
+    // what is marked on both dates is shown where its date is
+    const twice = this.marked.children.length > 1;
+    for (const line of this.marked.children) line.visible = !twice || which === "both" || which === line.name;
   }
 
   // Draw only the longest lines: for machines that draw slowly, while something moves.
@@ -129,8 +132,11 @@ export class Model {
 
   mark(elements) {
     this.marked.children.slice().forEach(dispose);
-    const positions = elements.flatMap((one) => linesOf(one).flatMap((end) => toSite(one.row, end)));
-    if (positions.length) this.marked.add(fatLines(positions, SELECTED, 4));
+    for (const date of ["new", "old"]) {
+      const ofDate = elements.filter((one) => one.date === date);
+      const positions = ofDate.flatMap((one) => linesOf(one).flatMap((end) => toSite(one.row, end)));
+      if (positions.length) this.marked.add(Object.assign(fatLines(positions, SELECTED, 4), { name: date }));
+    }
   }
 
   drawRule(points) {
