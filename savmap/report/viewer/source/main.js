@@ -3,6 +3,7 @@ import { buildBar, showKind } from "./page/bar.js";
 import { Dates } from "./page/dates.js";
 import { byId } from "./page/dom.js";
 import { Finder } from "./page/finder.js";
+import { Frame } from "./page/frame.js";
 import { listenToKeys } from "./page/keys.js";
 import { Lookout } from "./page/lookout.js";
 import { showDoubts, showLegend } from "./page/panels.js";
@@ -29,6 +30,7 @@ class Viewer {
     this.stage = new Stage(this);
     this.view = new ModelView(byId("view"), () => this.redraw());
     this.panorama = new PanoramaView(byId("pano-area"), this.model.scene, () => this.redraw());
+    this.frame = new Frame(this);
     this.ruler = new Ruler(this);
     this.finder = new Finder(this);
     this.selection = new Selection(this);

@@ -1,6 +1,17 @@
 // Figures of elements in words: sizes with standard deviations, and what differs between two dates.
-import { metres, millimetres } from "../site/measure.js";
+import { placeIn } from "../site/frames.js";
+import { fixed, metres, millimetres } from "../site/measure.js";
 import { text } from "../text.js";
+
+const DEGREES = 8; // decimals: a millimetre
+
+// A point of a row in a frame, as people write it.
+export function placeText(site, row, frame, point) {
+  const place = placeIn(site, row, frame, point);
+  if (frame !== "earth") return `${place.map((value) => fixed(value)).join(" ")}\u00a0m`;
+  const [latitude, longitude, height] = place;
+  return `${latitude.toFixed(DEGREES)} ${longitude.toFixed(DEGREES)}, ${metres(height)}`;
+}
 
 // An element's attributes: name, value with its standard deviation.
 export function attributeLines(attributes) {

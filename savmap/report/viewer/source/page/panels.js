@@ -2,12 +2,13 @@
 import { byId, element, fill } from "./dom.js";
 import { attributeLines, testedLines } from "./figures.js";
 import { colourOfState } from "../scene/colours.js";
-import { fixed, metres, millimetres } from "../site/measure.js";
+import { metres, millimetres } from "../site/measure.js";
 import { text } from "../text.js";
 
 const MOST_LISTED = 40;
 
-export function showSelection(elements, name, open) {
+// `place` tells where an element is: lines of a name and a value.
+export function showSelection(elements, name, place, open) {
   const panel = byId("selection");
   if (!elements.length) return fill(panel, element("p", { className: "hint" }, text.nothing));
   if (elements.length > 1) {
@@ -33,7 +34,7 @@ export function showSelection(elements, name, open) {
         .join(", "),
     ),
     ...sinceThen(one),
-    table(facts(one)),
+    table([...place(one), ...facts(one)]),
     element("p", {}, address),
   );
 }
@@ -55,10 +56,7 @@ function table(lines) {
 
 // What is known of an element: sizes with their standard deviations, then the rest.
 function facts(one) {
-  const lines = [
-    [text.place, one.centre.map((value) => fixed(value)).join(" ") + "\u00a0m"],
-    [text.largestSigma, millimetres(one.sigma)],
-  ];
+  const lines = [];
   if (typeof one.off === "number") lines.push([text.off, millimetres(one.off)]);
   if (one.off === "spurious") lines.push([text.off, text.spurious]);
   return [...lines, ...attributeLines(one.attributes)];
@@ -98,7 +96,7 @@ export function showMeasure(points, result, remark = null) {
   );
 }
 
-const pointLine = ({ label }) => element("p", { className: "point" }, label);
+const pointLine = ({ label, at }) => element("p", { className: "point" }, label, element("span", {}, at));
 
 export const distanceText = (result) => `${metres(result.distance)} \u00b1 ${millimetres(result.sigma)}`;
 

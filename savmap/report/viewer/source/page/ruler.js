@@ -50,7 +50,9 @@ export class Ruler {
   }
 
   show(remark = null) {
-    showMeasure(this.points, this.result, remark);
+    const at = ({ row, vertex }) => this.viewer.frame.text(row, vertexOf(row, vertex));
+    const points = this.points?.map((point) => ({ ...point, at: at(point) })) ?? null;
+    showMeasure(points, this.result, remark);
   }
 
   // Show the distance beside its line; the boxes (left, top, right, bottom) that it takes of the view.

@@ -31,7 +31,13 @@ export class Selection {
   }
 
   show() {
-    showSelection(this.elements, this.name, (found, key) => this.open(found, key));
+    const { frame } = this.viewer;
+    showSelection(
+      this.elements,
+      this.name,
+      (one) => frame.lines(one),
+      (found, key) => this.open(found, key),
+    );
   }
 
   // Select and fly there.

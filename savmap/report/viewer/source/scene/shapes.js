@@ -25,7 +25,7 @@ import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
 import { linesOf, vertexOf } from "../site/data.js";
-import { ownCovariance } from "../site/measure.js";
+import { ownCovariance } from "../site/frames.js";
 
 export const MODEL = 1,
   PHOTO = 2; // layers: in the model alone, over panoramas alone; what is in neither is seen everywhere

@@ -42,6 +42,7 @@ export class Stage {
     const { view, panorama, model, row } = this.viewer;
     model.drawOver(panorama.row);
     this.drawModel(view.camera);
+    this.viewer.frame.draw(view.camera);
     const taken = this.viewer.ruler.place();
     if (this.labels)
       drawNames(

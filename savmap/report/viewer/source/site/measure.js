@@ -1,6 +1,8 @@
 // The distance of two vertices and its standard deviation: from the joint covariance of the row where the map has it, else from each
 // vertex's own, and between rows with the covariance of their places.
 import { elementOfVertex, toSite, vertexOf } from "./data.js";
+import { inSite, ownCovariance } from "./frames.js";
+import { largestEigenvalue, nothing, quadratic, sum } from "./matrices.js";
 import { numbers } from "./pictures.js";
 
 // Have the joint covariance of a row at hand, which large maps keep beside the page.
@@ -18,7 +20,7 @@ export function measured(a, b) {
     return same ? place : toSite(one.row, place);
   });
   const difference = to.map((value, k) => value - from[k]);
-  const covariance = same ? differenceInRow(a.row, a.vertex, b.vertex) : sum(inSite(a), inSite(b));
+  const covariance = same ? differenceInRow(a.row, a.vertex, b.vertex) : sum(inSite(a.row, a.vertex), inSite(b.row, b.vertex));
   const distance = Math.hypot(...difference);
   const along = difference.map((value) => value / distance);
   const variance = distance > 0 ? quadratic(along, covariance) : largestEigenvalue(covariance);
@@ -33,15 +35,6 @@ export function measured(a, b) {
 }
 
 const isOld = ({ row, vertex }) => elementOfVertex(row, vertex).date === "old";
-
-export function ownCovariance(row, vertex) {
-  const [xx, xy, xz, yy, yz, zz] = row.covariances.slice(6 * vertex, 6 * vertex + 6);
-  return [
-    [xx, xy, xz],
-    [xy, yy, yz],
-    [xz, yz, zz],
-  ];
-}
 
 function differenceInRow(row, a, b) {
   if (a === b) return sum(nothing, nothing);
@@ -63,55 +56,6 @@ function shared(row, one, other, same) {
     low = Math.min(one.number, other.number),
     high = Math.max(one.number, other.number);
   return covariance[low * size - (low * (low - 1)) / 2 + high - low];
-}
-
-// As Placement.covariances in savmap/types/maps.py.
-function inSite({ row, vertex }) {
-  const m = row.siteFromRow;
-  const turn = [
-    [m[0], m[1], m[2]],
-    [m[4], m[5], m[6]],
-    [m[8], m[9], m[10]],
-  ];
-  const turned = product(product(turn, ownCovariance(row, vertex)), transposed(turn));
-  if (!row.placementCovariance) return turned;
-  const [xx, xz, xh, zz, zh, hh] = row.placementCovariance;
-  const arm = turn.map((line) => line.reduce((total, value, k) => total + value * row.positions[3 * vertex + k], 0));
-  const degree = Math.PI / 180;
-  const slopes = [
-    [1, 0, arm[2] * degree],
-    [0, 0, 0],
-    [0, 1, -arm[0] * degree],
-  ];
-  const placed = [
-    [xx, xz, xh],
-    [xz, zz, zh],
-    [xh, zh, hh],
-  ];
-  return sum(turned, product(product(slopes, placed), transposed(slopes)));
-}
-
-const nothing = [
-  [0, 0, 0],
-  [0, 0, 0],
-  [0, 0, 0],
-];
-const sum = (a, b) => a.map((line, k) => line.map((value, n) => value + b[k][n]));
-const transposed = (a) => a[0].map((_, n) => a.map((line) => line[n]));
-const product = (a, b) =>
-  a.map((line) => b[0].map((_, n) => line.reduce((total, value, k) => total + value * b[k][n], 0)));
-const quadratic = (u, c) =>
-  u.reduce((total, value, k) => total + value * c[k].reduce((t, one, n) => t + one * u[n], 0), 0);
-
-// Of a symmetric matrix (3, 3): the variance along the longest axis of its ellipsoid.
-function largestEigenvalue(c) {
-  const mean = (c[0][0] + c[1][1] + c[2][2]) / 3;
-  const rest = c.map((line, k) => line.map((value, n) => (k === n ? value - mean : value)));
-  const spread = Math.sqrt(rest.flat().reduce((total, value) => total + value * value, 0) / 6);
-  if (spread === 0) return mean;
-  const [[a, b, d], [, e, f], [, , g]] = rest.map((line) => line.map((value) => value / spread));
-  const half = (a * (e * g - f * f) - b * (b * g - f * d) + d * (b * f - e * d)) / 2;
-  return mean + 2 * spread * Math.cos(Math.acos(Math.min(Math.max(half, -1), 1)) / 3);
 }
 
 // To a millimetre; nothing is "-0".
