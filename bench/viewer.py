@@ -1,9 +1,9 @@
 """The viewer of a large site in a real browser: how large its page is, how long it takes to open, frames a second while it turns.
 
-    python bench/viewer.py MAP [--rows 46] [--elements 6700] [--size 1360x800] [-o bench/results/viewer]
+    python bench/viewer.py MAP [--rows 46] [--elements 6700] [--dates] [--size 1360x800] [-o bench/results/viewer]
 
 A row of a map, such as the demo's, is repeated along its length and over so many rows, back to back in pairs across aisles, until it has so many
-elements. It is opened from the disk in the Chromium on the path, drawn by the processor alone (SwiftShader): a machine with any graphics
+elements. With --dates it is compared with itself, and both dates are in the page. It is opened from the disk in the Chromium on the path, drawn by the processor alone (SwiftShader): a machine with any graphics
 does more frames. Ends with 1 where the page is over 3 MB, opens in more than 2 s, or says anything on the console.
 """
 
@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
+from savmap.maps.comparison import compare_maps
 from savmap.maps.map_file import read_map
-from savmap.report.viewer import View, write_view
+from savmap.report.viewer import Before, View, write_view
 from savmap.types import Floats, JointCovariance, Placement, RowMap, SiteMap, Structure
 
 ARGUMENTS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -109,7 +110,7 @@ def opened(page: Page, file: Path) -> Opened:
     page.goto(file.resolve().as_uri())
     page.wait_for_selector("html[data-ready=yes]")
     open_s = time.perf_counter() - begin
-    frames_s, script_ms = page.evaluate("savmapViewer.spin(40)")
+    frames_s, script_ms = page.evaluate("savmapViewer.stage.spin(40)")
     return Opened(open_s, frames_s, script_ms, tuple(said))
 
 
@@ -119,13 +120,15 @@ def main() -> int:
     parser.add_argument("map", type=Path)
     parser.add_argument("--rows", type=int, default=46)
     parser.add_argument("--elements", type=int, default=6700)
+    parser.add_argument("--dates", action="store_true")
     parser.add_argument("--size", default="1360x800")
     parser.add_argument("-o", "--output", type=Path, default=Path("bench/results/viewer"))
     arguments = parser.parse_args()
     site = large_site(next(iter(read_map(arguments.map).rows.values())), arguments.rows, arguments.elements)
     file = arguments.output / "view.html"
+    before = Before(site, compare_maps(site, site)) if arguments.dates else None
     begin = time.perf_counter()
-    write_view(View(site, title=f"{arguments.rows} rows"), file)
+    write_view(View(site, title=f"{arguments.rows} rows", before=before), file)
     written_s, size_mb = time.perf_counter() - begin, file.stat().st_size / 1e6
     count = sum(len(group) for row in site.rows.values() for group in row.structures.values())
     width, height = map(int, arguments.size.split("x"))

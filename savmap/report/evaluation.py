@@ -43,9 +43,14 @@ def evaluate_site(site: SiteMap, survey: Survey, score: ScoreHook) -> Evaluation
     if not common:
         names = f"map: {_listed(site.rows)}; survey: {_listed(survey.rows)}"
         raise OutputError(f"map and survey have no row in common ({names}): name them alike")
-    rows = {name: _score_row(site.rows[name], survey.rows[name], score) for name in common}
+    scores = {name: _row_scores(site.rows[name], survey.rows[name], score) for name in common}
     not_mapped = tuple(name for name in survey.rows if name not in site.rows)
-    return Evaluation(rows, not_mapped, tuple(name for name in site.rows if name not in survey.rows))
+    return Evaluation(
+        {name: pool(parts.values()) for name, parts in scores.items()},
+        not_mapped,
+        tuple(name for name in site.rows if name not in survey.rows),
+        {name: {plugin: one.deviations for plugin, one in parts.items()} for name, parts in scores.items()},
+    )
 
 
 def statistics(errors: Floats) -> Statistics:
@@ -107,9 +112,10 @@ def named_counts(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
 
 
-def _score_row(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> Score:
+def _row_scores(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> dict[str, Score]:
+    """By plugin."""
     try:
-        return pool(score(row.name, plugin, structures, surveyed) for plugin, structures in row.structures.items())
+        return {plugin: score(row.name, plugin, group, surveyed) for plugin, group in row.structures.items()}
     except OutputError as error:
         raise OutputError(f"row {row.name}: {error}") from error
 

@@ -1,13 +1,15 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.files.atomic import sha256, write_text
-from savmap.maps.comparison import Comparison, compare_maps, comparison_text
+from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
 from savmap.maps.map_file import read_map
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
@@ -16,7 +18,7 @@ from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.page.comparison import Dates, write_comparison
-from savmap.report.viewer import Origin, View, write_view
+from savmap.report.viewer import Before, Origin, View, write_view
 from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
@@ -43,17 +45,24 @@ def report_for(
     surveyed = survey.rows if survey else {}
     common = any(name in surveyed for name in site_map.rows)
     evaluation = evaluation_of(site_map, survey, plugins) if survey and common else None
-    scores = evaluation.rows if evaluation else {}
+    deviations = evaluation.deviations if evaluation else {}
     drawings = {
-        name: drawings_of(row, plugins[name], surveyed.get(name), scores[name].deviations if name in scores else {})
+        name: drawings_of(row, plugins[name], surveyed.get(name), deviations.get(name, {}))
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
     return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
 
 
-def write_report(map_file: Path, path: Path, run_file: Path | None = None, survey_file: Path | None = None) -> None:
-    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map. Raises SavmapError."""
+def write_report(
+    map_file: Path,
+    path: Path,
+    run_file: Path | None = None,
+    survey_file: Path | None = None,
+    against: Path | None = None,
+) -> None:
+    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map, and with what changed since an earlier map
+    or that of a folder (`against`). Raises SavmapError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     log = read_log(run_file) if run_file else None
@@ -62,46 +71,86 @@ def write_report(map_file: Path, path: Path, run_file: Path | None = None, surve
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
     viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
-    write_page(replace(report, viewer=viewer), path)
+    comparison = _before(map_in(against), site_map, LEVEL).comparison if against else None
+    write_page(replace(report, viewer=viewer, comparison=comparison), path)
 
 
-def viewed(source: Path, survey_file: Path | None = None, fresh: bool = False) -> tuple[Path, bool]:
+def viewed(
+    source: Path, survey_file: Path | None = None, fresh: bool = False, against: Path | None = None
+) -> tuple[Path, bool]:
     """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where that which is there
-    is of another map, of another survey than the one asked for, or by another savmap, or `fresh`. Raises SavmapError."""
-    map_file = source / "map.json" if source.is_dir() else source
+    is of another map, of another survey or another earlier map (`against`) than the one asked for, or by another savmap, or `fresh`. Raises
+    SavmapError."""
+    map_file, old_file = map_in(source), map_in(against) if against else None
     page = map_file.with_name(VIEW)
-    origin = origin_of(map_file, survey_file)
+    origin = origin_of(map_file, survey_file, old_file)
     if not fresh and origin.is_of(page):
         return page, False
     site_map = read_map(map_file)
     evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
-    title = map_file.absolute().parent.name or "Site map"
+    before = _before(old_file, site_map, LEVEL) if old_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
-    write_view(View(site_map, evaluation, title, photos, origin=origin), page)
+    write_view(View(site_map, evaluation, _title_of(map_file), photos, origin=origin, before=before), page)
     return page, True
 
 
-def origin_of(map_file: Path, survey_file: Path | None) -> Origin:
+def map_in(source: Path) -> Path:
+    """A map file, or that of a folder."""
+    return source / "map.json" if source.is_dir() else source
+
+
+def origin_of(map_file: Path, survey_file: Path | None, old_file: Path | None = None) -> Origin:
     """What a viewer's page of these files says that it is made of. Raises OutputError."""
-    return Origin(sha256(map_file), sha256(survey_file) if survey_file else "")
+    return Origin(*(sha256(file) if file else "" for file in (map_file, survey_file, old_file)))
+
+
+def _before(old_file: Path, new: SiteMap, level: float) -> Before:
+    """An earlier map compared with a later one, with the orthophotos that lie beside it."""
+    old = read_map(old_file)
+    comparison = compare_maps(old, new, (openings_of(old), openings_of(new)), level)
+    return Before(old, comparison, read_orthophotos(old.rows, old_file.parent))
+
+
+def _title_of(map_file: Path) -> str:
+    return map_file.absolute().parent.name or "Site map"
 
 
 def compare_files(
-    old_file: Path, new_file: Path, level: float, page: Path | None = None, json_file: Path | None = None
+    old: Path,
+    new: Path,
+    level: float,
+    page: Path | None = None,
+    json_file: Path | None = None,
+    in_viewer: bool = False,
 ) -> Comparison:
-    """Two map files compared, with the page and the JSON file that are wanted; the page shows the orthophotos that lie beside both maps.
-    Raises SavmapError."""
+    """Two map files, or those of two folders, compared, with the page and the JSON file that are wanted, and, `in_viewer`, with a viewer's page
+    of both dates beside the new map. The pages show the orthophotos that lie beside both maps. Raises SavmapError."""
     if page is not None and page.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
-    old, new = read_map(old_file), read_map(new_file)
-    comparison = compare_maps(old, new, (openings_of(old), openings_of(new)), level)
+    old_file, new_file = map_in(old), map_in(new)
+    site_map = read_map(new_file)
+    before = _before(old_file, site_map, level)
+    view = new_file.with_name(VIEW)
     if json_file is not None:
-        write_text(json_file, comparison_text(comparison))
+        write_text(json_file, comparison_text(before.comparison))
+    photos = read_orthophotos(site_map.rows, new_file.parent) if page or in_viewer else {}
     if page is not None:
-        old_photos = read_orthophotos(old.rows, old_file.parent)
-        new_photos = read_orthophotos(new.rows, new_file.parent)
-        write_comparison(Dates(old, new, comparison, old_photos, new_photos), page)
-    return comparison
+        viewer = address_from(page, view) if in_viewer else ""
+        dates = Dates(before.site_map, site_map, before.comparison, before.photos, photos, viewer=viewer)
+        write_comparison(dates, page)
+    if in_viewer:
+        origin = origin_of(new_file, None, old_file)
+        write_view(View(site_map, None, _title_of(new_file), photos, origin=origin, before=before), view)
+    return before.comparison
+
+
+def address_from(page: Path, target: Path) -> str:
+    """The address of a file as a page links to it; absolute where there is no way from one to the other."""
+    try:
+        way = os.path.relpath(target.absolute(), page.absolute().parent)
+    except ValueError:  # another drive
+        return target.absolute().as_uri()
+    return quote(Path(way).as_posix())
 
 
 def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:
@@ -145,10 +194,10 @@ def drawings_of(
     row: RowMap,
     plugins: Mapping[str, LoadedPlugin],
     surveyed: Mapping[str, Any] | None,
-    deviations: Mapping[str, float],
+    deviations: Mapping[str, Mapping[str, float]],
 ) -> list[Drawing]:
-    """What the plugins draw of a row, over its survey where there is one; `deviations`: by structure id, m."""
+    """What the plugins draw of a row, over its survey where there is one; `deviations`: by plugin and structure id, m."""
     drawings: list[Drawing] = []
     for name, structures in row.structures.items():
-        drawings += plugins[name].draw(structures, surveyed, deviations)
+        drawings += plugins[name].draw(structures, surveyed, deviations.get(name, {}))
     return drawings

@@ -47,11 +47,17 @@ class Survey:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The scores of the rows that are both in the map and in the survey, and the rows that are in one only."""
+    """The scores of the rows that are both in the map and in the survey, and the rows that are in one only. `deviations`: by row, plugin and
+    structure id, as in a plugin's `Score`, for plugins do not know one another's ids."""
 
     rows: Mapping[str, Score]
     not_mapped: tuple[str, ...] = ()
     not_surveyed: tuple[str, ...] = ()
+    deviations: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+
+    def deviations_of(self, row: str, plugin: str) -> Mapping[str, float]:
+        """How far a plugin's structures of a row are off the survey, by id, m; empty where nobody compared them."""
+        return self.deviations.get(row, {}).get(plugin, {})
 
 
 def pool(scores: Iterable[Score]) -> Score:

@@ -1,6 +1,49 @@
-"""Makes `made_up_page` and `parsed_page` importable by the tests beside them."""
+"""Makes the modules beside the tests importable by them, and opens the viewer in a browser (extra `browser`)."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+from opened_page import BROWSER, Open
+
+from savmap.report.viewer import View, write_view
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = started.chromium.launch(executable_path=BROWSER, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Any, tmp_path: Path) -> Iterator[Open]:
+    """Opens views; nothing may have been asked of a network, said on the console, or asked of the user."""
+    heard: list[str] = []
+    pages = []
+
+    def opened(view: View, address: str = "", width: int = 1200, ready: bool = True) -> Any:
+        write_view(view, tmp_path / "view.html")
+        page = chromium.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
+        page.on("console", lambda message: heard.append(message.text))
+        page.on("pageerror", lambda error: heard.append(str(error)))
+        page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
+        local = ("file:", "data:", "blob:")
+        page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
+        page.goto((tmp_path / "view.html").as_uri() + address)
+        page.wait_for_selector("html[data-ready=yes]" if ready else "#failure")
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert heard == []

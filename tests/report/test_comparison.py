@@ -5,9 +5,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
+from made_up_dates import dated_site as site
+from made_up_dates import grey_photo
 from typer.testing import CliRunner
 
 import savmap
@@ -16,48 +16,16 @@ from savmap.errors import ChangedError, OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
 from savmap.report.site_report import compare_files
-from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Structure, Trajectory
-
-RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
-BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
-UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
-HEIGHTS = (0.3, 1.5, 2.6, 3.9)
-
-
-def box(name: str, label: str, x: tuple[float, float], y: tuple[float, float], number: int) -> Structure:
-    corners = np.array([[x[i], y[j], 0.0] for j in (0, 1) for i in (0, 1)])
-    place = "upright" if label == "upright" else "section"
-    named = UPRIGHT_CORNERS if label == "upright" else BEAM_CORNERS
-    labels = tuple(f"{name} / {corner}" for corner in named)
-    return Structure(name, label, corners, np.tile(1e-5 * np.eye(3), (4, 1, 1)), labels, RING, {place: number})
-
-
-def site(seed: int, lifted_m: float = 0.0, sections: int = 5) -> SiteMap:
-    rng = np.random.default_rng(seed)
-    parts = []
-    for k in range(sections):
-        x = 2.8 * k
-        parts.append(box(f"upright {k + 1}", "upright", (x, x + 0.1), (0.0, 5.0), k + 1))
-        for n, height in enumerate(HEIGHTS):
-            y = height + 0.05 * k + (lifted_m if (k, n) == (2, 2) else 0.0)
-            parts.append(box(f"section {k + 1} / beam {n + 1}", "beam", (x + 0.1, x + 2.8), (y, y + 0.1), k + 1))
-    noisy = [replace(one, vertices=one.vertices + rng.normal(0, 0.001, 3)) for one in parts]
-    poses = np.tile(np.eye(4), (60, 1, 1))
-    poses[:, 0, 3], poses[:, 2, 3] = np.linspace(-1, 2.8 * sections + 1, 60), 1.5
-    frames = FrameTable(np.arange(60.0), ("pass 1",) * 60)
-    return SiteMap({"A": RowMap("A", frames, {}, Trajectory(np.arange(60), poses), {"shelves": tuple(noisy)}, ())}, {})
 
 
 @pytest.fixture
 def files(tmp_path: Path) -> tuple[Path, Path]:
     """Maps of two dates, each with an orthophoto beside it."""
-    picture = cv2.imencode(".jpg", np.full((55, 150, 3), 90, np.uint8))[1].ravel()
-    photo = Orthophoto(np.array([-0.5, 0, 0]), np.eye(3)[0], np.eye(3)[1], 0.1, 150, 55, picture)
     paths = []
     for name, made in (("old", site(1)), ("new", site(2, lifted_m=0.06))):
         (tmp_path / name).mkdir()
         write_map(made, tmp_path / name / "map.json")
-        write_orthophoto("A", photo, tmp_path / name)
+        write_orthophoto("A", grey_photo(90), tmp_path / name)
         paths.append(tmp_path / name / "map.json")
     return paths[0], paths[1]
 
@@ -140,6 +108,15 @@ def test_page_draws_each_plugins_own_structure(tmp_path: Path) -> None:
     drawn = re.search(r'<path d="M(\S+)[^>]*><title>section 3 / beam 3: moved', page)
     assert drawn is not None
     assert float(drawn[1].split(",")[0]) > 5000, "not the lamp of that id, which is at 0.1 m"
+
+
+def test_command_takes_folders_and_writes_the_viewer(files: tuple[Path, Path]) -> None:
+    old, new = (file.parent for file in files)
+    error, output = run(old, new, "--view", "-o", new / "pages" / "compare.html")
+    assert error is None
+    assert f"wrote {new / 'view.html'}" in output
+    assert '<a href="../view.html">Viewer</a>' in (new / "pages" / "compare.html").read_text(encoding="utf-8")
+    assert (new / "face" / "old" / "A.js").is_file()
 
 
 def test_page_is_named_html(files: tuple[Path, Path], tmp_path: Path) -> None:

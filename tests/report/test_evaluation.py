@@ -71,6 +71,17 @@ def test_rows_are_asked_of_the_plugins_that_mapped_them() -> None:
     assert (evaluation.not_mapped, evaluation.not_surveyed) == (("C",), ("Z",))
 
 
+def test_deviations_are_those_of_row_and_plugin() -> None:
+    off = {("A", "things"): 0.01, ("A", "others"): 0.02, ("B", "things"): 0.03}
+    found = evaluate_site(
+        site(row("A", "things", "others"), row("B", "things")),
+        Survey({"A": {}, "B": {}}),
+        lambda name, plugin, *_: Score(deviations={"post 1": off[name, plugin]}),
+    )
+    assert {key: found.deviations_of(*key)["post 1"] for key in off} == off
+    assert found.deviations_of("B", "others") == {}
+
+
 def test_no_row_in_common_is_an_error() -> None:
     with pytest.raises(OutputError, match=r"map: A; survey: a, b\): name them alike"):
         evaluate_site(site(row("A", "one")), Survey({"b": {}, "a": {}}), lambda *_: Score())

@@ -48,7 +48,10 @@ def test_no_text_of_the_map_is_in_the_page(tmp_path: Path) -> None:
     assert page.count("<script") == 2
     assert page.count("</script") == 2
     assert "default-src 'none'" in page
-    assert "innerHTML" not in Path(beside_module.__file__).with_name("source").joinpath("panels.js").read_text()
+    folder = Path(beside_module.__file__).with_name("source")
+    own = [file for file in folder.rglob("*.js") if "node_modules" not in file.parts]
+    assert len(own) > 20
+    assert not [file for file in own if re.search("(inner|outer)HTML|insertAdjacentHTML", file.read_text("utf-8"))]
 
 
 def test_page_is_the_same_each_time(tmp_path: Path) -> None:
@@ -67,10 +70,17 @@ def test_coordinates_are_those_of_the_map(tmp_path: Path) -> None:
 
 
 def test_errors_are_shown_where_there_is_a_survey(tmp_path: Path) -> None:
-    scored = Evaluation({"A": Score(deviations={"post 1": 0.0123, "post 2": np.inf})})
+    scored = Evaluation({"A": Score()}, deviations={"A": {"things": {"post 1": 0.0123, "post 2": np.inf}}})
     data = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}), scored)))
     assert data["surveyed"] is True
     assert [entry["off"] for entry in data["rows"][0]["structures"]][:3] == [0.0123, "spurious", None]
+
+
+def test_errors_of_one_plugin_are_not_anothers(tmp_path: Path) -> None:
+    both = replace(row(), structures={name: row().structures["things"][:1] for name in ("things", "others")})
+    scored = Evaluation({"A": Score()}, deviations={"A": {"others": {"post 1": 0.02}}, "B": {"things": {"post 1": 1}}})
+    data = data_of(written(tmp_path, View(SiteMap({"A": both}, {}), scored)))
+    assert [entry["off"] for entry in data["rows"][0]["structures"]] == [None, 0.02]
 
 
 def test_pictures_lie_beside_the_page(tmp_path: Path) -> None:
@@ -133,8 +143,9 @@ def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.
 
 def test_bundle_is_that_of_its_sources() -> None:
     folder = Path(beside_module.__file__).parent
-    parts = sorted(file for file in (folder / "source").iterdir() if file.suffix in (".js", ".mjs", ".json"))
-    digest = hashlib.sha256(b"".join(file.read_bytes() for file in parts)).hexdigest()
+    files = {file.relative_to(folder / "source").as_posix(): file for file in (folder / "source").rglob("*.*")}
+    own = [name for name in sorted(files) if re.fullmatch(r"(?!node_modules/).*\.(m?js|json)", name)]
+    digest = hashlib.sha256(b"".join(files[name].read_bytes() for name in own)).hexdigest()
     head = (folder / "viewer.js").read_text(encoding="utf-8")[:2000]
     assert digest in head, "run `npm ci && npm run build` in savmap/report/viewer/source"
     assert "three.js authors" in head

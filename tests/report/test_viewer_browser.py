@@ -1,8 +1,6 @@
 """The viewer in a real browser, opened from a disk (extra `browser`, and a Chromium or Chrome on the path); skipped where there is none."""
 
 import json
-import shutil
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,72 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_map import EVIL, photo, row, site, stills, thing
+from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.distance import vertex_distance
-from savmap.report.viewer import View, write_view
+from savmap.report.viewer import View
 from savmap.report.viewer import beside as beside_module
-from savmap.types import SiteMap, Trajectory
+from savmap.types import Doubt, SiteMap, Trajectory, Verdict
 
-playwright = pytest.importorskip("playwright.sync_api")
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no browser is installed")]
-Open = Callable[..., Any]
-HERE = """([id, corner]) => {
-    const one = savmapViewer.site.elements.find((other) => other.id === id && (!savmapViewer.only || other.row.name === savmapViewer.only));
-    const box = document.getElementById("view").getBoundingClientRect(), [x, y] = savmapViewer.pixelOf(one.row, one.first + corner);
-    return [box.left + x, box.top + y];
-}"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = started.chromium.launch(executable_path=BROWSER, args=arguments)
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def opened(browser: Any, tmp_path: Path) -> Iterator[Open]:
-    """Opens views; nothing may have been asked of a network, said on the console, or asked of the user."""
-    heard: list[str] = []
-    pages = []
-
-    def opened(view: View, address: str = "", width: int = 1200, ready: bool = True) -> Any:
-        write_view(view, tmp_path / "view.html")
-        page = browser.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
-        page.on("console", lambda message: heard.append(message.text))
-        page.on("pageerror", lambda error: heard.append(str(error)))
-        page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
-        local = ("file:", "data:", "blob:")
-        page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
-        page.goto((tmp_path / "view.html").as_uri() + address)
-        page.wait_for_selector("html[data-ready=yes]" if ready else "#failure")
-        pages.append(page)
-        return page
-
-    yield opened
-    for page in pages:
-        page.close()
-    assert heard == []
+pytestmark = IN_BROWSER
 
 
 def one_row(**options: Any) -> View:
     return View(SiteMap({"A": row(**options)}, {}), title="Hall 1", photos={"A": photo()}, stills={"A": stills()})
-
-
-def until(page: Any, true: str) -> None:
-    """Wait for an expression to be true; the page's policy forbids what Playwright has for this."""
-    for _ in range(100):
-        if page.evaluate(f"Boolean({true})"):
-            return
-        page.wait_for_timeout(50)
-    pytest.fail(f"never true: {true}")
-
-
-def selected(page: Any) -> str:
-    return str(page.inner_text("#selection strong"))
 
 
 def measure(page: Any, first: tuple[str, int], second: tuple[str, int], rows: tuple[str, str] = ("", "")) -> str:
@@ -100,24 +44,34 @@ def test_shows_all_elements(opened: Open) -> None:
     assert page.title() == "Hall 1"
     assert page.evaluate("savmapViewer.site.elements.length") == 6
     drawn = page.evaluate(
-        "savmapViewer.renderer.domElement.toDataURL() !== document.createElement('canvas').toDataURL()"
+        "savmapViewer.stage.renderer.domElement.toDataURL() !== document.createElement('canvas').toDataURL()"
     )
     assert drawn
     inside = page.evaluate(
         """savmapViewer.site.elements.slice(0, 5).every((one) => [0, 1, 2, 3].every((k) => {
-        const [x, y] = savmapViewer.pixelOf(one.row, one.first + k); return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; }))"""
+        const [x, y] = savmapViewer.stage.pixelOf(one.row, one.first + k); return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; }))"""
     )
     assert inside
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.parametrize("kind", ["model", "plan", "face"])
+def test_first_look_shows_what_hangs_beyond_the_row(opened: Open, kind: str) -> None:
+    beyond = tuple(thing(f"hanging {x}", "other", (x, 6), (x + 1, 7)) for x in (-4, 6))
+    page = opened(View(SiteMap({"A": replace(row(), structures={**row().structures, "others": beyond})}, {})))
+    page.evaluate("(kind) => savmapViewer.setKind(kind)", kind)
+    inside = page.evaluate("""savmapViewer.site.elements.map((one) => { const [x, y] = savmapViewer.stage.pixelOf(one.row, one.first);
+        return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; })""")
+    assert inside == [True] * 8
 
 
 def test_lines_are_drawn_where_elements_are(opened: Open) -> None:
     page = opened(one_row())
     page.keyboard.press("n")
     colours = page.evaluate(
-        """() => { savmapViewer.setMode("label"); savmapViewer.draw(); const v = savmapViewer, gl = v.renderer.getContext(), r = v.renderer.getPixelRatio();
+        """() => { savmapViewer.setMode("label"); savmapViewer.stage.draw(); const v = savmapViewer, gl = v.stage.renderer.getContext(), r = v.stage.renderer.getPixelRatio();
         const one = v.site.elements.find((other) => other.id === "post 1"), found = new Uint8Array(4 * 49);
-        const [a, b] = [one.first, one.first + 3].map((k) => v.pixelOf(one.row, k));
+        const [a, b] = [one.first, one.first + 3].map((k) => v.stage.pixelOf(one.row, k));
         gl.readPixels(r * (a[0] + b[0]) / 2 - 3, gl.drawingBufferHeight - r * (a[1] + b[1]) / 2 - 3, 7, 7, gl.RGBA, gl.UNSIGNED_BYTE, found);
         return Array.from(found); }"""
     )
@@ -156,13 +110,13 @@ def test_deep_links(opened: Open, address: str, name: str) -> None:
 @pytest.mark.parametrize("name", ["A", "a"])
 def test_links_tell_rows_apart_by_case(opened: Open, name: str) -> None:
     page = opened(View(SiteMap({"A": row(), "a": row("a")}, {})), f"#{name}/post 2")
-    assert page.evaluate("savmapViewer.selected.map((one) => one.key)") == [f"{name}/post 2"]
+    assert page.evaluate("savmapViewer.selection.elements.map((one) => one.key)") == [f"{name}/post 2"]
 
 
 def test_links_tell_plugins_apart(opened: Open) -> None:
     both = replace(row(), structures={**row().structures, "others": (thing("post 1", "other", (1, 0), (1.1, 5)),)})
     page = opened(View(SiteMap({"A": both}, {})), "#A/others/post 1")
-    assert page.evaluate("savmapViewer.selected.map((one) => one.plugin)") == ["others"]
+    assert page.evaluate("savmapViewer.selection.elements.map((one) => one.plugin)") == ["others"]
     keys = page.evaluate("savmapViewer.site.elements.map((one) => one.key)")
     assert len(set(keys)) == len(keys)
     assert {"A/things/post 1", "A/post 2"} < set(keys)
@@ -206,7 +160,7 @@ def test_no_distance_between_rows_without_places(opened: Open) -> None:
     assert "not known" in page.inner_text("#remark")
     page.keyboard.press("m")
     page.evaluate("""() => { const [a, b] = savmapViewer.site.rows;
-        savmapViewer.addPoint({row: a, vertex: 0}); savmapViewer.addPoint({row: b, vertex: 1}); }""")
+        savmapViewer.ruler.add({row: a, vertex: 0}); savmapViewer.ruler.add({row: b, vertex: 1}); }""")
     page.wait_for_selector("text=not known either")
     assert page.locator("#distance").count() == 0
 
@@ -223,11 +177,11 @@ def test_sigma_of_no_distance_is_that_of_python(opened: Open) -> None:
         ("post 1", "0.000 m ± 0 mm"),
     ):
         page.evaluate(
-            """(names) => names.forEach((id) => savmapViewer.addPoint({row: savmapViewer.row,
+            """(names) => names.forEach((id) => savmapViewer.ruler.add({row: savmapViewer.row,
             vertex: savmapViewer.site.elements.find((one) => one.id === id).first}))""",
             ["post 1", name],
         )
-        until(page, "savmapViewer.result")
+        until(page, "savmapViewer.ruler.result")
         assert page.inner_text("#distance").replace("\u00a0", " ") == said
 
 
@@ -236,21 +190,45 @@ def test_own_vertex_has_no_distance_in_a_joint_map(opened: Open) -> None:
     page.keyboard.press("m")
     lone = page.evaluate("savmapViewer.site.elements.find((one) => one.id === 'spot 1').first")
     for _ in range(2):
-        page.evaluate("(vertex) => savmapViewer.addPoint({row: savmapViewer.row, vertex})", lone)
-    until(page, "savmapViewer.result")
-    assert page.evaluate("[savmapViewer.result.sigma, ...savmapViewer.result.sigmas]") == [0, 0, 0, 0]
+        page.evaluate("(vertex) => savmapViewer.ruler.add({row: savmapViewer.row, vertex})", lone)
+    until(page, "savmapViewer.ruler.result")
+    assert page.evaluate("[savmapViewer.ruler.result.sigma, ...savmapViewer.ruler.result.sigmas]") == [0, 0, 0, 0]
+
+
+def test_tip_goes_when_a_corner_is_picked(opened: Open) -> None:
+    page = opened(one_row())
+    page.keyboard.press("m")
+    for corner in (0, 3):
+        page.mouse.move(*page.evaluate(HERE, ["post 1", corner]))
+        until(page, "!document.getElementById('tip').hidden")
+        page.mouse.down()
+        page.mouse.up()
+        page.wait_for_timeout(100)
+        assert page.locator("#tip").is_hidden()
+    page.mouse.move(*page.evaluate(HERE, ["post 2", 0]))
+    page.keyboard.press("Escape")
+    page.wait_for_timeout(100)
+    assert page.locator("#tip").is_hidden()
 
 
 def test_views_and_orthophoto(opened: Open) -> None:
     page = opened(one_row())
-    page.keyboard.press("o")
+    assert not page.is_checked("#show-photos")
     page.keyboard.press("3")
-    until(page, "savmapViewer.model.rows[0].photo?.visible && savmapViewer.model.rows[0].photoSize === 1")
+    until(
+        page,
+        "savmapViewer.model.rows[0].dates.new.photo?.visible && savmapViewer.model.rows[0].dates.new.photoSize === 1",
+    )
+    assert page.is_checked("#show-photos")
     across = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
     assert abs(across[0][0] - across[1][0]) < 0.5  # upright in the elevation
     page.keyboard.press("2")
     flat = [page.evaluate(HERE, ["post 1", k]) for k in (0, 3)]
     assert abs(flat[0][1] - flat[1][1]) < 0.5  # a point in the plan
+    assert not page.evaluate("savmapViewer.model.rows[0].dates.new.photo.visible")
+    for key, shown in (("o", True), ("3", True), ("o", False), ("1", True)):
+        page.keyboard.press(key)
+        assert page.evaluate("savmapViewer.model.rows[0].dates.new.photo.visible") is shown
 
 
 def test_panorama_turns_to_what_is_selected(opened: Open) -> None:
@@ -258,7 +236,7 @@ def test_panorama_turns_to_what_is_selected(opened: Open) -> None:
     page.keyboard.press("4")
     until(page, "savmapViewer.panorama.shows")
     x, y = page.evaluate(
-        """() => { const p = savmapViewer.panorama, one = savmapViewer.selected[0], camera = p.camera;
+        """() => { const p = savmapViewer.panorama, one = savmapViewer.selection.elements[0], camera = p.camera;
         const at = camera.position.clone().set(...one.centre).project(camera); return [at.x, at.y]; }"""
     )
     assert abs(x) < 1e-6
@@ -323,6 +301,21 @@ def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
     assert selected(page) == "section 1 / bar 2"
+
+
+def test_doubts_are_those_of_row_and_plugin(opened: Open) -> None:
+    """Ids repeat between rows, and between plugins: a doubt is about what lies at its place."""
+    doubt = Doubt("support", "few frames show it", ("post 1",), (1.05, 2.5, 0.0))
+    namesake = thing("post 1", "other", (1, 0), (1.1, 5))
+    doubted = replace(row(), structures={**row().structures, "others": (namesake,)}, verdict=Verdict((doubt,)))
+    clear = replace(doubted, name="B", verdict=Verdict())
+    page = opened(View(SiteMap({"A": doubted, "B": clear}, {})))
+    named = (
+        "savmapViewer.site.rows.map((row) => row.elements.filter((one) => row.doubtful.has(one)).map((one) => one.key))"
+    )
+    assert page.evaluate(named) == [["A/others/post 1"], []]
+    page.locator("#doubts button").click()
+    assert page.evaluate("savmapViewer.selection.elements.map((one) => one.key)") == ["A/others/post 1"]
 
 
 def test_notes_are_saved_and_loaded(opened: Open, tmp_path: Path) -> None:

@@ -32,24 +32,30 @@ def report(
         Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
     ] = None,
     survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder: tell what changed since.")
+    ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
 
-    write_report(map_file, output, run_file, survey)
+    write_report(map_file, output, run_file, survey, against)
     say(f"wrote {output}")
 
 
 def compare(
-    old_file: Annotated[Path, typer.Argument(metavar="OLD", help="The map.json of the earlier date.")],
-    new_file: Annotated[Path, typer.Argument(metavar="NEW", help="The map.json of the later date.")],
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier date: a map.json, or its folder.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The later date: a map.json, or its folder.")],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PAGE", help="Write an HTML page that shows both dates.")
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all that was compared as JSON.")
     ] = None,
+    in_viewer: Annotated[
+        bool, typer.Option("--view", help="Write view.html beside NEW: both dates over one another, to be looked at.")
+    ] = False,
     level: Annotated[
         float, typer.Option(min=1e-6, max=0.5, help="Share of false ones among the changes that is accepted.")
     ] = 0.1,
@@ -58,15 +64,15 @@ def compare(
     """Say what changed from one map of a place to a later one."""
     from savmap.errors import ChangedError
     from savmap.maps.comparison import comparison_lines
-    from savmap.report.site_report import compare_files
+    from savmap.report.site_report import VIEW, compare_files, map_in
 
-    comparison = compare_files(old_file, new_file, level, output, json_file)
+    comparison = compare_files(old, new, level, output, json_file, in_viewer)
     for line in comparison_lines(comparison):
         say(line)
-    for path in filter(None, (output, json_file)):
+    for path in filter(None, (output, json_file, map_in(new).with_name(VIEW) if in_viewer else None)):
         say(f"wrote {path}")
     if exit_code and comparison.changed:
-        raise ChangedError(f"{new_file}: not as {old_file} has it")
+        raise ChangedError(f"{new}: not as {old} has it")
 
 
 def view(
@@ -78,6 +84,9 @@ def view(
     ] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port of --serve (0: one that is free).")] = 0,
     survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder, to show with it.")
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Write the page anew.")] = False,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
 ) -> None:
@@ -87,7 +96,7 @@ def view(
     from savmap.report.site_report import viewed
     from savmap.report.viewer.serve import ViewServer
 
-    page, written = viewed(source, survey, fresh)
+    page, written = viewed(source, survey, fresh, against)
     if written:
         say(f"wrote {page}")
     if not serve:

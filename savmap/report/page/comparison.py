@@ -34,7 +34,8 @@ STYLES: Mapping[State, str] = {"moved": "off line", "changed": "off line", "miss
 
 @dataclass(frozen=True, eq=False)
 class Dates:
-    """Two maps, what changed from one to the other, and orthophotos by row of either date, where there are any."""
+    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, and the address of the viewer's page
+    of both dates, where there is one."""
 
     old: SiteMap
     new: SiteMap
@@ -42,6 +43,7 @@ class Dates:
     old_photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     new_photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     title: str = "Comparison of two dates"
+    viewer: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +99,10 @@ def _section(dates: Dates, row: RowComparison, anchor: str) -> RowSection:
         anchor,
         motion_text(row.motion),
         counts_text(row),
-        ambiguity_text(row.motion) if row.motion and row.motion.ambiguous else "",
+        _warning(row),
         (_elevation(dates, row, anchor),) if drawn else (),
         tuple(_photos(dates, row, anchor)),
-        _table(row, anchor),
+        change_table(row, f"{anchor}-changes"),
     )
 
 
@@ -188,11 +190,40 @@ def _outline(structure: Structure) -> Drawing:
     return Drawing("polygon", around, "off", "structure", "changed", ("face",), name=structure.id)
 
 
-def _table(row: RowComparison, anchor: str) -> Table:
+@dataclass(frozen=True, eq=False)
+class RowChanges:
+    """What a report says of a row that an earlier map has, too."""
+
+    name: str
+    motion: str
+    warning: str
+    counts: str
+    table: Table
+
+
+def row_changes(comparison: Comparison) -> list[RowChanges]:
+    """The rows that both dates have, without pictures."""
+    return [
+        RowChanges(
+            row.new,
+            motion_text(row.motion),
+            _warning(row),
+            counts_text(row),
+            change_table(row, f"changes-{number}"),
+        )
+        for number, row in enumerate(comparison.rows, 1)
+    ]
+
+
+def _warning(row: RowComparison) -> str:
+    return ambiguity_text(row.motion) if row.motion and row.motion.ambiguous else ""
+
+
+def change_table(row: RowComparison, anchor: str) -> Table:
     """What changed, and of what no one can tell."""
     shown = [*row.changes, *(one for one in row.elements if one.state == "not seen")]
     return Table(
-        f"{anchor}-changes",
+        anchor,
         "What is not as it was, or was not seen on one of the dates",
         heads("'element", "'state", "'what", "sigmas", "p"),
         tuple(Line(tuple(_cells(one)), "off" if one.state in CHANGES else "") for one in _ordered(shown)),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from savmap.maps.comparison import Comparison
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
@@ -18,7 +19,8 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, remarks for the reader, orthophotos and stills of rows by name, and the name of the viewer's page beside this one."""
+    survey, remarks for the reader, orthophotos and stills of rows by name, the name of the viewer's page beside this one, and what changed since an
+    earlier map."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -29,6 +31,7 @@ class Report:
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     viewer: str = ""
     stills: Mapping[str, Sequence[Still]] = field(default_factory=dict)
+    comparison: Comparison | None = None
 
 
 @dataclass(frozen=True, eq=False)

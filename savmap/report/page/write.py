@@ -10,6 +10,7 @@ from markupsafe import Markup
 from savmap.files.atomic import write_bytes
 from savmap.report.box_plot import box_plot
 from savmap.report.page.alignment import alignment_table
+from savmap.report.page.comparison import row_changes
 from savmap.report.page.errors import class_table, distance_table, headline, row_errors
 from savmap.report.page.sections import section, tiles
 from savmap.report.page.site_plan import site_plan, without_place
@@ -47,6 +48,7 @@ def page_text(report: Report) -> str:
         references=reference_table(rows),
         sigmas=sigma_table(rows),
         alignment=alignment_table(report.site_map.alignment),
+        changes=row_changes(report.comparison) if report.comparison else None,
         **_ties(report, rows),
         **_errors(report, rows, score),
         **_times(report, rows),

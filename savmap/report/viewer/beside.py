@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,10 +14,12 @@ import numpy as np
 
 from savmap.files.atomic import file_name, write_text
 from savmap.report.orthophotos import scaled_down
-from savmap.report.viewer.data import Entry, joint_text
+from savmap.report.viewer.data import joint_text
+from savmap.report.viewer.packed import Entry
 from savmap.types import JointCovariance, Orthophoto, RowMap, Still
 
 FACES, SMALL, STILLS, JOINTS = "face", "face/small", "pano", "joint"
+OLD_FACES, OLD_SMALL = "face/old", "face/old/small"
 LARGEST_PX = 4096
 """Of a side of the finer picture: every WebGL 2 takes that much, and phones have memory for it."""
 JPEG_QUALITY = 85
@@ -47,11 +50,22 @@ def script_names(rows: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def written_beside(
-    name: str, photo: Orthophoto | None, stills: Sequence[Still] | None, joint: JointCovariance | None, folder: Path
-) -> Entry:
-    """Write a row's scripts, called `name`; what the page must know of them. `stills`: None for those that lie there. Raises OutputError."""
-    face = _written_face(name, photo, folder) if photo else None
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What of a row lies beside the page: orthophotos of both dates, stills (None: those that lie there), and a joint covariance that is too
+    large for the page."""
+
+    photo: Orthophoto | None = None
+    old_photo: Orthophoto | None = None
+    stills: Sequence[Still] | None = None
+    joint: JointCovariance | None = None
+
+
+def written_beside(name: str, row: Beside, folder: Path) -> Entry:
+    """Write a row's scripts, called `name`; what the page must know of them. Raises OutputError."""
+    stills, joint = row.stills, row.joint
+    face = _written_face(name, row.photo, (SMALL, FACES), folder) if row.photo else None
+    old_face = _written_face(name, row.old_photo, (OLD_SMALL, OLD_FACES), folder) if row.old_photo else None
     for still in stills or ():
         _write(folder, _still_path(name, still.frame), _address(still.picture.tobytes()))
     frames = _kept_frames(name, folder) if stills is None else [still.frame for still in stills]
@@ -59,7 +73,7 @@ def written_beside(
     joint_path = f"{JOINTS}/{name}.js" if joint else ""
     if joint:
         _write(folder, joint_path, joint_text(joint))
-    return {"face": face, "stills": found, "joint": joint_path}
+    return {"face": face, "old face": old_face, "stills": found, "joint": joint_path}
 
 
 def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> None:
@@ -67,16 +81,17 @@ def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> N
     made again from a map. What savmap did not write stays."""
     kept: set[str] = set()
     for entry in beside:
-        kept |= {*(entry["face"]["pictures"] if entry["face"] else ()), *(one["path"] for one in entry["stills"])}
-        kept.add(entry["joint"])
-    for part in (SMALL, FACES, JOINTS, *((STILLS,) if with_stills else ())):
+        faces = (entry["face"], entry["old face"])
+        kept |= {path for face in faces if face for path in face["pictures"]}
+        kept |= {entry["joint"], *(one["path"] for one in entry["stills"])}
+    for part in (SMALL, FACES, OLD_SMALL, OLD_FACES, JOINTS, *((STILLS,) if with_stills else ())):
         for path in _scripts(part, folder) - kept:
             (folder / path).unlink(missing_ok=True)
 
 
-def _written_face(name: str, photo: Orthophoto, folder: Path) -> Entry:
-    """A small picture, and a finer one for the face view."""
-    paths = [f"{SMALL}/{name}.js", f"{FACES}/{name}.js"]
+def _written_face(name: str, photo: Orthophoto, parts: tuple[str, str], folder: Path) -> Entry:
+    """A small picture, and a finer one for the face view, each in its part of the folder."""
+    paths = [f"{part}/{name}.js" for part in parts]
     _write(folder, paths[0], _address(scaled_down(photo)))
     _write(folder, paths[1], _address(_at_most(photo)))
     return {

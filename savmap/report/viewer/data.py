@@ -1,114 +1,81 @@
-"""A map as the viewer's page holds it: coordinates as whole numbers, covariances to so many digits, everything else as it is.
-
-`source/data.js` reads it.
-"""
+"""A map as the viewer's page holds it. `source/site/data.js` reads it."""
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
-from savmap.types import (
-    Attribute,
-    Doubt,
-    Evaluation,
-    Floats,
-    JointCovariance,
-    Measured,
-    Placement,
-    RowMap,
-    SiteMap,
-    Structure,
-)
+from savmap.maps.exports.frames import alignment_of
+from savmap.report.viewer.dates import Before, row_entry, site_entry
+from savmap.report.viewer.packed import UPPER, Entry, Labels, digits, structure_entries, units, vertex_entry
+from savmap.types import Alignment, Doubt, Evaluation, JointCovariance, Placement, RowMap, SiteMap
 
-Entry = dict[str, Any]
-UNIT_M = 1e-5
-DIGITS = 5
-"""Of a variance: a standard deviation is shown with two."""
 TURN = 6
 """Decimals of a quaternion: 0.1 pixel of a panorama of 2048."""
-UPPER = np.triu_indices(3)
 
 
-def page_data(site_map: SiteMap, title: str, evaluation: Evaluation | None, beside: Mapping[str, Entry]) -> Entry:
+def page_data(
+    site_map: SiteMap,
+    title: str,
+    evaluation: Evaluation | None,
+    beside: Mapping[str, Entry],
+    before: Before | None = None,
+) -> Entry:
     """All that the page shows, for JSON. `beside`: by row, what lies beside the page:
-    "face", "stills" and "joint"."""
-    labels: dict[str, int] = {}
-    rows = [
-        {
-            **_row(row, site_map.placements.get(name), beside.get(name, {}).get("joint", "")),
-            "structures": list(_structures(row, labels, _deviations(evaluation, name))),
-            "face": beside.get(name, {}).get("face"),
-            "stills": beside.get(name, {}).get("stills", []),
-        }
-        for name, row in site_map.rows.items()
-    ]
-    return {"title": visible(title), "surveyed": evaluation is not None, "rows": rows, "vertex_labels": list(labels)}
-
-
-def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
-    structures = [structure for group in row.structures.values() for structure in group]
+    "face", "old face", "stills" and "joint". `before`: an earlier date."""
+    labels: Labels = {}
+    rows = []
+    for name, row in site_map.rows.items():
+        lies = beside.get(name, {})
+        entry = _row(row, site_map.placements.get(name), lies.get("joint", ""))
+        entry["structures"] = structure_entries(row.structures, labels, _deviations(evaluation, name))
+        entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": _is_aligned(site_map, name)}
+        entry["before"] = row_entry(before, row, labels, lies.get("old face")) if before else None
+        rows.append(entry)
     return {
-        "name": visible(row.name),
-        "placement": placement and [placement.x_m, placement.z_m, placement.heading_deg],
-        "placement_covariance": placement and _digits(placement.covariance[UPPER]),
-        "grade": row.verdict and row.verdict.grade,
-        "doubts": [_doubt(doubt) for doubt in row.verdict.doubts] if row.verdict else [],
-        "remarks": [visible(note) for note in row.verdict.notes] if row.verdict else [],
-        "positions": _units(_stacked([structure.vertices for structure in structures]), UNIT_M),
-        "covariances": _digits(_stacked([structure.covariances[:, *UPPER] for structure in structures])),
-        "joint": _joint(row, joint_path),
-        "frames": _frames(row),
+        "title": visible(title),
+        "surveyed": evaluation is not None,
+        "rows": rows,
+        "vertex_labels": list(labels),
+        "alignment": _alignment(site_map.alignment),
+        "dates": site_entry(before),
     }
 
 
-def _structures(row: RowMap, labels: dict[str, int], deviations: Mapping[str, float]) -> Iterator[Entry]:
-    for plugin, group in row.structures.items():
-        for structure in group:
-            yield {
-                "plugin": visible(plugin),
-                "id": visible(structure.id),
-                "label": visible(structure.label),
-                "attributes": {visible(name): _attribute(value) for name, value in structure.attributes.items()},
-                "labels": [
-                    labels.setdefault(_shortened(label, structure.id), len(labels)) for label in structure.vertex_labels
-                ],
-                "edges": structure.edges.ravel().tolist(),
-                "solid": _solid(structure),
-                "off": _off(deviations.get(structure.id)),
-            }
+def _deviations(evaluation: Evaluation | None, row: str) -> Callable[[str], Mapping[str, float]]:
+    return lambda plugin: evaluation.deviations_of(row, plugin) if evaluation else {}
 
 
-def _shortened(label: str, whole: str) -> str:
-    """A vertex's label; "+" and what follows its structure's id, where it begins with that: such endings are few."""
-    return f"+{visible(label.removeprefix(whole))}" if label.startswith(whole) else f"={visible(label)}"
+def _is_aligned(site_map: SiteMap, row: str) -> bool:
+    """Whether it is known where in the user's world the row stands."""
+    placed = row in site_map.placements or len(site_map.rows) + len(site_map.failed) == 1
+    return placed and alignment_of(site_map, row) is not None
 
 
-def _attribute(value: Attribute) -> Entry | float | int | str:
-    if isinstance(value, Measured):
-        return {"value": value.value, "sigma": value.sigma}
-    return visible(value) if isinstance(value, str) else value
-
-
-def _solid(structure: Structure) -> Entry | None:
-    if structure.solid is None:
+def _alignment(alignment: Alignment | None) -> Entry | None:
+    if alignment is None:
         return None
-    solid = structure.solid
-    return {"outline": np.round(solid.outline, 5).tolist(), "depth": np.round(solid.depth, 5).tolist()}
+    return {
+        "place": [alignment.x_m, alignment.y_m, alignment.z_m, alignment.heading_deg],
+        "covariance": digits(alignment.covariance[UPPER]),
+        "anchor": alignment.anchor and list(alignment.anchor),
+    }
 
 
-def _off(deviation: float | None) -> float | str | None:
-    """How far a structure is off the survey, m; "spurious" where that has none there; None where nobody compared it."""
-    if deviation is None or np.isnan(deviation):
-        return None
-    return round(float(deviation), 5) if np.isfinite(deviation) else "spurious"
-
-
-def _deviations(evaluation: Evaluation | None, row: str) -> Mapping[str, float]:
-    return evaluation.rows[row].deviations if evaluation and row in evaluation.rows else {}
+def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
+    return {
+        "name": visible(row.name),
+        "placement": placement and [placement.x_m, placement.z_m, placement.heading_deg],
+        "placement_covariance": placement and digits(placement.covariance[UPPER]),
+        "grade": row.verdict and row.verdict.grade,
+        "doubts": [_doubt(doubt) for doubt in row.verdict.doubts] if row.verdict else [],
+        "remarks": [visible(note) for note in row.verdict.notes] if row.verdict else [],
+        **vertex_entry(row.structures),
+        "joint": _joint(row, joint_path),
+        "frames": _frames(row),
+    }
 
 
 def _doubt(doubt: Doubt) -> Entry:
@@ -132,7 +99,7 @@ def _frames(row: RowMap) -> Entry:
         "pass": [names.index(row.frames.passes[frame]) for frame in path.frames.tolist()],
         "passes": [visible(name) for name in names],
         "stamp": np.round(row.frames.stamps_s[path.frames], 3).tolist(),
-        "position": _units(path.world_from_rig[:, :3, 3], UNIT_M),
+        "position": units([path.world_from_rig[:, :3, 3]]),
         "quaternion": np.round(turns, TURN).ravel().tolist(),
     }
 
@@ -156,17 +123,3 @@ def joint_text(joint: JointCovariance) -> str:
     """The upper triangle of a joint covariance, row by row: little-endian single precision as base64."""
     triangle = joint.covariance[np.triu_indices(len(joint.covariance))].astype("<f4")
     return base64.b64encode(triangle.tobytes()).decode("ascii")
-
-
-def _stacked(parts: Sequence[Floats]) -> Floats:
-    return np.concatenate(parts) if parts else np.zeros((0, 3))
-
-
-def _units(values: Floats, unit: float) -> list[int]:
-    whole: list[int] = np.round(np.ravel(values) / unit).astype(np.int64).tolist()
-    return whole
-
-
-def _digits(values: Floats) -> list[float]:
-    """Numbers in a row, to so many digits, whole ones without a point."""
-    return [float(f"{value:.{DIGITS}g}") for value in np.ravel(values)]

@@ -14,28 +14,31 @@ from pathlib import Path
 from string import Template
 
 from savmap.files.atomic import write_text
-from savmap.report.viewer.beside import joints_apart, remove_others, script_names, written_beside
-from savmap.report.viewer.data import Entry, page_data
+from savmap.report.viewer.beside import Beside, joints_apart, remove_others, script_names, written_beside
+from savmap.report.viewer.data import page_data
+from savmap.report.viewer.dates import Before
+from savmap.report.viewer.packed import Entry
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
 POLICY = "default-src 'none'; script-src 'sha256-{script}' 'self' file:; style-src 'sha256-{style}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
 """Scripts: the page's own, and the pictures' that lie beside it (`file:` is what some browsers call 'self' there)."""
 
 
-ORIGIN = re.compile(rb'<meta name="savmap-view" content="map=(\w*) survey=(\w*) by=([^"]*)">')
+ORIGIN = re.compile(rb'<meta name="savmap-view" content="map=(\w*) survey=(\w*) against=(\w*) by=([^"]*)">')
 HEAD = 4096
 """Bytes of a page in which its origin stands."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """The files that a page is made of: SHA-256 of the map's and of the survey's; empty for none, or where nobody told."""
+    """The files that a page is made of: SHA-256 of the map's, of the survey's and of the earlier map's; empty for none, or where nobody told."""
 
     map_digest: str = ""
     survey_digest: str = ""
+    against_digest: str = ""
 
     def is_of(self, page: Path) -> bool:
-        """Whether a page was made of this map by this viewer, and, where there is one here, with this survey."""
+        """Whether a page was made of this map by this viewer, and, where there are any here, with this survey and this earlier map."""
         try:
             with page.open("rb") as stream:
                 found = ORIGIN.search(stream.read(HEAD))
@@ -43,17 +46,18 @@ class Origin:
             return False
         if found is None or not self.map_digest:
             return False
-        map_digest, survey_digest, by = (part.decode(errors="replace") for part in found.groups())
-        return map_digest == self.map_digest and self.survey_digest in ("", survey_digest) and by == _viewer()
+        map_digest, survey_digest, against_digest, by = (part.decode(errors="replace") for part in found.groups())
+        asked = self.survey_digest in ("", survey_digest) and self.against_digest in ("", against_digest)
+        return map_digest == self.map_digest and asked and by == _viewer()
 
     def __str__(self) -> str:
-        return f"map={self.map_digest} survey={self.survey_digest} by={_viewer()}"
+        return f"map={self.map_digest} survey={self.survey_digest} against={self.against_digest} by={_viewer()}"
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """What the viewer shows: a map, its scores where there is a survey, and by row its orthophoto and stills, where there are any; None for
-    the stills that lie where the page is written."""
+    the stills that lie where the page is written. `before`: an earlier date to show with it."""
 
     site_map: SiteMap
     evaluation: Evaluation | None = None
@@ -61,6 +65,7 @@ class View:
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     stills: Mapping[str, Sequence[Still]] | None = None
     origin: Origin = Origin()
+    before: Before | None = None
 
 
 def write_view(view: View, path: Path) -> None:
@@ -70,9 +75,12 @@ def write_view(view: View, path: Path) -> None:
     beside = {
         name: written_beside(
             names[name],
-            view.photos.get(name),
-            None if stills is None else stills.get(name, ()),
-            row.joint if apart else None,
+            Beside(
+                view.photos.get(name),
+                view.before.photo(name) if view.before else None,
+                None if stills is None else stills.get(name, ()),
+                row.joint if apart else None,
+            ),
             path.parent,
         )
         for name, row in view.site_map.rows.items()
@@ -84,7 +92,7 @@ def write_view(view: View, path: Path) -> None:
 def page_text(view: View, beside: Mapping[str, Entry]) -> str:
     """The page. Texts of the map are in it packed, as base64: none of them can be taken for HTML or script."""
     style, script = _resource("viewer.css"), _resource("viewer.js")
-    data = page_data(view.site_map, view.title, view.evaluation, beside)
+    data = page_data(view.site_map, view.title, view.evaluation, beside, view.before)
     packed = gzip.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), mtime=0)
     return Template(_resource("page.html")).substitute(
         policy=POLICY.format(script=_digest(script), style=_digest(style)),

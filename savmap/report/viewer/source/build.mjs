@@ -6,8 +6,8 @@ import { build } from "esbuild";
 
 const bundle = new URL("../viewer.js", import.meta.url);
 const licence = readFileSync(new URL("node_modules/three/LICENSE", import.meta.url), "utf8").trim();
-const names = readdirSync(new URL(".", import.meta.url))
-  .filter((name) => /\.(m?js|json)$/.test(name))
+const names = readdirSync(new URL(".", import.meta.url), { recursive: true })
+  .filter((name) => /\.(m?js|json)$/.test(name) && !name.startsWith("node_modules"))
   .sort();
 const sources = createHash("sha256");
 for (const name of names) sources.update(readFileSync(new URL(name, import.meta.url)));

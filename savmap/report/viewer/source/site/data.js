@@ -1,11 +1,12 @@
 // The map as the page holds it (JSON, gzip, base64), and what is worked out of it once: savmap/report/viewer/data.py writes it.
+import { compareRow, showDates } from "./dates.js";
 import { floatsOf } from "./pictures.js";
 
 const UNIT_M = 1e-5;
 const GAP_M = 6;
-const FACE_M = 0.5;
 const CROSS_M = 0.04;
 const WRITTEN = ["text", "code"];
+const OLD = "old date/"; // in the address of an element of the earlier map
 
 export async function readSite() {
   const text = atob(document.getElementById("map").textContent.trim());
@@ -16,23 +17,27 @@ export async function readSite() {
 }
 
 function siteOf(content) {
-  const site = { title: content.title, surveyed: content.surveyed, elements: [], rows: [] };
+  const { title, surveyed, alignment, dates } = content;
+  const site = { title, surveyed, alignment, dates, elements: [], rows: [] };
   for (const entry of content.rows) site.rows.push(rowOf(site, entry, content.vertex_labels));
   placeOthers(site.rows);
+  showDates(site, dates ? "both" : "new");
   return site;
 }
 
 function rowOf(site, entry, names) {
+  const { before } = entry;
   const row = {
     index: site.rows.length,
     name: entry.name,
     placement: entry.placement,
     placementCovariance: entry.placement_covariance,
+    aligned: entry.aligned,
     grade: entry.grade,
     doubts: entry.doubts,
     remarks: entry.remarks,
-    positions: Float64Array.from(entry.positions, (value) => value * UNIT_M),
-    covariances: Float64Array.from(entry.covariances),
+    positions: Float64Array.from(entry.positions.concat(before?.positions ?? []), (value) => value * UNIT_M),
+    covariances: Float64Array.from(entry.covariances.concat(before?.covariances ?? [])),
     joint: entry.joint && { ...entry.joint, covariance: entry.joint.covariance && floatsOf(entry.joint.covariance) },
     path: pathOf(entry.frames),
     face: entry.face,
@@ -40,21 +45,24 @@ function rowOf(site, entry, names) {
     elements: [],
   };
   let first = 0;
-  for (const part of entry.structures) {
-    const one = elementOf(row, part, first, names);
-    one.index = site.elements.length;
-    site.elements.push(one);
-    row.elements.push(one);
-    first += part.labels.length;
-  }
+  for (const [date, parts] of [
+    ["new", entry.structures],
+    ["old", before?.structures ?? []],
+  ])
+    for (const part of parts) {
+      row.elements.push(elementOf(row, part, first, names, date));
+      first += part.labels.length;
+    }
+  site.elements.push(...row.elements);
   keyApart(row);
+  compareRow(row, before, Boolean(site.dates?.new.includes(row.name)));
   row.box = boxOf(row.positions);
-  row.front = frontOf(row);
-  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.structures));
+  for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
+  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));
   return row;
 }
 
-function elementOf(row, part, first, names) {
+function elementOf(row, part, first, names, date) {
   const cut = part.id.lastIndexOf(" / ");
   const written = WRITTEN.map((key) => part.attributes[key]).filter((value) => typeof value === "string" && value);
   for (const text of [...written]) if (text.includes(":")) written.push(text.slice(text.indexOf(":") + 1));
@@ -62,7 +70,9 @@ function elementOf(row, part, first, names) {
   return {
     row,
     id: part.id,
-    key: `${row.name}/${part.id}`,
+    date,
+    state: null,
+    key: `${row.name}/${date === "old" ? OLD : ""}${part.id}`,
     label: part.label,
     plugin: part.plugin,
     group: cut > 0 ? part.id.slice(0, cut) : "",
@@ -84,9 +94,19 @@ function elementOf(row, part, first, names) {
 // Plugins do not know of each other's ids: where two of a row have the same, the address names the plugin too.
 function keyApart(row) {
   const seen = new Map();
-  for (const one of row.elements) seen.set(one.id, [...(seen.get(one.id) ?? []), one]);
+  for (const one of row.elements) seen.set(one.key, [...(seen.get(one.key) ?? []), one]);
   for (const alike of seen.values())
-    if (alike.length > 1) for (const one of alike) one.key = `${row.name}/${one.plugin}/${one.id}`;
+    if (alike.length > 1)
+      for (const one of alike) one.key = `${row.name}/${one.date === "old" ? OLD : ""}${one.plugin}/${one.id}`;
+}
+
+// The elements of a row that a doubt names: of those of one name, which plugins may give twice, that which is nearest to its place.
+function doubtedOf(row, doubt) {
+  const apart = (one) => Math.hypot(...one.centre.map((value, k) => value - doubt.place[k]));
+  return doubt.structures.flatMap((id) => {
+    const alike = row.elements.filter((one) => one.id === id && one.date === "new");
+    return alike.length > 1 && doubt.place ? [alike.reduce((a, b) => (apart(b) < apart(a) ? b : a))] : alike;
+  });
 }
 
 const fullLabel = (name, id) => (name.startsWith("+") ? id + name.slice(1) : name.slice(1));
@@ -123,17 +143,6 @@ export function boxOf(positions) {
     high[k % 3] = Math.max(high[k % 3], value);
   });
   return positions.length ? { low, high } : { low: [0, 0, 0], high: [1, 1, 1] };
-}
-
-// What a first look at a row should show: as much of its length as what lies in its face takes, with all that hangs over that.
-function frontOf(row) {
-  const inFace = row.elements.filter((one) => Math.abs(one.centre[2]) < FACE_M);
-  if (!inFace.length) return row.box;
-  const places = inFace.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]);
-  const { low, high } = boxOf(places);
-  const over = row.elements.filter((one) => one.centre[0] > low[0] && one.centre[0] < high[0]);
-  const box = boxOf(over.flatMap((one) => [...row.positions.subarray(3 * one.first, 3 * (one.first + one.count))]));
-  return { low: [low[0], box.low[1], box.low[2]], high: [high[0], box.high[1], box.high[2]] };
 }
 
 // Rows whose place is not known stand side by side in front of the others.

@@ -1,11 +1,14 @@
 // The panels beside the view: selection, measure, doubts, notes, colours, help.
 import { byId, element, fill } from "./dom.js";
-import { metres, millimetres } from "./measure.js";
-import { text } from "./text.js";
+import { attributeLines, testedLines } from "./figures.js";
+import { colourOfState } from "../scene/colours.js";
+import { metres, millimetres } from "../site/measure.js";
+import { text } from "../text.js";
 
 const MOST_LISTED = 40;
 
-export function showSelection(elements, name, open) {
+// `place` tells where an element is: lines of a name and a value.
+export function showSelection(elements, name, place, open) {
   const panel = byId("selection");
   if (!elements.length) return fill(panel, element("p", { className: "hint" }, text.nothing));
   if (elements.length > 1) {
@@ -16,7 +19,9 @@ export function showSelection(elements, name, open) {
         link(one.id, () => open([one], one.key)),
       ),
     );
-    return fill(panel, heading(name, text.elements(elements.length)), element("ul", { className: "list" }, ...lines));
+    const twice = elements.length === 2 && elements[0].pair?.includes(elements[1]);
+    if (!twice)
+      return fill(panel, heading(name, text.elements(elements.length)), element("ul", { className: "list" }, ...lines));
   }
   const [one] = elements;
   const address = element("a", { href: `#${encodeURI(one.key)}` }, text.link);
@@ -24,12 +29,17 @@ export function showSelection(elements, name, open) {
     panel,
     heading(
       one.written[0] ?? one.id,
-      [one.written.length ? one.id : "", one.label, text.row(one.row.name)].filter(Boolean).join(", "),
+      [one.written.length ? one.id : "", one.label, text.row(one.row.name), elements.length === 1 ? dateOf(one) : ""]
+        .filter(Boolean)
+        .join(", "),
     ),
-    table(facts(one)),
+    ...sinceThen(one),
+    table([...place(one), ...facts(one)]),
     element("p", {}, address),
   );
 }
+
+const dateOf = (one) => (one.date === "old" ? text.ofOldDate : "");
 
 const heading = (title, below) =>
   element("div", { className: "what" }, element("strong", {}, title), element("span", {}, below));
@@ -37,32 +47,28 @@ const heading = (title, below) =>
 export const link = (label, act) => element("button", { type: "button", className: "link", onclick: act }, label);
 
 function table(lines) {
-  return element("dl", {}, ...lines.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+  const cells = ([name, value, style]) => [
+    element("dt", { className: style ?? "" }, name),
+    element("dd", { className: style ?? "" }, value),
+  ];
+  return element("dl", {}, ...lines.flatMap(cells));
 }
 
 // What is known of an element: sizes with their standard deviations, then the rest.
 function facts(one) {
-  const lines = [
-    [text.place, one.centre.map((value) => value.toFixed(3)).join(" ") + "\u00a0m"],
-    [text.largestSigma, millimetres(one.sigma)],
-  ];
+  const lines = [];
   if (typeof one.off === "number") lines.push([text.off, millimetres(one.off)]);
   if (one.off === "spurious") lines.push([text.off, text.spurious]);
-  for (const [name, value] of Object.entries(one.attributes)) {
-    if (name.endsWith("_sigma_m")) continue;
-    const sigma =
-      typeof value === "object"
-        ? value.sigma
-        : name.endsWith("_m")
-          ? one.attributes[name.replace(/_m$/, "_sigma_m")]
-          : undefined;
-    const number = typeof value === "object" ? value.value : value;
-    const size = name.endsWith("_m") && typeof number === "number";
-    const shown = size ? metres(number) : typeof number === "number" ? String(Number(number.toPrecision(4))) : number;
-    const spread = sigma === undefined ? "" : ` \u00b1 ${size ? millimetres(sigma) : Number(sigma.toPrecision(2))}`;
-    lines.push([name.replace(/_m$/, "").replaceAll("_", " "), shown + spread]);
-  }
-  return lines;
+  return [...lines, ...attributeLines(one.attributes)];
+}
+
+// What a comparison says of an element.
+function sinceThen({ state, tested }) {
+  if (state === null) return [];
+  const lines = testedLines(tested ?? []).map(([name, value, significant]) => [name, value, significant ? "told" : ""]);
+  const said = element("p", { className: "state", id: "state" }, text.since(text.states[state]));
+  said.style.borderColor = colourOfState(state);
+  return [said, lines.length ? table(lines) : null];
 }
 
 export function showMeasure(points, result, remark = null) {
@@ -90,7 +96,7 @@ export function showMeasure(points, result, remark = null) {
   );
 }
 
-const pointLine = ({ label }) => element("p", { className: "point" }, label);
+const pointLine = ({ label, at }) => element("p", { className: "point" }, label, element("span", {}, at));
 
 export const distanceText = (result) => `${metres(result.distance)} \u00b1 ${millimetres(result.sigma)}`;
 

@@ -1,5 +1,6 @@
 // Colours that are told apart by colour-blind people (Okabe and Ito, darkened for a light ground; viridis without its brightest part).
-import { text } from "./text.js";
+import { STATES } from "../site/dates.js";
+import { text } from "../text.js";
 
 const LABELS = ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"];
 const RAMP = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151"];
@@ -8,10 +9,21 @@ const GREY = "#8a929c",
   CHECK = "#d0450b";
 const OFF_M = 0.05;
 
-export const MODES = ["label", "verdict", "uncertainty", "support", "error"];
+const STATE_COLOURS = {
+  same: "#7f8a80",
+  moved: "#d07a00",
+  changed: "#8e1f73",
+  new: "#2b83c6",
+  missing: "#1b1f24",
+  "not seen": "#cfd4da",
+};
+const EARLIER = "#dcc163"; // what of the old date lies under the new one
+
+const MODES = ["change", "label", "verdict", "uncertainty", "support", "error"];
 
 export function modesOf(site) {
   const has = {
+    change: site.dates !== null,
     label: true,
     verdict: site.rows.some((row) => row.grade),
     uncertainty: true,
@@ -22,7 +34,18 @@ export function modesOf(site) {
 }
 
 // The colour of each element, and the legend: lines of [colour, text], or a ramp from one number to another.
-export function colouring(site, mode) {
+// `overlaid`: two dates lie over one another, and of what both have the new self is coloured.
+export function colouring(site, mode, overlaid) {
+  const colours = coloursOf(site, mode);
+  if (!overlaid) return colours;
+  const of = (one) => (one.date === "old" && one.pair?.length === 2 ? EARLIER : colours.of(one));
+  return { ...colours, of, legend: [...colours.legend, [EARLIER, text.earlier]] };
+}
+
+export const colourOfState = (state) => STATE_COLOURS[state] ?? STATE_COLOURS["not seen"];
+
+function coloursOf(site, mode) {
+  if (mode === "change") return byChange(site);
   if (mode === "label") return byLabel(site);
   if (mode === "verdict") return byVerdict();
   if (mode === "support")
@@ -34,7 +57,7 @@ export function colouring(site, mode) {
       true,
     );
   if (mode === "error") return byError(site);
-  const sigmas = site.elements.map((one) => one.sigma).sort((a, b) => a - b);
+  const sigmas = newOf(site).map((one) => one.sigma).sort((a, b) => a - b);
   const most = sigmas[Math.floor(0.98 * (sigmas.length - 1))] || 1e-3;
   const least = Math.max(sigmas[0] ?? 0, most / 1000);
   return byNumber(
@@ -45,19 +68,32 @@ export function colouring(site, mode) {
   );
 }
 
+const newOf = (site) => site.elements.filter((one) => one.date === "new");
+
+// Each element once: what both dates have by its new self.
+function byChange(site) {
+  const once = site.elements.filter((one) => one.date === "new" || one.pair?.length === 1);
+  const lines = STATES.map((state) => [state, once.filter((one) => one.state === state).length]);
+  const unknown = once.filter((one) => one.state === null).length;
+  const found = lines.filter(([, count]) => count);
+  const legend = found.map(([state, count]) => [colourOfState(state), `${text.states[state]} (${count})`]);
+  if (unknown) legend.push([colourOfState(null), `${text.notCompared} (${unknown})`]);
+  return { of: (one) => colourOfState(one.state), legend };
+}
+
 function byLabel(site) {
   const counts = new Map();
-  for (const one of site.elements) counts.set(one.label, (counts.get(one.label) ?? 0) + 1);
+  for (const one of newOf(site)) counts.set(one.label, (counts.get(one.label) ?? 0) + 1);
   const labels = [...counts].sort((a, b) => b[1] - a[1]).map(([label]) => label);
   const colours = new Map(labels.map((label, k) => [label, LABELS[Math.min(k, LABELS.length - 1)]]));
   return {
-    of: (one) => colours.get(one.label),
+    of: (one) => colours.get(one.label) ?? GREY,
     legend: labels.map((label) => [colours.get(label), `${label} (${counts.get(label)})`]),
   };
 }
 
 function byVerdict() {
-  const of = (one) => (one.row.grade === null ? GREY : one.row.doubtful.has(one.id) ? CHECK : GOOD);
+  const of = (one) => (one.row.grade === null || one.date === "old" ? GREY : one.row.doubtful.has(one) ? CHECK : GOOD);
   return {
     of,
     legend: [

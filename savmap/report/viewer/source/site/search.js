@@ -5,18 +5,17 @@ const MOST = 60;
 export function searchIndex(site) {
   const entries = [];
   for (const row of site.rows) {
-    if (site.rows.length > 1) entries.push(entry(row.name, "row", row, row.elements, row.name));
-    const groups = Map.groupBy ? Map.groupBy(row.elements, (one) => one.group) : grouped(row.elements);
-    for (const [group, elements] of groups)
+    if (site.rows.length > 1) entries.push(entry(row.name, "row", row, row.elements.filter((one) => one.date === "new"), row.name));
+    for (const [group, elements] of grouped(row.elements.filter((one) => one.date === "new")))
       if (group) entries.push(entry(group, "group", row, elements, `${row.name}/${group}`));
   }
   for (const one of site.elements) {
     const shown = one.written.length ? one.written[0] : one.id;
     const words = [...one.written, one.id, one.label, one.attributes.bay ?? ""].join(" ");
-    entries.push({
-      ...entry(shown, one.label, one.row, [one], one.key),
-      words: `${words} ${one.row.name}`.toLowerCase(),
-    });
+    const found = entry(shown, one.label, one.row, [one], one.key);
+    // what both dates have is found by its new self; an address may still name the old one
+    const twice = one.date === "old" && one.pair?.length === 2;
+    entries.push({ ...found, words: twice ? "" : `${words} ${one.row.name}`.toLowerCase(), twice });
   }
   return entries;
 }
@@ -62,8 +61,8 @@ export function named(index, address) {
 function namedSo(index, fits) {
   const exact = index.find((one) => fits(one.key));
   if (exact) return exact;
-  const single = index.filter((one) => one.elements.length === 1);
+  const single = index.filter((one) => one.elements.length === 1 && !one.twice);
   const written = single.filter((one) => one.elements[0].written.some(fits));
   if (written.length) return { ...written[0], elements: written.map((one) => one.elements[0]) };
-  return single.find((one) => fits(one.elements[0].id)) ?? index.find((one) => fits(one.shown));
+  return single.find((one) => fits(one.elements[0].id)) ?? index.find((one) => !one.twice && fits(one.shown));
 }

@@ -1,10 +1,9 @@
-// The three.js objects of a site: a group for each row in its own frame, with lines, solids, orthophoto, camera's path and ellipsoids.
+// What three.js draws: lines, dots, planes with pictures, solids and ellipsoids.
 import {
   BufferAttribute,
   BufferGeometry,
   Color,
   DoubleSide,
-  GridHelper,
   Group,
   InstancedMesh,
   LineBasicMaterial,
@@ -15,7 +14,6 @@ import {
   PlaneGeometry,
   Points,
   PointsMaterial,
-  Scene,
   ShapeUtils,
   SphereGeometry,
   SRGBColorSpace,
@@ -26,181 +24,21 @@ import {
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
-import { linesOf, toSite, vertexOf } from "./data.js";
-import { ownCovariance } from "./measure.js";
-import { picture } from "./pictures.js";
+import { linesOf, vertexOf } from "../site/data.js";
+import { ownCovariance } from "../site/frames.js";
 
-export const COMMON = 0,
-  MODEL = 1,
-  PHOTO = 2; // layers: seen everywhere, in the model alone, over panoramas alone
-const MOST_THICK = 5000; // segments: beyond that only the row at hand has thick lines
-const SELECTED = "#e8007d",
-  MEASURE = "#1b1f24",
-  PATH = "#7b8794";
-
-export class Model {
-  constructor(site) {
-    this.site = site;
-    this.scene = new Scene();
-    const segments = site.elements.reduce((total, one) => total + one.edges.length / 2, 0);
-    this.allThick = segments <= MOST_THICK;
-    this.rows = site.rows.map((row) => rowObjects(row));
-    for (const objects of this.rows) this.scene.add(objects.group);
-    this.marked = new Group();
-    this.rule = new Group();
-    this.place = new Group();
-    this.scene.add(this.marked, this.rule, this.place);
-    this.addFloor();
-    this.shown = { solids: false, photos: false, path: true, ellipsoids: false };
-    this.exaggeration = 10;
-  }
-
-  get bounds() {
-    const low = [Infinity, Infinity, Infinity],
-      high = [-Infinity, -Infinity, -Infinity];
-    for (const row of this.site.rows)
-      for (const corner of cornersOf(row.box)) {
-        toSite(row, corner).forEach((value, k) => {
-          low[k] = Math.min(low[k], value);
-          high[k] = Math.max(high[k], value);
-        });
-      }
-    return { low, high };
-  }
-
-  addFloor() {
-    const { low, high } = this.bounds,
-      size = 2 * Math.ceil(Math.max(high[0] - low[0], high[2] - low[2], 4) / 2 + 3);
-    const floor = new GridHelper(size, size > 80 ? Math.round(size / 10) : size, "#dfe4ea", "#e9edf1");
-    floor.position.set(Math.round((low[0] + high[0]) / 2), 0, Math.round((low[2] + high[2]) / 2));
-    floor.layers.set(MODEL);
-    floor.material.depthWrite = false;
-    floor.renderOrder = -2;
-    this.floor = floor;
-    this.scene.add(floor);
-  }
-
-  colour(of) {
-    this.colourOf = of;
-    for (const objects of this.rows) {
-      objects.colours = coloursOf(objects.owners, of);
-      this.drawLines(objects);
-      if (objects.solids) this.drawSolids(objects);
-    }
-  }
-
-  focus(row) {
-    const before = this.focused;
-    this.focused = row;
-    for (const one of [before, row]) if (one && this.colourOf) this.drawLines(this.rows[one.index]);
-    this.update();
-  }
-
-  // Of thin lines draw only the longest of each element: for machines that draw slowly, while something moves.
-  setCoarse(coarse) {
-    for (const { row, lines, path, coarse: count } of this.rows) {
-      if (lines.length === 1) lines[0].geometry.setDrawRange(0, coarse ? 2 * count : Infinity);
-      if (!this.allThick) path.visible = this.pathShown && (!coarse || row === this.focused);
-    }
-  }
-
-  get pathShown() {
-    return this.shown.path && this.kind !== "face";
-  }
-
-  drawLines(objects) {
-    const thick = this.allThick || objects.row === this.focused;
-    for (const old of objects.lines.splice(0)) dispose(old);
-    if (!objects.ends.length) return;
-    objects.lines.push(...(thick ? thickLines(objects) : [thinLines(objects)]));
-    objects.group.add(...objects.lines);
-  }
-
-  // What is heavy is made when it is first shown; of large sites for the row at hand alone.
-  update(kind = this.kind) {
-    this.kind = kind;
-    const few = this.allThick;
-    for (const objects of this.rows) {
-      const here = few || objects.row === this.focused;
-      objects.group.visible = kind !== "face" || objects.row === this.focused;
-      objects.path.visible = this.pathShown;
-      if (this.shown.solids && !objects.solids) this.drawSolids(objects);
-      if (objects.solids) objects.solids.visible = this.shown.solids;
-      if (objects.ellipsoids) dispose(objects.ellipsoids);
-      objects.ellipsoids = this.shown.ellipsoids && here ? ellipsoids(objects.row, this.exaggeration) : null;
-      if (objects.ellipsoids) objects.group.add(objects.ellipsoids);
-      if (objects.photo) objects.photo.visible = this.shown.photos;
-    }
-  }
-
-  drawSolids(objects) {
-    if (objects.solids) dispose(objects.solids);
-    objects.solids = solids(objects.row, this.colourOf);
-    objects.group.add(objects.solids);
-  }
-
-  // The orthophoto of a row in the size that is wanted; resolves when it hangs there.
-  async hang(row, fine) {
-    const objects = this.rows[row.index],
-      face = row.face;
-    if (!face) return;
-    const wanted = fine ? face.pictures.length - 1 : 0;
-    if (objects.photoSize >= wanted) return;
-    objects.photoSize = wanted;
-    const image = await picture(face.pictures[wanted]);
-    if (objects.photoSize !== wanted) return;
-    if (!objects.photo) {
-      objects.photo = photoPlane(face);
-      objects.group.add(objects.photo);
-    }
-    objects.photo.material.map?.dispose();
-    objects.photo.material.map = textureOf(image);
-    objects.photo.material.needsUpdate = true;
-    objects.photo.visible = this.shown.photos;
-  }
-
-  mark(elements) {
-    this.marked.children.slice().forEach(dispose);
-    const positions = elements.flatMap((one) => linesOf(one).flatMap((end) => toSite(one.row, end)));
-    if (positions.length) this.marked.add(fatLines(positions, SELECTED, 4));
-  }
-
-  drawRule(points) {
-    this.rule.children.slice().forEach(dispose);
-    if (points.length === 2)
-      this.rule.add(fatLines(points.flat(), "#ffffff", 6), fatLines(points.flat(), MEASURE, 2.5));
-    if (points.length) this.rule.add(dots(points, "#ffffff", 13), dots(points, MEASURE, 9));
-  }
-
-  // Where the panorama that is shown was taken; null for nowhere.
-  drawPlace(place) {
-    this.place.children.slice().forEach(dispose);
-    if (place) this.place.add(dots([place], SELECTED, 11));
-    for (const dot of this.place.children) dot.layers.set(MODEL);
-  }
-}
+export const MODEL = 1,
+  PHOTO = 2; // layers: in the model alone, over panoramas alone; what is in neither is seen everywhere
+const PATH = "#7b8794";
 
 export const cornersOf = ({ low, high }) =>
   [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => (k & (1 << axis) ? high[axis] : low[axis])));
 
-function rowObjects(row) {
-  const group = new Group();
-  group.matrixAutoUpdate = false;
-  group.matrix.set(...row.siteFromRow);
-  const { segments, coarse } = segmentsOf(row);
-  const ends = new Float32Array(segments.flatMap(({ from, to }) => [...from, ...to]));
-  const owners = segments.map(({ one }) => one);
-  const path = pathLine(row);
-  group.add(path);
-  const made = { solids: null, photo: null, ellipsoids: null, photoSize: -1, lines: [] };
-  return { row, group, ends, owners, coarse, path, ...made };
-}
-
-// The lines of a row's elements, the longest of each first: `coarse` of them show what is where.
-function segmentsOf(row) {
+// The lines of elements, the longest of each first: `coarse` of them show what is where.
+export function segmentsOf(elements) {
   const longest = [],
     others = [];
-  for (const one of row.elements) {
+  for (const one of elements) {
     const ends = linesOf(one),
       own = [];
     for (let k = 0; k < ends.length; k += 2) own.push({ one, from: ends[k], to: ends[k + 1] });
@@ -212,7 +50,7 @@ function segmentsOf(row) {
   return { segments: [...longest, ...others], coarse: longest.length };
 }
 
-function coloursOf(owners, of) {
+export function coloursOf(owners, of) {
   const values = new Float32Array(6 * owners.length),
     colour = new Color();
   owners.forEach((one, k) => {
@@ -222,7 +60,7 @@ function coloursOf(owners, of) {
   return values;
 }
 
-function thinLines({ ends, colours }) {
+export function thinLines({ ends, colours }) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(ends, 3));
   geometry.setAttribute("color", new BufferAttribute(colours, 3));
@@ -232,7 +70,7 @@ function thinLines({ ends, colours }) {
 }
 
 // Over panoramas with a pale edge, so that they show on any ground.
-function thickLines({ ends, colours }) {
+export function thickLines({ ends, colours }) {
   const geometry = new LineSegmentsGeometry();
   geometry.setPositions(ends);
   geometry.setColors(colours);
@@ -261,7 +99,7 @@ function thickLines({ ends, colours }) {
   return [plain, over, halo];
 }
 
-function fatLines(positions, colour, width) {
+export function fatLines(positions, colour, width) {
   const geometry = new LineSegmentsGeometry();
   geometry.setPositions(positions);
   const lines = new LineSegments2(
@@ -273,7 +111,7 @@ function fatLines(positions, colour, width) {
   return lines;
 }
 
-function dots(points, colour, size) {
+export function dots(points, colour, size) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(points.flat()), 3));
   const made = new Points(
@@ -285,7 +123,7 @@ function dots(points, colour, size) {
   return made;
 }
 
-function pathLine(row) {
+export function pathLine(row) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(row.path.positions), 3));
   const path = new Group(),
@@ -304,7 +142,7 @@ function pathLine(row) {
   return path;
 }
 
-function photoPlane(face) {
+export function photoPlane(face) {
   const plane = new Mesh(new PlaneGeometry(1, 1), new MeshBasicMaterial({ side: DoubleSide, depthWrite: false }));
   const right = new Vector3(...face.right),
     up = new Vector3(...face.up),
@@ -330,11 +168,11 @@ export function textureOf(image) {
 }
 
 // Each solid's outline pushed along its depth: its two ends and its sides.
-function solids(row, of) {
+export function solids(elements, of) {
   const places = [],
     colours = [],
     colour = new Color();
-  for (const one of row.elements) {
+  for (const one of elements) {
     if (!one.solid) continue;
     colour.set(of(one));
     const faces = trianglesOf(one.solid);
@@ -381,19 +219,19 @@ function flattened(corners) {
 }
 
 // Unit spheres under three times the Cholesky factor of each vertex's covariance, exaggerated.
-function ellipsoids(row, times) {
-  const count = row.positions.length / 3;
+export function ellipsoids(elements, times) {
+  const vertices = elements.flatMap((one) => Array.from({ length: one.count }, (_, k) => [one.row, one.first + k]));
   const made = new InstancedMesh(
     new SphereGeometry(1, 12, 8),
     new MeshBasicMaterial({ color: "#8e4585", transparent: true, opacity: 0.35, depthWrite: false }),
-    count,
+    vertices.length,
   );
   const matrix = new Matrix4();
-  for (let k = 0; k < count; k++) {
-    const [a, b, c] = cholesky(ownCovariance(row, k)).map((line) => line.map((value) => 3 * times * value));
-    const [x, y, z] = row.positions.subarray(3 * k, 3 * k + 3);
+  vertices.forEach(([row, vertex], k) => {
+    const [a, b, c] = cholesky(ownCovariance(row, vertex)).map((line) => line.map((value) => 3 * times * value));
+    const [x, y, z] = vertexOf(row, vertex);
     made.setMatrixAt(k, matrix.set(a[0], 0, 0, x, b[0], b[1], 0, y, c[0], c[1], c[2], z, 0, 0, 0, 1));
-  }
+  });
   made.layers.set(MODEL);
   made.frustumCulled = false;
   return made;
@@ -409,7 +247,7 @@ function cholesky(m) {
   return [[a], [b, c], [d, e, root(m[2][2] - d * d - e * e)]];
 }
 
-function dispose(object) {
+export function dispose(object) {
   object.removeFromParent();
   object.geometry?.dispose();
   object.material?.dispose();

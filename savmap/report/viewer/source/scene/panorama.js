@@ -9,9 +9,9 @@ import {
   Quaternion,
   Vector3,
 } from "three";
-import { toSite, vertexOf } from "./data.js";
-import { picture } from "./pictures.js";
-import { PHOTO, textureOf } from "./scene.js";
+import { toSite, vertexOf } from "../site/data.js";
+import { picture } from "../site/pictures.js";
+import { PHOTO, textureOf } from "./shapes.js";
 
 const COLUMNS = 64,
   LINES = 32,

@@ -1,12 +1,15 @@
 // Names over a view: the most important first, and none where it would cover another.
 import { Matrix4, Vector4 } from "three";
-import { element } from "./dom.js";
-import { toSite } from "./data.js";
+import { element } from "../page/dom.js";
+import { toSite } from "../site/data.js";
+import { visibleIn } from "../site/dates.js";
 
 const MOST = 90,
   HEIGHT = 17,
   LETTER = 6.7,
   LEAST_PX = 34;
+
+const ANY = { date: "new", state: "same" };
 
 // All that may be named: rows, groups, elements, with their middle and ends in the site's frame.
 export function namesOf(site) {
@@ -14,21 +17,25 @@ export function namesOf(site) {
   for (const row of site.rows) {
     const top = [(row.box.low[0] + row.box.high[0]) / 2, row.box.high[1] + 0.3, 0];
     if (site.rows.length > 1)
-      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null });
+      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null, ...ANY });
     const groups = new Map();
     for (const one of row.elements) {
-      const ends = endsOf(one);
+      const { date } = one,
+        of = { row, date, state: one.pair?.length === 2 ? "same" : one.state, at: toSite(row, one.centre) };
       if (one.written.length)
-        names.push({ text: one.written[0], rank: 1, style: "written", row, at: toSite(row, one.centre), ends: null });
-      else
-        names.push({ text: one.short, rank: one.group ? 4 : 3, style: "", row, at: toSite(row, one.centre), ends });
-      if (one.group) groups.set(one.group, [...(groups.get(one.group) ?? []), one]);
+        names.push({ text: one.written[0], rank: 1, style: "written", ends: null, ...of });
+      else names.push({ text: one.short, rank: one.group ? 4 : 3, style: "", ends: endsOf(one), ...of });
+      const key = `${date} ${one.group}`;
+      if (one.group) groups.set(key, [...(groups.get(key) ?? []), one]);
     }
-    for (const [group, elements] of groups) {
+    for (const elements of groups.values()) {
+      const [{ group, date }] = elements;
       const centre = [0, 1, 2].map((k) => elements.reduce((sum, one) => sum + one.centre[k] / elements.length, 0));
       const low = Math.min(...elements.map((one) => one.centre[1]));
       names.push({
         text: group,
+        date,
+        state: "same",
         rank: 2,
         style: "of-group",
         row,
@@ -52,7 +59,7 @@ function endsOf(...elements) {
   return [toSite(row, low), toSite(row, high)];
 }
 
-export function drawNames(layer, names, camera, width, height, focused, taken) {
+export function drawNames(layer, names, dates, camera, width, height, focused, taken) {
   const matrix = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse),
     place = new Vector4();
   const pixel = (point) => {
@@ -62,7 +69,7 @@ export function drawNames(layer, names, camera, width, height, focused, taken) {
   const made = [];
   for (const name of names) {
     if (made.length >= MOST) break;
-    if (name.rank > 0 && name.row !== focused) continue;
+    if (name.rank > 0 && (name.row !== focused || !visibleIn(name, dates))) continue;
     const at = pixel(name.at);
     if (!at || at[0] < 0 || at[1] < 0 || at[0] > width || at[1] > height || tooSmall(name, pixel)) continue;
     const half = (LETTER * name.text.length) / 2 + 5,

@@ -1,0 +1,96 @@
+"""Structures as the viewer's page holds them: coordinates as whole numbers, covariances to so many digits, everything else as it is."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from savmap.errors import visible
+from savmap.types import Attribute, Floats, Measured, Structure
+
+Entry = dict[str, Any]
+Labels = dict[str, int]
+"""What vertices are called, and the number that stands for it."""
+UNIT_M = 1e-5
+DIGITS = 5
+"""Of a variance: a standard deviation is shown with two."""
+UPPER = np.triu_indices(3)
+
+
+def vertex_entry(structures: Mapping[str, Sequence[Structure]]) -> Entry:
+    """The places and covariances of all vertices, one after the other."""
+    every = [structure for group in structures.values() for structure in group]
+    return {
+        "positions": units([structure.vertices for structure in every]),
+        "covariances": digits(_stacked([structure.covariances[:, *UPPER] for structure in every])),
+    }
+
+
+def structure_entries(
+    structures: Mapping[str, Sequence[Structure]],
+    labels: Labels,
+    deviations: Callable[[str], Mapping[str, float]] = lambda plugin: {},
+) -> list[Entry]:
+    """All else of them, in the order of their vertices. `deviations`: by id, how far a plugin's are off the survey, m."""
+    return [
+        _structure(plugin, structure, labels, deviations(plugin))
+        for plugin, group in structures.items()
+        for structure in group
+    ]
+
+
+def _structure(plugin: str, structure: Structure, labels: Labels, deviations: Mapping[str, float]) -> Entry:
+    shortened = (_shortened(label, structure.id) for label in structure.vertex_labels)
+    return {
+        "plugin": visible(plugin),
+        "id": visible(structure.id),
+        "label": visible(structure.label),
+        "attributes": {visible(name): _attribute(value) for name, value in structure.attributes.items()},
+        "labels": [labels.setdefault(label, len(labels)) for label in shortened],
+        "edges": structure.edges.ravel().tolist(),
+        "solid": _solid(structure),
+        "off": _off(deviations.get(structure.id)),
+    }
+
+
+def _shortened(label: str, whole: str) -> str:
+    """A vertex's label; "+" and what follows its structure's id, where it begins with that: such endings are few."""
+    return f"+{visible(label.removeprefix(whole))}" if label.startswith(whole) else f"={visible(label)}"
+
+
+def _attribute(value: Attribute) -> Entry | float | int | str:
+    if isinstance(value, Measured):
+        return {"value": value.value, "sigma": value.sigma}
+    return visible(value) if isinstance(value, str) else value
+
+
+def _solid(structure: Structure) -> Entry | None:
+    if structure.solid is None:
+        return None
+    solid = structure.solid
+    return {"outline": np.round(solid.outline, 5).tolist(), "depth": np.round(solid.depth, 5).tolist()}
+
+
+def _off(deviation: float | None) -> float | str | None:
+    """How far a structure is off the survey, m; "spurious" where that has none there; None where nobody compared it."""
+    if deviation is None or np.isnan(deviation):
+        return None
+    return round(float(deviation), 5) if np.isfinite(deviation) else "spurious"
+
+
+def units(places: Sequence[Floats]) -> list[int]:
+    """The coordinates of places, each (n, 3) m, as whole numbers of `UNIT_M`."""
+    return list(_whole(_stacked(places)))
+
+
+def _whole(values: Floats) -> Iterator[int]:
+    yield from np.round(np.ravel(values) / UNIT_M).astype(np.int64).tolist()
+
+
+def digits(values: Floats) -> list[float]:
+    """Numbers in a row, to so many digits, whole ones without a point."""
+    return [float(f"{value:.{DIGITS}g}") for value in np.ravel(values)]
+
+
+def _stacked(parts: Sequence[Floats]) -> Floats:
+    return np.concatenate(parts) if parts else np.zeros((0, 3))

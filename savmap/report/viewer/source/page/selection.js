@@ -1,0 +1,90 @@
+// What is selected, by a click, a key, a doubt, or the address after #, which names it.
+import { byId } from "./dom.js";
+import { showSelection } from "./panels.js";
+import { boxInSite, pointsOf } from "../scene/views.js";
+import { toSite } from "../site/data.js";
+import { visibleIn } from "../site/dates.js";
+import { named } from "../site/search.js";
+
+export class Selection {
+  constructor(viewer) {
+    Object.assign(this, { viewer, elements: [], address: null, name: "" });
+    addEventListener("hashchange", () => this.followAddress());
+  }
+
+  select(elements, address = null, name = "") {
+    const { viewer } = this;
+    Object.assign(this, { elements, address, name });
+    if (elements.length) viewer.dates.uncover(elements);
+    viewer.model.mark(elements);
+    viewer.pointer.forget();
+    this.show();
+    byId("note").disabled = byId("add-note").disabled = !elements.length;
+    if (elements.length) {
+      if (elements[0].row !== viewer.row) viewer.setRow(elements[0].row);
+      if (viewer.lookout.open) viewer.lookout.visit(elements);
+      const hash = `#${encodeURI(address ?? elements[0].key)}`;
+      if (location.hash !== hash) location.replace(hash);
+      this.written = location.hash; // its event comes later, when something else may be selected
+    }
+    viewer.redraw();
+  }
+
+  show() {
+    const { frame } = this.viewer;
+    showSelection(
+      this.elements,
+      this.name,
+      (one) => frame.lines(one),
+      (found, key) => this.open(found, key),
+    );
+  }
+
+  // Select and fly there.
+  open(elements, address, name) {
+    this.select(elements, address, name);
+    if (elements.length) this.viewer.view.fly(pointsOf(elements), elements.length > 1 ? 0.8 : 0.45);
+  }
+
+  openAddress(address) {
+    const found = named(this.viewer.finder.index, address);
+    if (found) this.open(found.elements, address, found.shown);
+    return Boolean(found);
+  }
+
+  followAddress() {
+    if (location.hash === this.written) return;
+    this.written = location.hash;
+    let address = location.hash.slice(1);
+    try {
+      address = decodeURIComponent(address);
+    } catch {
+      return;
+    }
+    if (address) this.openAddress(address);
+  }
+
+  openDoubt(doubt) {
+    const { row, view, lookout } = this.viewer,
+      { elements } = doubt;
+    if (elements.length) this.open(elements, elements[0].key, doubt.kind);
+    else if (doubt.place) this.flyTo(row, doubt.place);
+    else view.fly(boxInSite(row));
+    if (doubt.frame !== null && lookout.open) lookout.lookFromFrame(row, doubt.frame, elements);
+  }
+
+  // To a place in a row, with what is around it.
+  flyTo(row, [x, y, z]) {
+    const around = [-0.8, 0.8].map((by) => toSite(row, [x + by, y + by, z]));
+    this.viewer.view.fly(around, 0.8);
+  }
+
+  // Go to the next element of the row at hand, or to the one before.
+  step(by) {
+    const { row, site } = this.viewer,
+      all = row.elements.filter((one) => visibleIn(one, site.showing)),
+      at = this.elements.length ? all.indexOf(this.elements[0]) : by > 0 ? -1 : 0;
+    const next = all[(at + by + all.length) % all.length];
+    if (next) this.open([next], next.key);
+  }
+}

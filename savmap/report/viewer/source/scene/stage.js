@@ -1,0 +1,139 @@
+// The canvas: the model and the panorama drawn on their parts of it, as often as needed and no oftener than the machine can.
+import { Color, WebGLRenderer } from "three";
+import { byId } from "../page/dom.js";
+import { drawNames, namesOf } from "./labels.js";
+import { projected } from "./picking.js";
+
+const GROUND = new Color("#fbfcfd"),
+  NIGHT = new Color("#eef1f4"),
+  MOVING_MS = 300,
+  SLOW_MS = 45;
+
+export class Stage {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.renderer = new WebGLRenderer({ canvas: byId("canvas"), antialias: true });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setScissorTest(true);
+    this.names = namesOf(viewer.site);
+    this.labels = true;
+    Object.assign(this, { drawn: 0, pace: 0, slow: false });
+  }
+
+  // Begin: as large as the page lets it be, and after each change of that.
+  start() {
+    new ResizeObserver(() => this.resize()).observe(byId("stage"));
+    addEventListener("beforeprint", () => {
+      this.draw();
+      byId("printed").src = byId("canvas").toDataURL("image/png");
+    });
+    this.resize();
+  }
+
+  redraw() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.asked = false;
+    this.keepPace();
+    const { view, panorama, model, row } = this.viewer;
+    model.drawOver(panorama.row);
+    this.drawModel(view.camera);
+    this.viewer.frame.draw(view.camera);
+    const taken = this.viewer.ruler.place();
+    if (this.labels)
+      drawNames(
+        byId("names"),
+        view.kind === "face" ? this.names.filter((name) => name.row === row) : this.names,
+        this.viewer.site.showing,
+        view.camera,
+        view.width,
+        view.height,
+        row,
+        taken,
+      );
+    if (!byId("pano").hidden) this.drawOn(byId("pano-area"), panorama.camera, NIGHT);
+  }
+
+  // Where frames follow one another too slowly, draw less while something moves, and all of it as soon as it rests.
+  keepPace() {
+    const now = performance.now(),
+      gap = now - this.drawn;
+    this.drawn = now;
+    const moving = gap < MOVING_MS;
+    if (moving) this.pace = 0.7 * this.pace + 0.3 * gap;
+    this.slow ||= this.pace > SLOW_MS;
+    if (!this.slow) return;
+    this.viewer.model.setCoarse(moving);
+    clearTimeout(this.rest);
+    if (moving) this.rest = setTimeout(() => this.redraw(), MOVING_MS + 50);
+  }
+
+  // Of two dates whose orthophotos lie beside one another, each is drawn on its hand of the divider.
+  drawModel(camera) {
+    const { dates, model, site } = this.viewer,
+      area = byId("view");
+    if (!dates.parted) return this.drawOn(area, camera, GROUND);
+    model.showDates("old");
+    this.drawOn(area, camera, GROUND, [0, dates.share]);
+    model.showDates("new");
+    this.drawOn(area, camera, GROUND, [dates.share, 1]);
+    model.showDates(site.showing);
+  }
+
+  // On an area of the page, from one share of its width to another.
+  drawOn(area, camera, ground, [from, to] = [0, 1]) {
+    const part = area.getBoundingClientRect(),
+      stage = byId("stage").getBoundingClientRect();
+    const [left, bottom] = [part.left - stage.left, stage.bottom - part.bottom];
+    this.renderer.setViewport(left, bottom, part.width, part.height);
+    this.renderer.setScissor(left + from * part.width, bottom, (to - from) * part.width, part.height);
+    this.renderer.setClearColor(ground);
+    const { panorama, model } = this.viewer;
+    if (camera === panorama.camera && !panorama.centre) this.renderer.clear();
+    else this.renderer.render(model.scene, camera);
+  }
+
+  resize() {
+    const stage = byId("stage").getBoundingClientRect(),
+      size = `${stage.width} ${stage.height} ${byId("pano").hidden}`;
+    if (size === this.size) return;
+    this.size = size;
+    this.renderer.setSize(stage.width, stage.height, false);
+    for (const [part, area] of [
+      [this.viewer.view, byId("view")],
+      [this.viewer.panorama, byId("pano-area")],
+    ])
+      if (area.clientWidth && area.clientHeight) part.resize(area.clientWidth, area.clientHeight);
+    if (this.viewer.mode) this.draw(); // at once, for a canvas of a new size is empty
+  }
+
+  pixelOf(row, vertex) {
+    const { camera, width, height } = this.viewer.view;
+    const pixels = projected(row, camera, width, height);
+    return [pixels[3 * vertex], pixels[3 * vertex + 1]];
+  }
+
+  // Frames a second while the model turns around once, and milliseconds of each that this script takes.
+  async spin(frames = 60) {
+    let own = 0;
+    const begin = performance.now(),
+      { target } = this.viewer.view.controls,
+      camera = this.viewer.view.camera;
+    for (let k = 0; k < frames; k++) {
+      camera.position
+        .sub(target)
+        .applyAxisAngle(camera.up, (2 * Math.PI) / frames)
+        .add(target);
+      camera.lookAt(target);
+      await new Promise(requestAnimationFrame);
+      const since = performance.now();
+      this.draw();
+      own += performance.now() - since;
+    }
+    return [(1000 * frames) / (performance.now() - begin), own / frames];
+  }
+}

@@ -1,0 +1,44 @@
+// Two dates of one place: each element's state, the figures that were tested, and which elements are shown of which dates.
+const UNIT_M = 1e-5;
+export const CHANGES = ["missing", "new", "moved", "changed"];
+export const STATES = ["same", ...CHANGES, "not seen"];
+
+// Of both dates, an old element that is as it was lies under its new self.
+export const visibleIn = (one, dates) =>
+  dates === one.date || (dates === "both" && (one.date === "new" || one.state !== "same"));
+
+export function showDates(site, dates) {
+  site.showing = dates;
+  for (const row of site.rows) row.shown = row.elements.filter((one) => visibleIn(one, dates));
+}
+
+// Give a row's elements the states of a comparison: those of the old date come after those of the new one.
+export function compareRow(row, before, isNew) {
+  row.before = before && { face: before.face, motion: before.motion, openings: before.openings.map(openingOf) };
+  row.changes = [];
+  const ofDate = (date) => row.elements.filter((one) => one.date === date),
+    [now, then] = [ofDate("new"), ofDate("old")];
+  if (isNew) for (const one of now) one.state = "new";
+  for (const entry of before?.changes ?? []) {
+    const pair = [now[entry.new ?? -1], then[entry.old ?? -1]].filter(Boolean),
+      tested = entry.tested.map(figureOf);
+    for (const one of pair) Object.assign(one, { state: entry.state, tested, pair });
+    if (CHANGES.includes(entry.state)) row.changes.push(pair[0]);
+  }
+  row.changes.sort((a, b) => CHANGES.indexOf(a.state) - CHANGES.indexOf(b.state) || a.centre[0] - b.centre[0]);
+}
+
+const openingOf = (entry) => ({ ...entry, tested: entry.tested.map(figureOf) });
+
+// A tested figure: by how much it differs with its standard deviation, m, or what was written and is.
+function figureOf([what, a, b, told]) {
+  const significant = told === 1;
+  if (typeof a === "string") return { what, old: a, new: b, significant };
+  return { what, by: a * UNIT_M, sigma: b * UNIT_M, significant };
+}
+
+// An element on both dates, where both have it.
+export const bothOf = (one) => one.pair ?? [one];
+
+// Whether something may be called new or missing, moved or changed: the comparison found how the row's frames lie.
+export const counts = (row) => row.changes.length + (row.before?.openings.length ?? 0);

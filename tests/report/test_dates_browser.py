@@ -1,0 +1,161 @@
+"""Two dates over one another in a real browser; skipped where there is none."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from made_up_dates import dated_site, grey_photo
+from opened_page import HERE, IN_BROWSER, Open, selected, until
+
+from savmap.maps.comparison import compare_maps
+from savmap.report.viewer import Before, View
+from savmap.types import SiteMap
+
+pytestmark = IN_BROWSER
+OLD = dated_site(1, without=("section 4 / beam 2",))
+NEW = dated_site(2, lifted_m=0.03, without=("section 2 / beam 3",))
+SHOWN = "savmapViewer.row.shown.map((one) => [one.date, one.state, one.id])"
+
+
+def both(old: SiteMap = OLD, new: SiteMap = NEW, photos: bool = True) -> View:
+    before = Before(old, compare_maps(old, new), {"A": grey_photo(40)} if photos else {})
+    return View(new, title="Hall 1", photos={"A": grey_photo(210)}, before=before)
+
+
+def grey_at(page: Any, share: float) -> int:
+    """The grey of the row's foot at a share of the view's width."""
+    y = page.evaluate(HERE, ["section 3 / beam 1", 0])[1]
+    box = page.locator("#view").bounding_box()
+    clip = {"x": box["x"] + share * box["width"], "y": y + 12, "width": 4, "height": 2}
+    image = cv2.imdecode(np.frombuffer(page.screenshot(clip=clip), np.uint8), cv2.IMREAD_GRAYSCALE)
+    return int(np.median(image))
+
+
+def test_list_leads_to_changes_with_amount_and_sigma(opened: Open) -> None:
+    page = opened(both())
+    lines = [line.replace("\u00a0", " ") for line in page.locator("#changes li").all_inner_texts()]
+    assert [line.split(",")[0] for line in lines[:3]] == [
+        "section 2 / beam 3: missing",
+        "section 4 / beam 2: new",
+        "section 3 / beam 3: moved",
+    ]
+    element = next(one for one in compare_maps(OLD, NEW).rows[0].elements if one.state == "moved")
+    (found,) = element.significant
+    assert f"up +{1000 * found.difference_m:.1f} mm ± {1000 * found.sigma_m:.0f}" in re.sub(r"\.\d mm$", "", lines[2])
+    page.locator("#changes button", has_text="moved").first.click()
+    assert selected(page) == "section 3 / beam 3"
+    assert page.inner_text("#state") == "Since the old date: moved"
+    assert f"{found.sigmas:.0f}\u00a0\u03c3" in page.inner_text("#selection dl >> nth=0")
+    assert page.evaluate("savmapViewer.selection.elements.map((one) => one.date)") == ["new", "old"]
+
+
+def test_switch_shows_either_date_or_both(opened: Open) -> None:
+    page = opened(both(), "#A/post 9")
+    drawn = "Object.values(savmapViewer.model.rows[0].dates).map((date) => date.group.visible)"
+    counts = {}
+    for which in ("both", "new", "old"):
+        page.locator(f"[data-dates={which}]").click()
+        counts[which] = (len(page.evaluate(SHOWN)), page.evaluate(drawn))
+    assert counts == {"both": (26, [True, True]), "new": (24, [True, False]), "old": (24, [False, True])}
+    page.keyboard.press("d")
+    assert page.get_attribute("[data-dates=both]", "aria-pressed") == "true"
+    page.keyboard.press("n")  # names go, and nothing breaks
+
+
+def test_elements_are_coloured_by_their_state(opened: Open) -> None:
+    page = opened(both())
+    assert page.input_value("#mode") == "change"
+    assert [line.strip() for line in page.locator("#legend li").all_inner_texts()] == [
+        "same (22)",
+        "missing (1)",
+        "new (1)",
+        "moved (1)",
+        "the old date, underneath",
+    ]
+
+
+def test_missing_element_is_found_and_named(opened: Open) -> None:
+    page = opened(both())
+    page.locator("[data-dates=new]").click()
+    page.fill("#search", "section 2 / beam 3")
+    page.keyboard.press("Enter")
+    assert selected(page) == "section 2 / beam 3"
+    assert "old date" in page.inner_text("#selection")
+    assert page.evaluate("savmapViewer.site.showing") == "both"  # it is not on the new one
+    assert page.evaluate("decodeURI(location.hash)") == "#A/old date/section 2 / beam 3"
+
+
+def test_address_names_an_element_of_the_old_date(opened: Open) -> None:
+    page = opened(both(), "#A/old date/section 1 / beam 1")
+    assert page.evaluate("savmapViewer.selection.elements.map((one) => [one.date, one.id])") == [
+        ["old", "section 1 / beam 1"]
+    ]
+    assert page.evaluate("savmapViewer.site.showing") == "old"
+    page.fill("#search", "section 1 / beam 1")
+    found = page.locator("#results b").all_inner_texts()
+    assert found.count("section 1 / beam 1") == 1
+
+
+def test_orthophotos_lie_beside_a_divider_in_the_face_view(opened: Open) -> None:
+    page = opened(both())
+    assert page.locator("#swipe").is_hidden()
+    page.keyboard.press("3")
+    page.keyboard.press("n")
+    until(page, "Object.values(savmapViewer.model.rows[0].dates).every((date) => date.photo)")
+    page.wait_for_timeout(200)
+    assert [grey_at(page, 0.3) < 80, grey_at(page, 0.7) > 160] == [True, True]
+    divider = page.locator("#swipe").bounding_box()
+    page.mouse.move(divider["x"] + 10, 400)
+    page.mouse.down()
+    page.mouse.move(divider["x"] + 400, 400, steps=3)
+    page.mouse.up()
+    page.wait_for_timeout(200)
+    assert grey_at(page, 0.7) < 80
+    assert page.locator("#selection strong").count() == 0  # a drag is no click
+    x, y = page.evaluate(HERE, ["section 4 / beam 2", 0])
+    page.mouse.click(x + 60, y)  # where the old date, which has no such beam, is shown
+    assert page.evaluate("savmapViewer.selection.elements.filter((one) => one.id === 'section 4 / beam 2').length") == 0
+    page.locator("#swipe").focus()
+    for _ in range(20):
+        page.keyboard.press("ArrowLeft")
+    assert page.get_attribute("#swipe", "aria-valuenow") == "0"
+    page.mouse.click(x + 60, y)
+    assert selected(page) == "section 4 / beam 2"
+
+
+def test_no_divider_without_the_old_orthophoto(opened: Open) -> None:
+    page = opened(both(photos=False))
+    page.keyboard.press("3")
+    assert page.locator("#swipe").is_hidden()
+    page.locator("[data-dates=old]").click()
+    assert page.evaluate("savmapViewer.model.rows[0].dates.new.group.visible") is False
+
+
+def test_distance_between_dates_says_what_it_rests_on(opened: Open) -> None:
+    page = opened(both())
+    page.keyboard.press("m")
+    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "section 3 / beam 3" && one.date === date));
+        for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
+    until(page, "savmapViewer.ruler.result")
+    assert "two dates" in page.inner_text("#measured-how")
+    assert 0.02 < page.evaluate("savmapViewer.ruler.result.distance") < 0.04
+
+
+def test_other_rows_and_missing_ones_are_named(opened: Open) -> None:
+    old = SiteMap({**OLD.rows, "B": replace(OLD.rows["A"], name="B"), "C": replace(OLD.rows["A"], name="C")}, {})
+    new = SiteMap({**NEW.rows, "B": replace(NEW.rows["A"], name="B")}, {})
+    page = opened(both(old, new))
+    said = page.inner_text("#changes")
+    assert "Row C is missing" in said
+    page.locator("#changes button", has_text="row B").click()
+    assert page.evaluate("savmapViewer.row.name") == "B"
+
+
+def test_one_date_shows_nothing_of_two(opened: Open) -> None:
+    page = opened(View(NEW))
+    assert page.locator("#dates").is_hidden()
+    assert page.locator("#changed").is_hidden()
+    page.keyboard.press("d")
+    assert page.locator("#mode option[value=change]").count() == 0

@@ -1,0 +1,181 @@
+"""Two dates in the viewer's page: what it holds of the old one, and when it is written."""
+
+import base64
+import gzip
+import json
+import re
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any, get_args
+
+import cv2
+import numpy as np
+import pytest
+from made_up_dates import dated_site, grey_photo
+from typer.testing import CliRunner
+
+from savmap.cli.app import app
+from savmap.maps.comparison import Comparison, RowComparison, RowMotion, State, compare_maps
+from savmap.maps.map_file import write_map
+from savmap.maps.orthophoto_file import write_orthophoto
+from savmap.report import viewer
+from savmap.report.site_report import viewed
+from savmap.report.viewer import Before, View, write_view
+from savmap.types import Floats, SiteMap
+
+OLD = dated_site(1, without=("section 4 / beam 2",), moved_m=0.7)
+NEW = dated_site(2, lifted_m=0.03, without=("section 2 / beam 3",))
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    packed = re.search(r'id="map">([^<]*)</script>', page.read_text(encoding="utf-8"))
+    assert packed
+    found: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(packed[1])))
+    return found
+
+
+def written(folder: Path, old: SiteMap, new: SiteMap, **options: Any) -> dict[str, Any]:
+    write_view(View(new, before=Before(old, compare_maps(old, new), **options)), folder / "view.html")
+    return data_of(folder / "view.html")
+
+
+def test_old_elements_lie_in_the_new_frame(tmp_path: Path) -> None:
+    (row,) = written(tmp_path, OLD, NEW)["rows"]
+    motion = compare_maps(OLD, NEW).rows[0].motion
+    assert motion is not None
+    places = np.array(row["before"]["positions"]).reshape(-1, 3) * 1e-5
+    old = OLD.rows["A"].structures["shelves"]
+    assert np.allclose(places, motion.points(np.concatenate([one.vertices for one in old])), atol=1e-5)
+    assert motion.shift_m[0] == pytest.approx(0.7, abs=0.02)
+    assert [entry["id"] for entry in row["before"]["structures"]] == [one.id for one in old]
+
+
+def test_changes_name_elements_of_both_dates(tmp_path: Path) -> None:
+    (row,) = written(tmp_path, OLD, NEW)["rows"]
+    old, new = ([entry["id"] for entry in part["structures"]] for part in (row["before"], row))
+    told = {
+        (change["state"], None if change["old"] is None else old[change["old"]], change["new"] and new[change["new"]])
+        for change in row["before"]["changes"]
+        if change["state"] != "same"
+    }
+    assert told == {
+        ("missing", "section 2 / beam 3", None),
+        ("new", None, "section 4 / beam 2"),
+        ("moved", "section 3 / beam 3", "section 3 / beam 3"),
+    }
+    figures = next(one["tested"] for one in row["before"]["changes"] if one["state"] == "moved")
+    ((by, sigma),) = ((by, sigma) for what, by, sigma, told_ in figures if what == "y" and told_)
+    assert by * 1e-5 == pytest.approx(0.03, abs=0.005)
+    assert 0 < sigma * 1e-5 < 0.005
+
+
+def test_rows_of_one_date_are_told(tmp_path: Path) -> None:
+    old = SiteMap({**OLD.rows, "B": replace(OLD.rows["A"], name="B")}, {})
+    new = SiteMap({**NEW.rows, "C": replace(NEW.rows["A"], name="C")}, {})
+    data = written(tmp_path, old, new)
+    assert (data["dates"]["missing"], data["dates"]["new"]) == (["B"], ["C"])
+    assert data["rows"][1]["before"] is None
+
+
+def test_rows_with_nothing_in_common_have_no_old_date(tmp_path: Path) -> None:
+    before = Before(OLD, Comparison((RowComparison("A", "A", None),), (), (), 0.1), {"A": grey_photo(50)})
+    write_view(View(NEW, before=before), tmp_path / "view.html")
+    assert data_of(tmp_path / "view.html")["rows"][0]["before"] is None
+    assert not (tmp_path / "face").exists()
+
+
+def test_old_orthophoto_is_carried_and_goes_with_the_dates(tmp_path: Path) -> None:
+    (row,) = written(tmp_path, OLD, NEW, photos={"A": grey_photo(50)})["rows"]
+    face, x = row["before"]["face"], row["before"]["motion"]["shift_m"][0]
+    assert face["origin_m"][0] == pytest.approx(-0.5 + x, abs=0.01)
+    assert face["width_m"] == pytest.approx(15.0, rel=1e-3)
+    assert {path.name for path in (tmp_path / "face" / "old").iterdir()} == {"A.js", "small"}
+    write_view(View(NEW), tmp_path / "view.html")
+    assert not list((tmp_path / "face").rglob("*.js"))
+
+
+def test_covariances_turn_with_the_frame(tmp_path: Path) -> None:
+    quarter = RowMotion(np.zeros(3), 90.0, np.eye(4), np.zeros(3), np.zeros(3), 9)
+    long = [
+        replace(one, covariances=np.tile(np.diag([9e-6, 4e-6, 1e-6]), (4, 1, 1)))
+        for one in (*OLD.rows["A"].structures["shelves"],)
+    ]
+    old = SiteMap({"A": replace(OLD.rows["A"], structures={"shelves": tuple(long)})}, {})
+    before = Before(old, Comparison((RowComparison("A", "A", quarter),), (), (), 0.1))
+    write_view(View(NEW, before=before), tmp_path / "view.html")
+    (row,) = data_of(tmp_path / "view.html")["rows"]
+    assert np.allclose(row["before"]["covariances"][:6], [1e-6, 0, 0, 4e-6, 0, 9e-6], atol=1e-12)
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    for name, made in (("old", OLD), ("new", NEW)):
+        (tmp_path / name).mkdir()
+        write_map(made, tmp_path / name / "map.json")
+        write_orthophoto("A", grey_photo(90), tmp_path / name)
+    return tmp_path / "old", tmp_path / "new"
+
+
+def test_page_against_an_old_map_is_written_once(folders: tuple[Path, Path]) -> None:
+    old, new = folders
+    page, written_now = viewed(new)
+    assert written_now
+    assert data_of(page)["dates"] is None
+    assert viewed(new, against=old) == (page, True)
+    assert viewed(new, against=old / "map.json") == viewed(new) == (page, False)  # none is asked for
+    assert data_of(page)["dates"] is not None
+    write_map(dated_site(3), old / "map.json")
+    assert viewed(new, against=old) == (page, True)
+    assert viewed(new, fresh=True) == (page, True)
+    assert data_of(page)["dates"] is None
+
+
+def test_view_command_takes_an_old_date(folders: tuple[Path, Path]) -> None:
+    old, new = folders
+    result = CliRunner().invoke(app, ["view", str(new), "--against", str(old), "--no-open"])
+    assert result.exit_code == 0, result.output
+    assert data_of(new / "view.html")["rows"][0]["before"]["face"]["pictures"] == [
+        "face/old/small/A.js",
+        "face/old/A.js",
+    ]
+
+
+def as_seen(colours: Floats, deficiency: str) -> Floats:
+    """Linear sRGB (n, 3) as people without one kind of cones see it (Machado et al. 2009), in CIELAB."""
+    matrices = {
+        "none": np.eye(3),
+        "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+        "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+        "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    }
+    seen = np.clip(colours @ np.array(matrices[deficiency]).T, 0, 1).astype(np.float32)
+    gamma = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055).astype(np.float32)
+    lab: Floats = cv2.cvtColor(gamma[None], cv2.COLOR_RGB2LAB)[0].astype(np.float64)
+    return lab
+
+
+@pytest.mark.parametrize("deficiency", ["none", "protan", "deutan", "tritan"])
+def test_states_are_told_apart_by_colour_blind_people(deficiency: str) -> None:
+    source = Path(viewer.__file__).with_name("source") / "scene" / "colours.js"
+    table = re.search(r"STATE_COLOURS = {(.*?)};", source.read_text("utf-8"), re.DOTALL)
+    assert table
+    codes = dict(re.findall(r'"?(\b[\w ]+)"?: "(#\w{6})"', table[1]))
+    assert set(codes) == set(get_args(State))
+    srgb = np.array([[int(code[k : k + 2], 16) / 255 for k in (1, 3, 5)] for code in codes.values()])
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    lab = as_seen(linear, deficiency)
+    assert min(float(np.linalg.norm(a - b)) for a, b in combinations(lab, 2)) > 20
+
+
+def test_report_tells_what_changed(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    old, new = folders
+    page = tmp_path / "report.html"
+    arguments = ["report", str(new / "map.json"), "-o", str(page)]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert 'id="changes"' not in page.read_text(encoding="utf-8")
+    result = CliRunner().invoke(app, [*arguments, "--against", str(old)])
+    assert result.exit_code == 0, result.output
+    section = page.read_text(encoding="utf-8").split('<section id="changes">')[1].split("</section>")[0]
+    assert "1 missing, 1 moved, 1 new, 22 same" in section
+    assert re.search(r"section 3 / beam 3.*?y \+\d+ mm", section, re.DOTALL)
