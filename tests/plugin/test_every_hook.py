@@ -30,6 +30,7 @@ from savmap.types import (
     Score,
     SiteMap,
     Structure,
+    SurveyEntry,
     Track,
     ViewPlan,
 )
@@ -151,6 +152,21 @@ def ask_evaluate() -> dict[str, Any]:
     return given
 
 
+def ask_survey_entry() -> dict[str, Any]:
+    entry = SurveyEntry({"things": [[0.0, 1.0, 2.0]]}, {"thing 1": "it is odd"})
+    plugin, given = asked("survey_entry", entry)
+    assert plugin.survey_entry([THING]) is entry
+    assert dict(asked("describe", [])[0].survey_entry([THING]).values) == {}
+    for bad in (
+        SurveyEntry({}, {"thing 2": "who?"}),
+        SurveyEntry({"x": float("nan")}),
+        SurveyEntry({"x": np.zeros(3)}),
+    ):
+        with pytest.raises(PluginFailedError, match="returned what cannot be used from `survey_entry`"):
+            asked("survey_entry", bad)[0].survey_entry([THING])
+    return given
+
+
 def ask_draw() -> dict[str, Any]:
     drawing = Drawing("point", np.zeros((1, 3)), "mapped", "fixture", "things")
     plugin, given = asked("draw", (drawing,))
@@ -203,6 +219,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "openings": ask_openings,
     "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
+    "survey_entry": ask_survey_entry,
     "draw": ask_draw,
     "scene": ask_scene,
     "random_section": ask_random_section,

@@ -33,7 +33,7 @@ from savmap_shelves.settings import ShelvesSettings
 if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
     from savmap.plugin.hookspecs import Exporter
-    from savmap.types import Drawing, Score, SiteMap
+    from savmap.types import Drawing, Score, SiteMap, SurveyEntry
     from savmap.types.scenes import SceneParts, Site
     from savmap.vision.view_planning import Manual, PassPreview
 
@@ -140,6 +140,12 @@ class Shelves:
         from savmap_shelves.report.evaluation import evaluate
 
         return evaluate(structures, survey)
+
+    @hookimpl
+    def survey_entry(self, structures: Sequence[Structure]) -> "SurveyEntry":
+        from savmap_shelves.report.surveyed import survey_entry
+
+        return survey_entry(structures)
 
     @hookimpl
     def draw(
