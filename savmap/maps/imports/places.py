@@ -11,7 +11,7 @@ from savmap.maps.imports.records import Found, listed
 from savmap.types import Alignment, Floats, SiteMap, Structure
 
 NEAR_M = 2.0
-"""What is further from all that was mapped of a row does not belong to it: racks back to back are nearer to one another than that."""
+"""What is further from all that was mapped of a row does not belong to it."""
 
 
 @dataclass(frozen=True, eq=False)
