@@ -60,6 +60,12 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookimpl(trylast=True)
+def places(structures: Sequence[Structure]) -> list[Structure]:
+    """No place between them has a name."""
+    return []
+
+
+@hookimpl(trylast=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Other rows have none of them."""
     return []

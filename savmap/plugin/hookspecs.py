@@ -127,6 +127,12 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookspec(firstresult=True)
+def places(structures: Sequence[Structure]) -> list[Structure]:
+    """Search: the places of a row that have a name and are no structure, such as what lies between two of them, as structures with an id and a
+    label of their own, and attributes that number them. Default: none."""
+
+
+@hookspec(firstresult=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows give
     the same position. Default: none."""

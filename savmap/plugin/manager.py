@@ -302,6 +302,10 @@ class LoadedPlugin:
         """The spaces between the structures whose clear width and height matter."""
         return self._ask_list("openings", Structure, checks.check_structures, structures=structures)
 
+    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+        """The places between the structures that have a name."""
+        return self._ask_list("places", Structure, checks.check_structures, structures=structures)
+
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         """Which of the structures other rows may have mapped too."""
         return self._ask_list(

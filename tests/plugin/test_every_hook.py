@@ -138,6 +138,13 @@ def ask_openings() -> dict[str, Any]:
     return given
 
 
+def ask_places() -> dict[str, Any]:
+    plugin, given = asked("places", [THING])
+    assert plugin.places([THING]) == [THING]
+    assert asked("describe", [])[0].places([THING]) == []
+    return given
+
+
 def ask_cross_row_landmarks() -> dict[str, Any]:
     thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
     plugin, given = asked("cross_row_landmarks", [thing])
@@ -217,6 +224,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "relate": ask_relate,
     "doubt": ask_doubt,
     "openings": ask_openings,
+    "places": ask_places,
     "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
     "survey_entry": ask_survey_entry,

@@ -130,6 +130,12 @@ class Shelves:
         return openings(structures, self.name)
 
     @hookimpl
+    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+        from savmap_shelves.report.openings import places
+
+        return places(structures, self.name)
+
+    @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.mapping import cross_row_landmarks
 
