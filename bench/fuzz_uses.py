@@ -285,11 +285,10 @@ def made_drawing() -> list[list[list[Any]]]:
 
     ring = [[0.1, 0.0, 0.3], [2.7, 0.0, 0.3], [2.7, 0.0, 0.6], [0.1, 0.0, 0.6]]
     corners: list[list[Any]] = [[0, "POLYLINE"], [8, "Beam"], [66, 1], [70, 9]]
-    beam: list[list[list[Any]]] = [
-        corners,
-        *([[0, "VERTEX"], [8, "Beam"], [10, x], [20, y], [30, z], [70, 32]] for x, y, z in ring),
-        [[0, "SEQEND"]],
+    vertices: list[list[list[Any]]] = [
+        [[0, "VERTEX"], [8, "Beam"], [10, x], [20, y], [30, z], [70, 32]] for x, y, z in ring
     ]
+    end: list[list[Any]] = [[0, "SEQEND"]]
     return [
         [[0, "SECTION"], [2, "HEADER"], [9, "$ACADVER"], [1, "AC1009"], [9, "$INSUNITS"], [70, 6], [0, "ENDSEC"]],
         [[0, "SECTION"], [2, "BLOCKS"]],
@@ -299,7 +298,9 @@ def made_drawing() -> list[list[list[Any]]]:
         insert("post", "UPRIGHT", 0.0),
         line(2.7, 0.0, 0.0, 2.8, 0.0, 0.0),
         line(2.8, 0.0, 0.0, 2.8, 0.0, 2.0),
-        *beam,
+        corners,
+        *vertices,
+        end,
         [[0, "POINT"], [8, "light"], [10, 1.0], [20, -1.2], [30, 8.0]],
         [[0, "ENDSEC"], [0, "EOF"]],
     ]
