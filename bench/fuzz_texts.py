@@ -1,4 +1,5 @@
-"""Broken texts, read and used as the commands do: site files, scenes, options, maps, surveys, runs, networks, labels.
+"""Broken texts, read and used as the commands do: site files, scenes, options, maps, surveys, tables and drawings of
+surveyors, runs, networks, labels.
 
     python bench/fuzz_texts.py [--count 10000] [--seed 1] [--only WORDS] [--keep FOLDER] [-o bench/results/fuzz_texts.json]
 

@@ -15,12 +15,13 @@ from fuzz_mutations import as_json, as_yaml
 from savmap.demo import SITE
 from savmap.errors import CONTROLS, SavmapError, SiteError, VideoError
 from savmap.files.atomic import read_text
+from savmap.jobs.api import import_survey
 from savmap.jobs.cache_keys import measurement_key
 from savmap.maps.exports.plain import write_csv, write_ply
 from savmap.maps.map_file import map_of, map_text, read_map
 from savmap.maps.run_record import read_log
 from savmap.maps.search import find_structures
-from savmap.maps.survey import read_survey
+from savmap.maps.survey import read_survey, write_survey
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.evaluation import as_table
 from savmap.report.page import page_text
@@ -132,6 +133,16 @@ def use_survey(path: Path) -> None:
     require_quiet(page_text(report_for(site, plugins, survey)), "the page")
 
 
+def use_import(path: Path) -> None:
+    site = map_of(map_text(made_map()), "made up")
+    result = import_survey(path, site)
+    for line in result.lines():
+        require(len(line) < 1000, f"a line of {len(line)} letters: {line[:200]}")
+    write_survey(result.survey, path.with_suffix(".json"))
+    survey = read_survey(path.with_suffix(".json"))
+    require_quiet(as_table(evaluation_of(site, survey, plugins_of_map(site))), "the table")
+
+
 def use_run(path: Path) -> None:
     site = made_map()
     require_quiet(page_text(report_for(site, plugins_of_map(site), None, read_log(path))), "the page")
@@ -229,6 +240,87 @@ def _lines(tree: Any) -> bytes:
     )
 
 
+def _table(tree: Any) -> bytes:
+    rows = tree if isinstance(tree, list) else [tree]
+    return "\n".join(";".join(map(str, row)) if isinstance(row, list) else str(row) for row in rows).encode(
+        "utf-8", "replace"
+    )
+
+
+def _drawing(tree: Any) -> bytes:
+    """Entities as pairs of group codes and values."""
+    entities = tree if isinstance(tree, list) else [tree]
+    pairs = [pair for entity in entities for pair in (entity if isinstance(entity, list) else [entity])]
+    lines = [str(part) for pair in pairs for part in (pair if isinstance(pair, list) else [pair])]
+    return ("\n".join(lines) + "\n").encode("utf-8", "replace")
+
+
+def made_drawing() -> list[list[list[Any]]]:
+    """Two uprights of the made-up map as lines, one as a block within a block, and a beam, in the world: pairs of group codes and values."""
+
+    def line(*ends: float) -> list[list[Any]]:
+        return [
+            [0, "LINE"],
+            [8, "UPRIGHT"],
+            *([code, value] for code, value in zip((10, 20, 30, 11, 21, 31), ends, strict=True)),
+        ]
+
+    def insert(name: str, layer: str, x: float) -> list[list[Any]]:
+        return [
+            [0, "INSERT"],
+            [8, layer],
+            [2, name],
+            [10, x],
+            [20, 0.0],
+            [30, 0.0],
+            [41, 1.0],
+            [50, 0.0],
+            [70, 1],
+            [71, 1],
+        ]
+
+    def block(name: str, *entities: list[list[Any]]) -> list[list[list[Any]]]:
+        begin: list[list[Any]] = [[0, "BLOCK"], [8, "0"], [2, name], [70, 0], [10, 0.0], [20, 0.0], [30, 0.0]]
+        return [begin, *entities, [[0, "ENDBLK"]]]
+
+    ring = [[0.1, 0.0, 0.3], [2.7, 0.0, 0.3], [2.7, 0.0, 0.6], [0.1, 0.0, 0.6]]
+    corners: list[list[Any]] = [[0, "POLYLINE"], [8, "Beam"], [66, 1], [70, 9]]
+    vertices: list[list[list[Any]]] = [
+        [[0, "VERTEX"], [8, "Beam"], [10, x], [20, y], [30, z], [70, 32]] for x, y, z in ring
+    ]
+    end: list[list[Any]] = [[0, "SEQEND"]]
+    return [
+        [[0, "SECTION"], [2, "HEADER"], [9, "$ACADVER"], [1, "AC1009"], [9, "$INSUNITS"], [70, 6], [0, "ENDSEC"]],
+        [[0, "SECTION"], [2, "BLOCKS"]],
+        *block("edges", line(0.0, 0.0, 0.0, 0.0, 0.0, 2.0), line(0.1, 0.0, 0.0, 0.1, 0.0, 2.0)),
+        *block("post", insert("edges", "0", 0.0)),
+        [[0, "ENDSEC"], [0, "SECTION"], [2, "ENTITIES"]],
+        insert("post", "UPRIGHT", 0.0),
+        line(2.7, 0.0, 0.0, 2.8, 0.0, 0.0),
+        line(2.8, 0.0, 0.0, 2.8, 0.0, 2.0),
+        corners,
+        *vertices,
+        end,
+        [[0, "POINT"], [8, "light"], [10, 1.0], [20, -1.2], [30, 8.0]],
+        [[0, "ENDSEC"], [0, "EOF"]],
+    ]
+
+
+def made_table() -> list[list[Any]]:
+    """The corners of two uprights and a beam, of a lamp and of a sign, in several frames."""
+    lines: list[list[Any]] = [["Row", "Frame", "Id", "Label", "Vertex", "x [m]", "y [m]", "z [m]", "Text"]]
+    for number in range(2):
+        lines += [["A", "row", f"upright {number}", "upright", "", 2.7 * number + x, 0.0, 0.0, ""] for x in (0.0, 0.1)]
+    lines += [
+        ["A", "site", "beam", "BEAM", f"beam / {side} left", "1,0", y, 0.0, ""]
+        for side, y in (("lower", "0,3"), ("upper", "0,6"))
+    ]
+    lines += [["", "world", "lamp", "light", "", x, -1.2, 8.0, ""] for x in (0.5, 1.7)]
+    corners = ((1, 1), (1.3, 1), (1.3, 0.8), (1, 0.8))
+    lines += [["A", "row", "sign", "sign", "", x, y, 0.01, "A21-03"] for x, y in corners]
+    return [[str(cell).replace(".", ",") if isinstance(cell, float) else cell for cell in line] for line in lines]
+
+
 def kinds() -> Mapping[str, Kind]:
     """All kinds by name."""
     site = yaml.safe_load(SITE.read_text(encoding="utf-8")) | {
@@ -298,6 +390,8 @@ def kinds() -> Mapping[str, Kind]:
         "option": Kind(["rows.1.fps", "5"], _option, "option.txt", use_option, False),
         "map": Kind(json.loads(map_text(made_map())), as_json, "map.json", use_map),
         "survey": Kind(survey, as_json, "survey.json", use_survey),
+        "table": Kind(made_table(), _table, "points.csv", use_import, False),
+        "drawing": Kind(made_drawing(), _drawing, "plan.dxf", use_import, False),
         "run": Kind(run, as_json, "run.json", use_run),
         "network": Kind(network, _network, "model.onnx", use_network, False),
         "labels: COCO": Kind(coco, as_json, "coco.json", use_labels),

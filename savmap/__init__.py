@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError
-    from savmap.jobs.api import align, compare, evaluate, export, load_map, map_site, map_video
+    from savmap.jobs.api import align, compare, evaluate, export, import_survey, load_map, map_site, map_video
     from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
     from savmap.maps.map_file import write_map
+    from savmap.maps.survey import write_survey
     from savmap.plugin.hookspecs import hookimpl
     from savmap.plugin.protocol import Plugin
     from savmap.types import (
@@ -74,21 +75,27 @@ __all__ = [
     "evaluate",
     "export",
     "hookimpl",
+    "import_survey",
     "load_map",
     "map_site",
     "map_video",
     "write_map",
+    "write_survey",
 ]
 _MODULES = {
     "SavmapError": "savmap.errors",
     "Monitor": "savmap.types.progress",
     "write_map": "savmap.maps.map_file",
+    "write_survey": "savmap.maps.survey",
     "hookimpl": "savmap.plugin.hookspecs",
     "Plugin": "savmap.plugin.protocol",
     **dict.fromkeys(
         ("Comparison", "Difference", "ElementChange", "RowComparison", "RowMotion"), "savmap.maps.comparison"
     ),
-    **dict.fromkeys(("align", "compare", "evaluate", "export", "load_map", "map_site", "map_video"), "savmap.jobs.api"),
+    **dict.fromkeys(
+        ("align", "compare", "evaluate", "export", "import_survey", "load_map", "map_site", "map_video"),
+        "savmap.jobs.api",
+    ),
 }
 
 

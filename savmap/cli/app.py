@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from savmap.cli.commands import installation, mapping, plugin, results, sources
+from savmap.cli.commands import installation, mapping, plugin, results, sources, surveys
 from savmap.cli.endings import plain_endings
 
 COMMANDS: Mapping[str, Callable[..., None]] = {
@@ -20,6 +20,7 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "view": results.view,
     "export": results.export,
     "align": results.align,
+    "import": surveys.import_,
     "find": results.find,
     "measure": results.measure,
     "plugins": installation.plugins,

@@ -2,6 +2,7 @@
 
 import io
 import logging
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
@@ -20,6 +21,8 @@ from savmap.types.progress import SilentMonitor
 
 Item = TypeVar("Item")
 log = logging.getLogger("savmap")
+EVERY_S = 10.0
+"""Between lines on progress where there is no terminal."""
 
 
 class LogFile(logging.FileHandler):
@@ -87,7 +90,11 @@ class Console:
             write_text(self.there, self.kept.getvalue())
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        """The items with a progress bar."""
+        """The items with a progress bar; where nobody looks at a terminal, with a line every `EVERY_S`."""
+        if not self.terminal.is_terminal:
+            log.info("%s", doing)
+            yield from self._told(items, doing, total)
+            return
         columns = (
             TextColumn("{task.description}", markup=False),
             BarColumn(),
@@ -97,6 +104,16 @@ class Console:
         log.info("%s", doing)
         with Progress(*columns, console=self.terminal, transient=True) as progress:
             yield from progress.track(items, total=total, description=visible(doing))
+
+    def _told(self, items: Iterable[Item], doing: str, total: int | None) -> Iterator[Item]:
+        """The items, with a line now and then that says how many are done and how long the others will take."""
+        begun = said = time.monotonic()
+        for done, item in enumerate(items):
+            now = time.monotonic()
+            if done and now - said >= EVERY_S:
+                said = now
+                self.terminal.print(visible(_so_far(doing, done, total, now - begun)), markup=False, soft_wrap=True)
+            yield item
 
     @contextmanager
     def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
@@ -116,3 +133,11 @@ class Console:
         """A line on the terminal and in the log."""
         self.terminal.print(visible(line), markup=False, soft_wrap=True)
         log.info("%s", line)
+
+
+def _so_far(doing: str, done: int, total: int | None, seconds: float) -> str:
+    if not total:
+        return f"{doing}: {done}"
+    left = seconds * max(total - done, 0) / done
+    clock = f"{left:.0f} s" if left < 120 else f"{left / 60:.0f} min"
+    return f"{doing}: {done} of {total} ({done / total:.0%}), about {clock} left"

@@ -1,6 +1,7 @@
 """The public Python API: maps from site files and videos, their scores, and other formats. See docs/python-api.md."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from savmap.assembly import aligned
@@ -10,9 +11,13 @@ from savmap.jobs.map_site import map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.exports import export_map
+from savmap.maps.imports import elements_of
+from savmap.maps.imports.places import RowPlaces, in_rows, place_of
+from savmap.maps.imports.records import options_of
+from savmap.maps.imports.survey import ImportedSurvey, survey_of
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
-from savmap.plugin.manager import exporters
+from savmap.plugin.manager import exporters, load_installed, open_plugin
 from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
@@ -104,6 +109,36 @@ def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None
         for note in result.notes:
             tell(note)
     return result.site_map
+
+
+def import_survey(
+    paths: Sequence[PathLike] | PathLike,
+    site_map: SiteMap | None = None,
+    *,
+    places: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+    labels: Mapping[str, str] | None = None,
+    unit: str | None = None,
+    row: str | None = None,
+    frame: str | None = None,
+) -> ImportedSurvey:
+    """A survey out of tables (CSV) and drawings (DXF), to be written with `write_survey`.
+
+    site_map: says where rows stand, with its alignment; or places: "A=X,Y,HEADING", where a row's origin is in your world. columns: the name or
+    number of a table's column for "row", "id", "label", "vertex", "x", "y", "z", "text". labels: what a layer or a code is called here. unit: of
+    lengths, where the file does not say it. row: of what names none. frame: "row", "site" or "world".
+
+    Raises SiteError for an option that is wrong, OutputError for a file that cannot be read, or does not say enough.
+    """
+    stand = RowPlaces(site_map, dict(map(place_of, places)))
+    options = options_of(columns or {}, labels or {}, unit, row, frame, stand.known)
+    files = [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
+    classes = {name: tuple(own.classes) for name, own in load_installed().classes.items()}
+    known = {label.casefold(): label for own in classes.values() for label in own}
+    found = [one for path in files for one in elements_of(path, options, known)]
+    moved, notes = in_rows(found, stand, row)
+    result = survey_of(moved, classes, lambda name, own: open_plugin(name, {}).survey_entry(own))
+    return replace(result, notes=(*notes, *result.notes))
 
 
 def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:

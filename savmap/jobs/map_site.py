@@ -130,11 +130,11 @@ def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
 def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
     """Write a row's orthophoto, what is said of it, and the wireframe over it; the picture, if there is one. Without one, that of an
     earlier map is taken away: it would not fit this one. Raises OutputError."""
-    picture, said = orthophoto_files(row, folder)
+    picture, *said = orthophoto_files(row, folder)
     overlay = picture.with_suffix(".svg")
     photo = report.photos.get(row)
     if photo is None:
-        for path in (picture, said, overlay):
+        for path in (picture, *said, overlay):
             path.unlink(missing_ok=True)
         return []
     write_orthophoto(row, photo, folder)

@@ -1,6 +1,8 @@
 """Structures of a map by their id, or by what is written on them: where "A21-03" is."""
 
 import difflib
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +12,14 @@ from savmap.types import Floats, SiteMap, Structure, array_record
 
 WRITTEN = ("text", "code")
 """Attributes by which plugins give what is written on a structure; of "kind:content", the content counts too."""
+PART = " / "
+"""Between the parts of an id."""
+PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
+NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
+LONGEST_NAME = 500
+InRow = tuple[str, Structure]
+Places = Mapping[str, Mapping[str, Sequence[Structure]]]
+"""Places between structures, by row and plugin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +45,61 @@ class SearchHit:
         return f"{what}: {_metres(self.position_m)} m (+- {1000 * self.sigma_m:.0f} mm){site}"
 
 
-def find_structures(site: SiteMap, name: str) -> list[SearchHit]:
-    """The structures whose id, text or code is `name`, whatever its case. Raises SiteError, with the nearest names, if there are none."""
-    structures = [
-        (row.name, structure) for row in site.rows.values() for group in row.structures.values() for structure in group
-    ]
-    hits = [
-        _hit(site, row, structure)
-        for row, structure in structures
-        if name.lower() in {key.lower() for key in names(structure)}
-    ]
+def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dict) -> list[SearchHit]:
+    """The structures whose id, text or code is `name`, whatever its case; else those, and the places between structures (`places`, asked for where
+    they are needed), that it describes: "section 2", "beam 2", "level 3 of section 2", "row B, section 2". Of what it describes, the largest is
+    meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none."""
+    mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
+    hits = _called(mapped, name)
     if not hits:
-        known = sorted({key for _, structure in structures for key in names(structure)})
+        further = [(row, own) for row, plugins in places().items() for group in plugins.values() for own in group]
+        hits = _called(further, name) or _described(site, [*mapped, *further], name)
+        mapped += further
+    if not hits:
+        known = sorted({key for _, structure in mapped for key in names(structure)})
         near = difflib.get_close_matches(name, known, 3)
         raise SiteError(f"`{name}` is not in the map" + (f"; nearest: {', '.join(near)}" if near else ""))
-    return hits
+    return [_hit(site, row, structure) for row, structure in hits]
+
+
+def _called(known: Sequence[InRow], name: str) -> list[InRow]:
+    """What has this name."""
+    return [(row, own) for row, own in known if name.lower() in {key.lower() for key in names(own)}]
+
+
+def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
+    """What fits all parts of a description, of which no other is a larger part."""
+    terms = _terms(name)
+    rows = {f"row {row}".lower(): row for row in site.rows} | {row.lower(): row for row in site.rows}
+    wanted = {rows[term] for term in terms if term in rows}
+    rest = [term for term in terms if term not in rows]
+    fits = [
+        (row, own)
+        for row, own in known
+        if rest and (not wanted or row in wanted) and all(_fits(own, term) for term in rest)
+    ]
+    largest = min((len(own.id.split(PART)) for _, own in fits), default=0)
+    return [(row, own) for row, own in fits if len(own.id.split(PART)) == largest]
+
+
+def _terms(name: str) -> list[str]:
+    """The parts of a description in lower case: "Level 3 of section 2" is of "level 3" and "section 2"."""
+    parts = [part.strip() for part in PARTING.split(name.lower()[:LONGEST_NAME])]
+    numbered = [NUMBERED.findall(part) for part in parts]
+    terms = [
+        [f"{word} {int(number)}" for word, number in found] if found and not NUMBERED.sub("", part).strip() else [part]
+        for part, found in zip(parts, numbered, strict=True)
+    ]
+    return [term for own in terms for term in own if term]
+
+
+def _fits(structure: Structure, term: str) -> bool:
+    """Whether a term is a part of a structure's id, its label, or says one of its attributes: "section 2", where that is text or number."""
+    word, _, number = term.rpartition(" ")
+    values = {key.lower(): value for key, value in structure.attributes.items()}
+    texts = {value.lower() for value in values.values() if isinstance(value, str)}
+    counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
+    return counted or term in {*structure.id.lower().split(PART), structure.label.lower(), *texts}
 
 
 def names(structure: Structure) -> list[str]:

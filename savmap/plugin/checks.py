@@ -1,5 +1,6 @@
 """What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it finds."""
 
+import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +28,7 @@ from savmap.types import (
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints
-    from savmap.types import Drawing, Score
+    from savmap.types import Drawing, Score, SurveyEntry
 
 
 MOST_CELLS = 20_000_000
@@ -178,6 +179,14 @@ def check_score(score: "Score") -> None:
         require(_finite(errors), f"an error of `{name}` is not finite")
     for name, deviation in score.deviations.items():
         require(not np.isnan(deviation), f"the deviation of `{name}` is not a number")
+
+
+def check_survey_entry(entry: "SurveyEntry", structures: Sequence[Structure]) -> None:
+    """What goes into a survey file, about structures that were given."""
+    strange = sorted(set(entry.left_out) - {structure.id for structure in structures})
+    require(not strange, f"`{''.join(strange[:1])}` is left out, which was not given")
+    require(all(isinstance(key, str) for key in entry.values), "a key of a survey is no text")
+    json.dumps(dict(entry.values), allow_nan=False)
 
 
 def check_drawings(drawings: "Sequence[Drawing]") -> None:

@@ -102,6 +102,8 @@ def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
         score = plugin.evaluate(related, {})
         plugin.draw(related, None, score.deviations)
         plugin.openings(related)
+        plugin.places(related)
+        plugin.survey_entry(related)
         plugin.cross_row_landmarks(related)
     except PluginFailedError as error:
         yield str(error)

@@ -17,7 +17,7 @@ from savmap.types import (
 )
 
 if TYPE_CHECKING:
-    from savmap.types import Drawing, Score
+    from savmap.types import Drawing, Score, SurveyEntry
     from savmap.vision.networks.segmenter import Segmenter
 
 MIN_PIXELS = 12
@@ -60,6 +60,12 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookimpl(trylast=True)
+def places(structures: Sequence[Structure]) -> list[Structure]:
+    """No place between them has a name."""
+    return []
+
+
+@hookimpl(trylast=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Other rows have none of them."""
     return []
@@ -71,6 +77,14 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Sco
     from savmap.types import Score
 
     return Score()
+
+
+@hookimpl(trylast=True)
+def survey_entry(structures: Sequence[Structure]) -> "SurveyEntry":
+    """The plugin takes no survey from tables and drawings."""
+    from savmap.types import SurveyEntry
+
+    return SurveyEntry({}, {own.id: "its plugin reads no tables or drawings" for own in structures})
 
 
 @hookimpl(trylast=True)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import typer
 
     from savmap.graph import Constraints, KeySpace, Landmark, Solution
-    from savmap.types import Drawing, Score
+    from savmap.types import Drawing, Score, SurveyEntry
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview
 
@@ -127,6 +127,12 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookspec(firstresult=True)
+def places(structures: Sequence[Structure]) -> list[Structure]:
+    """Search: the places of a row that have a name and are no structure, such as what lies between two of them, as structures with an id and a
+    label of their own, and attributes that number them. Default: none."""
+
+
+@hookspec(firstresult=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
     """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows give
     the same position. Default: none."""
@@ -135,6 +141,14 @@ def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmar
 @hookspec(firstresult=True)
 def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
     """Structures against a surveyor's sheet of the row."""
+
+
+@hookspec(firstresult=True)
+def survey_entry(structures: Sequence[Structure]) -> "SurveyEntry":
+    """Import of a survey: what somebody measured of a row, as the plugin's keys of the row's entry in a survey file, which `evaluate` reads.
+
+    `structures`: elements of the plugin's classes in the row's frame, from a table or a drawing: points in any order, whose labels may be empty.
+    Default: nothing, the plugin takes no survey of that kind."""
 
 
 @hookspec(firstresult=True)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from savmap.graph import Constraints, Solution
-    from savmap.types import Drawing, Score
+    from savmap.types import Drawing, Score, SurveyEntry
     from savmap.types.scenes import RandomSection, SceneParts, Site
     from savmap.vision.networks.segmenter import Segmenter
     from savmap.vision.view_planning import Manual, PassPreview
@@ -302,6 +302,10 @@ class LoadedPlugin:
         """The spaces between the structures whose clear width and height matter."""
         return self._ask_list("openings", Structure, checks.check_structures, structures=structures)
 
+    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+        """The places between the structures that have a name."""
+        return self._ask_list("places", Structure, checks.check_structures, structures=structures)
+
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         """Which of the structures other rows may have mapped too."""
         return self._ask_list(
@@ -316,6 +320,17 @@ class LoadedPlugin:
         from savmap.types import Score  # keeps `savmap --help` fast
 
         return self._ask("evaluate", Score, checks.check_score, structures=structures, survey=survey)
+
+    def survey_entry(self, structures: Sequence[Structure]) -> "SurveyEntry":
+        """What somebody measured of a row, as the plugin's keys of its entry in a survey file."""
+        from savmap.types import SurveyEntry  # keeps `savmap --help` fast
+
+        return self._ask(
+            "survey_entry",
+            SurveyEntry,
+            lambda entry: checks.check_survey_entry(entry, structures),
+            structures=structures,
+        )
 
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]

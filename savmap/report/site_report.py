@@ -1,7 +1,7 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
+StructuresByRow = dict[str, dict[str, list[Structure]]]
 VIEW = "view.html"
 _NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
 
@@ -167,9 +168,18 @@ def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
     return dict.fromkeys(site_map.rows, plugins)
 
 
-def openings_of(site_map: SiteMap) -> dict[str, dict[str, list[Structure]]]:
+def openings_of(site_map: SiteMap) -> StructuresByRow:
     """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are not installed."""
-    openings: dict[str, dict[str, list[Structure]]] = {}
+    return _asked(site_map, lambda plugin, structures: plugin.openings(structures))
+
+
+def places_of(site_map: SiteMap) -> StructuresByRow:
+    """The places between structures that have a name, by row and plugin; none of plugins that are not installed."""
+    return _asked(site_map, lambda plugin, structures: plugin.places(structures))
+
+
+def _asked(site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure]], list[Structure]]) -> StructuresByRow:
+    answers: StructuresByRow = {}
     opened: dict[str, LoadedPlugin | None] = {}
     for row in site_map.rows.values():
         for name, structures in row.structures.items():
@@ -177,8 +187,8 @@ def openings_of(site_map: SiteMap) -> dict[str, dict[str, list[Structure]]]:
                 opened[name] = open_plugin(name, {}) if name in load_installed().classes else None
             plugin = opened[name]
             if plugin is not None:
-                openings.setdefault(row.name, {})[name] = plugin.openings(structures)
-    return openings
+                answers.setdefault(row.name, {})[name] = ask(plugin, structures)
+    return answers
 
 
 def evaluation_of(site_map: SiteMap, survey: Survey, plugins: PluginsByRow) -> Evaluation:

@@ -83,7 +83,7 @@ def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpe
     scene = renderer(built)
     classes = classes_in(built)
     for spec in masks:
-        _write_masks(scene, path, spec, classes, folder / "masks" / spec.name)
+        _write_masks(scene, path, spec, classes, folder / "masks" / spec.name, monitor)
     if masks:
         _dump(folder / "masks" / "classes.json", {"classes": classes})
     images = monitor.each(frames(scene, path, workers), "rendering panoramas", len(path.origins))
@@ -101,9 +101,14 @@ def classes_in(built: Built) -> list[str]:
     return [*known, *sorted(labels - set(known))]
 
 
-def _write_masks(scene: Renderer, path: Drive, spec: ViewSpec, classes: Sequence[str], folder: Path) -> None:
+def _write_masks(
+    scene: Renderer, path: Drive, spec: ViewSpec, classes: Sequence[str], folder: Path, monitor: Monitor
+) -> None:
     folder.mkdir(parents=True)
-    for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
+    places = monitor.each(
+        zip(path.origins, path.world_from_rig, strict=True), f"rendering masks of {spec.name}", len(path.origins)
+    )
+    for index, (origin, turn) in enumerate(places):
         write_picture(folder / f"{index:06d}.png", view_classes(scene, origin, turn, spec, classes))
 
 

@@ -25,7 +25,7 @@ from savmap.types.orthophotos import Orthophoto, RowStrips, Still, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
-from savmap.types.scores import Distances, Evaluation, Score, Survey, pool
+from savmap.types.scores import Distances, Evaluation, Score, Survey, SurveyEntry, pool
 from savmap.types.verdicts import Doubt, Verdict
 
 __all__ = [
@@ -71,6 +71,7 @@ __all__ = [
     "Strip",
     "Structure",
     "Survey",
+    "SurveyEntry",
     "Tone",
     "Track",
     "Trajectory",

@@ -45,6 +45,14 @@ class Survey:
     rows: Mapping[str, Mapping[str, Any]]
 
 
+@dataclass(frozen=True)
+class SurveyEntry:
+    """One plugin's part of a row's entry in a survey: its keys, and, by id, why elements that were given are not in it."""
+
+    values: Mapping[str, Any]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """The scores of the rows that are both in the map and in the survey, and the rows that are in one only. `deviations`: by row, plugin and

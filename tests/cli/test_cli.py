@@ -110,6 +110,7 @@ def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> No
         "view",
         "export",
         "align",
+        "import",
         "find",
         "measure",
     ]

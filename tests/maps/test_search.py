@@ -1,6 +1,7 @@
 """Things of a map by their name, or by what is written on them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,3 +44,69 @@ def test_a_code_is_found_with_and_without_its_kind(site: SiteMap) -> None:
 def test_what_is_not_there_is_told_with_what_is_near(site: SiteMap) -> None:
     with pytest.raises(SiteError, match="`A21-08` is not in the map; nearest: A21-03"):
         find_structures(site, "A21-08")
+
+
+def numbered(name: str, label: str, x: float, **numbers: int) -> Structure:
+    return replace(plate(1, x, numbers), id=name, label=label)
+
+
+@pytest.fixture
+def hall() -> SiteMap:
+    """Two rows of two sections, each with two bars."""
+    bars = tuple(
+        numbered(f"section {k} / bar {n}", "bar", 10.0 * k + n, section=k, bar=n) for k in (1, 2) for n in (1, 2)
+    )
+    tags = (replace(plate(9, 21.0, {"text": "X", "bay": "section 2"}), id="tag 9"),)
+    path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
+    rows = {
+        name: RowMap(name, FrameTable(np.zeros(0), ()), {}, path, {"bars": bars, "tags": tags}, ())
+        for name in ("A", "B")
+    }
+    return SiteMap(rows, {})
+
+
+def places() -> dict[str, dict[str, list[Structure]]]:
+    own = [numbered(f"section {k}", "section", 10.0 * k, section=k, bay=k) for k in (1, 2)]
+    own += [
+        numbered(f"section {k} / level {n}", "level", 0.0, section=k, bay=k, level=n) for k in (1, 2) for n in (0, 1)
+    ]
+    return {"A": {"bars": own}, "B": {"bars": own}}
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("section 2", ["A section 2", "B section 2"]),
+        ("Bay 2", ["A section 2", "B section 2"]),
+        ("bar 2", [f"{row} section {k} / bar 2" for row in "AB" for k in (1, 2)]),
+        ("bar 2 of section 1, row B", ["B section 1 / bar 2"]),
+        ("B: bar2 section1", ["B section 1 / bar 2"]),
+        ("level 1 of section 2 in A", ["A section 2 / level 1"]),
+        ("row A / section 02 / level 0", ["A section 2 / level 0"]),
+        ("row A, section 1 / bar 1", ["A section 1 / bar 1"]),
+    ],
+)
+def test_what_a_description_means_is_found(hall: SiteMap, name: str, found: list[str]) -> None:
+    assert [f"{hit.row} {hit.structure.id}" for hit in find_structures(hall, name, places)] == found
+
+
+def test_without_places_its_parts_are_found(hall: SiteMap) -> None:
+    found = find_structures(hall, "section 2 in row A")
+    assert [hit.structure.id for hit in found] == ["tag 9"]
+    assert len(find_structures(hall, "section 1 in row A")) == 2
+
+
+def test_places_are_not_asked_for_where_a_name_is_there(hall: SiteMap) -> None:
+    def refuse() -> dict[str, dict[str, list[Structure]]]:
+        raise AssertionError
+
+    assert len(find_structures(hall, "Section 1 / bar 2", refuse)) == 2
+
+
+@pytest.mark.parametrize("name", ["level 9", "row A", "A", "", " / ", "section", "9" * 400, "of in on"])
+def test_what_describes_nothing_is_not_found(hall: SiteMap, name: str) -> None:
+    if name == "section":
+        assert len(find_structures(hall, name, places)) == 4
+        return
+    with pytest.raises(SiteError, match="is not in the map"):
+        find_structures(hall, name, places)

@@ -30,6 +30,7 @@ from savmap.types import (
     Score,
     SiteMap,
     Structure,
+    SurveyEntry,
     Track,
     ViewPlan,
 )
@@ -137,6 +138,13 @@ def ask_openings() -> dict[str, Any]:
     return given
 
 
+def ask_places() -> dict[str, Any]:
+    plugin, given = asked("places", [THING])
+    assert plugin.places([THING]) == [THING]
+    assert asked("describe", [])[0].places([THING]) == []
+    return given
+
+
 def ask_cross_row_landmarks() -> dict[str, Any]:
     thing = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
     plugin, given = asked("cross_row_landmarks", [thing])
@@ -148,6 +156,21 @@ def ask_evaluate() -> dict[str, Any]:
     score = Score(missing={"thing": 1})
     plugin, given = asked("evaluate", score)
     assert plugin.evaluate([THING], {}) is score
+    return given
+
+
+def ask_survey_entry() -> dict[str, Any]:
+    entry = SurveyEntry({"things": [[0.0, 1.0, 2.0]]}, {"thing 1": "it is odd"})
+    plugin, given = asked("survey_entry", entry)
+    assert plugin.survey_entry([THING]) is entry
+    assert dict(asked("describe", [])[0].survey_entry([THING]).values) == {}
+    for bad in (
+        SurveyEntry({}, {"thing 2": "who?"}),
+        SurveyEntry({"x": float("nan")}),
+        SurveyEntry({"x": np.zeros(3)}),
+    ):
+        with pytest.raises(PluginFailedError, match="returned what cannot be used from `survey_entry`"):
+            asked("survey_entry", bad)[0].survey_entry([THING])
     return given
 
 
@@ -201,8 +224,10 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "relate": ask_relate,
     "doubt": ask_doubt,
     "openings": ask_openings,
+    "places": ask_places,
     "cross_row_landmarks": ask_cross_row_landmarks,
     "evaluate": ask_evaluate,
+    "survey_entry": ask_survey_entry,
     "draw": ask_draw,
     "scene": ask_scene,
     "random_section": ask_random_section,

@@ -141,6 +141,13 @@ class Lights:
         return score_lamps(structures, surveyed.ends(), surveyed.ends_x())
 
     @hookimpl
+    def survey_entry(self, structures: Sequence[Structure]) -> door.SurveyEntry:
+        """The lamps' ends."""
+        from savmap_lights.surveyed import survey_entry
+
+        return survey_entry(structures)
+
+    @hookimpl
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
     ) -> tuple[door.Drawing, ...]:

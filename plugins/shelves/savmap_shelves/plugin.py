@@ -33,7 +33,7 @@ from savmap_shelves.settings import ShelvesSettings
 if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
     from savmap.plugin.hookspecs import Exporter
-    from savmap.types import Drawing, Score, SiteMap
+    from savmap.types import Drawing, Score, SiteMap, SurveyEntry
     from savmap.types.scenes import SceneParts, Site
     from savmap.vision.view_planning import Manual, PassPreview
 
@@ -130,6 +130,12 @@ class Shelves:
         return openings(structures, self.name)
 
     @hookimpl
+    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+        from savmap_shelves.report.openings import places
+
+        return places(structures, self.name)
+
+    @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         from savmap_shelves.mapping import cross_row_landmarks
 
@@ -140,6 +146,12 @@ class Shelves:
         from savmap_shelves.report.evaluation import evaluate
 
         return evaluate(structures, survey)
+
+    @hookimpl
+    def survey_entry(self, structures: Sequence[Structure]) -> "SurveyEntry":
+        from savmap_shelves.report.surveyed import survey_entry
+
+        return survey_entry(structures)
 
     @hookimpl
     def draw(

@@ -20,6 +20,7 @@ from savmap.types import (
     RowFacts,
     Score,
     Structure,
+    SurveyEntry,
     Track,
     Trajectory,
     View,
@@ -111,6 +112,12 @@ class Signs:
         from savmap_signs.evaluation import evaluate
 
         return evaluate(structures, survey)
+
+    @hookimpl
+    def survey_entry(self, structures: Sequence[Structure]) -> SurveyEntry:
+        from savmap_signs.surveyed import survey_entry
+
+        return survey_entry(structures)
 
     @hookimpl
     def draw(

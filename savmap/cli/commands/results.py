@@ -156,14 +156,21 @@ def align(
 
 
 def find(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, or its id.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="What is written on it, such as A21-03, its id, or 'level 3 of section 2'."
+        ),
+    ],
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
 ) -> None:
-    """Say where in a map a structure is."""
+    """Say where in a map a structure is, or a place between structures."""
     from savmap.maps.map_file import read_map
     from savmap.maps.search import find_structures
+    from savmap.report.site_report import places_of
 
-    for hit in find_structures(read_map(map_file), name):
+    site_map = read_map(map_file)
+    for hit in find_structures(site_map, name, lambda: places_of(site_map)):
         say(hit)
 
 

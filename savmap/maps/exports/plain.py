@@ -30,14 +30,15 @@ COLUMNS = [
     "sigma_x_m",
     "sigma_y_m",
     "sigma_z_m",
+    "text",
 ]
 
 
 def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
     standard deviations, m. Raises OutputError."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
         for plugin, structures in row.structures.items():
@@ -45,8 +46,9 @@ def write_csv(site: SiteMap, path: Path) -> None:
             for structure in structures:
                 vertices = _vertices(in_site(structure, site.placements.get(row.name)))
                 start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
-                table.writerows((*start, *vertex) for vertex in vertices)
-    write_text(path, text.getvalue())
+                text = cell(str(structure.attributes.get("text", "")))
+                table.writerows((*start, *vertex, text) for vertex in vertices)
+    write_text(path, stream.getvalue())
 
 
 def write_ply(site: SiteMap, path: Path) -> None:
@@ -73,7 +75,7 @@ def cell(text: str) -> str:
 
 def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
     for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas(structure), strict=True):
-        yield (cell(label), *(f"{value:.4f}" for value in place), *(f"{value:.5f}" for value in sigma))
+        yield (cell(label), *(f"{value:.5f}" for value in place), *(f"{value:.5f}" for value in sigma))
 
 
 def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:

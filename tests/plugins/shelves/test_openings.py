@@ -8,9 +8,10 @@ from perfect_maps import structures_of, surveyed_row
 
 from savmap.errors import OutputError
 from savmap.maps.comparison import compare_maps
+from savmap.maps.search import find_structures
 from savmap.plugin.manager import open_plugin
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
-from savmap_shelves.report.openings import openings
+from savmap_shelves.report.openings import openings, places
 from savmap_shelves.report.slots import slots_of
 
 
@@ -90,3 +91,18 @@ def test_a_raised_beam_changes_the_openings_beside_it() -> None:
         "section 2 / opening 3": -0.08,
     }
     assert {one.what for one in changed.values()} == {"size y"}
+
+
+def test_sections_and_levels_are_places_at_the_slots_centres() -> None:
+    made = structures_of(surveyed_row())
+    found = {one.id: one for one in places(made)}
+    slots = {(slot.bay, slot.level): slot for slot in slots_of(site_of(made), "shelves")}
+    levels = {(one.attributes["bay"], one.attributes["level"]): one for one in found.values() if one.label == "level"}
+    assert set(levels) == set(slots)
+    for key, one in levels.items():
+        x, y, z = one.vertices.mean(axis=0)
+        np.testing.assert_allclose(slots[key].centre, (x, -z, y), atol=1e-12)
+    np.testing.assert_allclose(found["section 3"].vertices[[0, 3]], [[7.6, 0, 0], [11.3, 6.45, 0]])
+    assert find_structures(site_of(made), "level 2 of bay 1", lambda: {"A": {"shelves": places(made)}})[
+        0
+    ].position_m == pytest.approx([1.9, 1.8, 0])

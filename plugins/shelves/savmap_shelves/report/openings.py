@@ -1,11 +1,12 @@
-"""The clear space between a section's beams, where goods stand: what two dates of a rack are compared by beside its elements."""
+"""The clear space between a section's beams, where goods stand: what two dates of a rack are compared by beside its elements, and
+the names of sections and levels."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from savmap.types import Measured, Structure
-from savmap_shelves.report.slots import Bay, Opening, bays_of, openings_of
+from savmap_shelves.report.slots import FLOOR, Bay, Opening, bays_of, edge, openings_of
 
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 UPRIGHT_LINE = np.array([[0, 1]])
@@ -23,6 +24,36 @@ def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[S
         for opening in openings_of(bay, None, plugin)
         if opening.roof is not None
     ]
+
+
+def places(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
+    """The sections, "section 3", from the floor to their topmost beam, and their levels, "section 3 / level 2", which are the slots of the export: the
+    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A section is also called a bay."""
+    return [place for bay in bays_of(structures, None, plugin) for place in (_section(bay), *_levels(bay, plugin))]
+
+
+def _section(bay: Bay) -> Structure:
+    return _between(f"section {bay.number}", "section", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
+
+
+def _levels(bay: Bay, plugin: str) -> Iterator[Structure]:
+    for opening in openings_of(bay, None, plugin):
+        name = f"section {bay.number} / level {opening.level}"
+        yield _between(name, "level", bay, opening.floor, opening.roof or opening.floor, {"level": opening.level})
+
+
+def _between(name: str, label: str, bay: Bay, low: Measured, high: Measured, more: Mapping[str, int]) -> Structure:
+    """The rectangle of a bay between two heights."""
+    corners = [(x, y, bay.face) for y in (low, high) for x in bay.extent]
+    return Structure(
+        name,
+        label,
+        np.array([[one.value for one in corner] for corner in corners]),
+        np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
+        tuple(f"{name} / {corner}" for corner in CORNERS),
+        RING,
+        {"section": bay.number, "bay": bay.number, **more},
+    )
 
 
 def _structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:

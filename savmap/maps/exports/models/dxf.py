@@ -190,6 +190,8 @@ class _Drawing:
         spread = sigmas(part.structure)
         data: list[tuple[int, str | int | float]] = [(1000, _data(text)) for text in texts]
         data += [(1070, int(part.assumed)), (1040, float(spread.max()) if spread.size else 0.0)]
+        if text := str(part.structure.attributes.get("text", "")):
+            data.append((1000, _data(text)))
         entity.set_xdata(APP, data)
 
 

@@ -1,6 +1,6 @@
 """A map as binary glTF 2.0 (https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): metres, y up.
 
-A node for each row stands at the row's origin, with a node for each structure below it. What is known of a structure beside its shape is in
+A node for each row stands at the row's origin, with a node for each structure below it, which stands in the structure's middle. What is known of a structure beside its shape is in
 its node's `extras`.
 """
 
@@ -43,8 +43,9 @@ def glb_of(site: SiteMap) -> bytes:
         tops.append(len(nodes))
         nodes.append(_row_node(site, row, len(nodes)))
         for part in row.parts:
-            mesh = _mesh(part, row.origin, list(palette).index(part.structure.label), binary)
-            nodes.append(_part_node(part) | ({"mesh": len(meshes)} if mesh else {}))
+            place = _middle(part, row.origin) - row.origin
+            mesh = _mesh(part, row.origin + place, list(palette).index(part.structure.label), binary)
+            nodes.append(_part_node(part, place) | ({"mesh": len(meshes)} if mesh else {}))
             meshes += [mesh] if mesh else []
     content = {
         "asset": {"version": "2.0", "generator": maker()},
@@ -121,8 +122,17 @@ class _Binary:
         return len(self.accessors) - 1
 
 
+def _middle(part: Part, origin: Floats) -> Floats:
+    """The middle (3,) m of the box around a structure's shape, in the world; its row's origin for one without."""
+    points = part.structure.vertices if part.body is None else part.body.points
+    if not len(points):
+        return origin
+    middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2
+    return middle
+
+
 def _mesh(part: Part, origin: Floats, material: int, binary: _Binary) -> Entry | None:
-    """A structure's shape around its row's origin: its body, or its edges, or its vertices; None where it has none of them."""
+    """A structure's shape around its origin (3,) m in the world: its body, or its edges, or its vertices; None where it has none of them."""
     thing = part.structure
     if part.body is not None:
         points, normals, triangles = part.body.flat_faces()
@@ -146,7 +156,8 @@ def _row_node(site: SiteMap, row: RowParts, number: int) -> Entry:
     return _filled({"name": row.name, "translation": place, "children": children, "extras": extras})
 
 
-def _part_node(part: Part) -> Entry:
+def _part_node(part: Part, place: Floats) -> Entry:
+    """A structure's node at its place (3,) m from its row's origin."""
     thing = part.structure
     spread = sigmas(thing) @ np.abs(SCENE_FROM_WORLD.T)
     vertices = [
@@ -166,7 +177,8 @@ def _part_node(part: Part) -> Entry:
         "doubts": list(part.doubts),
     }
     assumed = {} if part.body is None else {"depth_assumed": part.assumed}
-    return {"name": thing.id, "extras": _filled(extras) | assumed}
+    stands = {"translation": [float(value) for value in in_scene(place)]}
+    return {"name": thing.id, **stands, "extras": _filled(extras) | assumed}
 
 
 def _material(label: str, colour: str) -> Entry:

@@ -28,8 +28,8 @@ SPACING_M = 3.0
 """The longest way from node to node: about a section."""
 REACH_M = 5.0
 """How far the path before a section may be from it."""
-NEAR_M = 0.05
-"""A node so near to where a vehicle would stop is where it stops."""
+NEAR_M = 0.25
+"""A node so near to where a vehicle would stop is where it stops, such as for the section across the aisle: half of what makes two paths one."""
 DECIMALS = 4
 
 
@@ -57,10 +57,11 @@ def route_graph(site: SiteMap) -> RouteGraph:
             for part in _one_way(piece):
                 paths.add(part, drive.row)
     stops = {station.name: (station, stop) for station in stations(site) if (stop := paths.stop(station)) is not None}
+    lines = [_spaced(line) for line in paths.lines]
     numbers: dict[tuple[float, float], int] = {}
     rows: list[str] = []
     edges: list[tuple[int, int]] = []
-    for row, line in zip(paths.rows, paths.lines, strict=True):
+    for row, line in zip(paths.rows, lines, strict=True):
         along = []
         for x, y in np.round(line, DECIMALS).tolist():
             if (x, y) not in numbers:
@@ -95,7 +96,7 @@ class _Paths:
             before = [self._join(piece[first - 1])] if first else []
             after = [self._join(piece[last + 1])] if last + 1 < len(piece) else []
             found.append(np.array([*before, *_simplified(stretch), *after]))
-        self.lines += [_spaced(line) for line in found]
+        self.lines += found
         self.rows += [row] * len(found)
 
     def stop(self, station: Station) -> Floats | None:

@@ -50,6 +50,19 @@ def test_positions_are_those_of_the_map(tmp_path: Path) -> None:
     assert distance_m(in_world(positions), wanted["B", "tube"]) < NEAREST_M
 
 
+def test_each_object_has_its_origin_in_its_middle(tmp_path: Path) -> None:
+    path = savmap.export(made_up_site(), tmp_path / "map.glb")
+    content = content_of(path.read_bytes())
+    for node in content["nodes"]:
+        if "mesh" in node:
+            shape = content["accessors"][content["meshes"][node["mesh"]]["primitives"][0]["attributes"]["POSITION"]]
+            assert np.array(shape["min"]) == pytest.approx(-np.array(shape["max"]), abs=1e-6)
+    rows = {node["name"]: node for node in content["nodes"] if "children" in node}
+    spot = next(content["nodes"][k] for k in rows["B"]["children"] if content["nodes"][k]["name"] == "spot")
+    place = np.array(rows["B"]["translation"]) + spot["translation"]
+    assert in_world(place[None]) == pytest.approx(expected(made_up_site())["B", "spot"], abs=NEAREST_M)
+
+
 def test_bodies_are_closed_and_look_outwards(tmp_path: Path) -> None:
     scene = trimesh.load(savmap.export(SiteMap({"A": row("A", things())}, {}), tmp_path / "map.glb"))
     volumes = {}

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from made_up_hall import HOSTILE, hall, row, straight, world
+from made_up_hall import HOSTILE, hall, row, section, straight, world
 
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.hull import hull
@@ -60,6 +60,22 @@ def test_a_path_across_another_one_joins_it_in_its_middle() -> None:
     assert components(graph) == 1
     degrees = np.bincount(np.array(graph.edges).ravel())
     assert degrees.max() == 4
+
+
+@pytest.mark.parametrize("shift_m", [0.0, 0.05, 0.07, 0.2, 0.3, 1.0])
+def test_no_two_nodes_are_almost_the_same(shift_m: float) -> None:
+    own = tuple(section(k, 2.5 * k - 0.63) for k in range(1, 5))
+    other = tuple(section(k, 2.5 * k - 0.63 + shift_m) for k in range(1, 4))
+    site = hall()
+    rows = {
+        name: replace(made, structures={"things": parts})
+        for (name, made), parts in zip(site.rows.items(), (own, other), strict=True)
+    }
+    graph = route_graph(replace(site, rows=rows))
+    ways = [np.linalg.norm(graph.nodes[a] - graph.nodes[b]) for a, b in graph.edges]
+    assert len(graph.stops) == 7
+    assert min(ways) >= 0.25
+    assert max(ways) <= 3.0 + 1e-3
 
 
 def test_a_bend_is_followed() -> None:

@@ -1,0 +1,252 @@
+"""Points of a survey as total stations and spreadsheets write them: a table with a point a line, whose columns stand in any order.
+
+Comma, semicolon or tab part the columns, names may hold the unit ("x_m", "Easting [mm]"), and decimals may follow a comma. What has the same
+row and the same id is one element; without a column of ids, its code is both ("upright 3": the label "upright").
+"""
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from savmap.errors import OutputError
+from savmap.files.atomic import reason
+from savmap.files.texts import bounded_bytes
+from savmap.maps.imports.records import FRAMES, MOST_POINTS, UNITS, Found, Frame, ImportOptions, element, listed
+from savmap.types import Floats
+
+ALIASES: Mapping[str, tuple[str, ...]] = {
+    "row": ("row", "aisle"),
+    "frame": ("frame",),
+    "id": ("id", "structure", "element", "object", "name"),
+    "label": ("label", "class", "code", "layer", "type", "feature", "description"),
+    "vertex": ("vertex", "corner", "point", "point id", "pointid", "pt", "nr", "no", "number"),
+    "text": ("text",),
+}
+"""Names of columns, in lower case, the first that is there being taken."""
+HEIGHTS = ("height", "elevation", "elev", "up", "h")
+IN_WORLD: Mapping[str, tuple[str, ...]] = {
+    "x": ("x", "east", "easting", "e"),
+    "y": ("y", "north", "northing", "n"),
+    "z": ("z", *HEIGHTS),
+}
+IN_ROW: Mapping[str, tuple[str, ...]] = {"x": ("x", "along"), "y": ("y", *HEIGHTS), "z": ("z", "depth", "out")}
+"""The same of the axes, in the world's frame, whose z points up, and in those of rows and sites, whose y does."""
+AXES = ("x", "y", "z")
+WITH_UNIT = re.compile(r"(?P<name>.*?)(?:[\s_/,-]+(?:in\s+)?|\s*(?=[\[(]))[\[(]?(?P<unit>[a-z]{1,2})[\])]?", re.DOTALL)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
+GROUPING = re.compile("[ '\u00a0\u2009\u202f\u2019]")
+NUMBERED = re.compile(r"^(?P<label>.*?)[\s_.#-]*\d+$", re.DOTALL)
+DELIMITERS = ";\t,"
+FORMULA = re.compile(r"^'(?=\s*[=+\-@])")
+"""What spreadsheets, and savmap's own tables, put before a text that begins like a formula."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table: its number in the file and its cells."""
+
+    number: int
+    cells: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where things stand: places of columns by their meaning, and metres of a unit of each axis."""
+
+    places: Mapping[str, int]
+    metres: Mapping[str, float]
+
+    def text(self, line: Line, meaning: str) -> str:
+        """A cell without what protects it; nothing where the column, or the cell, is not there."""
+        place = self.places.get(meaning, -1)
+        return FORMULA.sub("", line.cells[place].strip()) if 0 <= place < len(line.cells) else ""
+
+
+def read_table(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[Found]:
+    """The elements of a table. `labels`: those of the plugins, by themselves in lower case. Raises OutputError."""
+    lines = _lines(path)
+    if not lines:
+        raise OutputError(f"{path}: holds no table")
+    columns, begins = _columns(path, lines[0].cells, options)
+    points = [line for line in lines[begins:] if any(columns.text(line, axis) for axis in AXES)]
+    if not points:
+        raise OutputError(f"{path}: holds no points")
+    places = _places(path, points, columns)
+    return _elements(path, points, places, columns, options, labels)
+
+
+def _lines(path: Path) -> list[Line]:
+    """The lines that hold anything, of which notes (#) do not. Raises OutputError."""
+    text = _text(path)
+    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    delimiter = max(DELIMITERS, key=lambda letter: (first.count(letter), -DELIMITERS.index(letter)))
+    table = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    lines = list[Line]()
+    try:
+        for cells in table:
+            if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
+                lines.append(Line(table.line_num, cells))
+            if len(lines) > MOST_POINTS:
+                raise OutputError(f"{path}: holds more than {MOST_POINTS} lines, which is the most that is read")
+    except csv.Error as error:
+        raise OutputError(f"{path}: is not a table (line {table.line_num}: {error})") from error
+    return lines
+
+
+def _text(path: Path) -> str:
+    """The file's text: UTF-8, UTF-16 with its mark, or what older spreadsheets write (Windows 1252)."""
+    try:
+        content = bounded_bytes(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+    except ValueError as error:
+        raise OutputError(f"{path}: {error}") from error
+    codings = ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252")
+    for coding in codings:
+        try:
+            return content.decode(coding).replace("\0", "\ufffd")
+        except UnicodeDecodeError:
+            continue
+    raise OutputError(f"{path}: is not a text file")
+
+
+def _columns(path: Path, header: Sequence[str], options: ImportOptions) -> tuple[Columns, int]:
+    """What the table's first line says of its columns, and with which line its points begin: the first where that is no header."""
+    known = [_named(cell) for cell in header]
+    places = dict[str, int]()
+    for meaning, aliases in {**ALIASES, **(IN_WORLD if options.usual_frame == "world" else IN_ROW)}.items():
+        if meaning in options.columns:
+            places[meaning] = _chosen(path, meaning, options.columns[meaning], header)
+        else:
+            found = [place for alias in aliases for place, (name, _) in enumerate(known) if name == alias]
+            places |= {meaning: found[0]} if found else {}
+    needed = AXES[:2] if options.usual_frame == "row" and "frame" not in places else AXES
+    lacking = [axis for axis in needed if axis not in places]
+    if lacking:
+        world = IN_WORLD["x"][1:] + IN_WORLD["y"][1:]
+        hint = "; places of the world need --map or --place" if any(name in world for name, _ in known) else ""
+        raise OutputError(
+            f"{path}: no column is {lacking[0]}; there are {listed(header)}: say --columns {lacking[0]}=NAME, or its number{hint}"
+        )
+    own = {axis: known[places[axis]][1] for axis in AXES if axis in places}
+    unit = options.unit or next((unit for unit in own.values() if unit), "m")
+    metres = {axis: UNITS[options.unit or own.get(axis) or unit] for axis in AXES}
+    headless = all(_is_number(header[places[axis]]) for axis in needed)
+    return Columns(places, metres), 0 if headless else 1
+
+
+def _named(cell: str) -> tuple[str, str]:
+    """A column's name in lower case, and its unit where it says one."""
+    name = " ".join(cell.strip().lower().replace("\ufeff", "").split())[:200]
+    found = WITH_UNIT.fullmatch(name)
+    if found and found["unit"] in UNITS:
+        return found["name"].strip(), found["unit"]
+    return name, ""
+
+
+def _chosen(path: Path, meaning: str, wanted: str, header: Sequence[str]) -> int:
+    """The place of the column that the options name, by its name, or by its number."""
+    names = [cell.strip().casefold() for cell in header]
+    if wanted.strip().casefold() in names:
+        return names.index(wanted.strip().casefold())
+    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 0 < int(wanted) <= len(header):
+        return int(wanted) - 1
+    raise OutputError(f"{path}: has no column {listed([wanted])} (--columns {meaning}); there are {listed(header)}")
+
+
+def _places(path: Path, points: Sequence[Line], columns: Columns) -> Floats:
+    """Positions (n, 3) m of the lines' points; along an axis that the table does not have, 0."""
+    cells = [[GROUPING.sub("", columns.text(line, axis)) for axis in AXES] for line in points]
+    comma = _comma_is_decimal(path, [cell for line in cells for cell in line])
+    values = np.zeros((len(points), 3))
+    for k, (line, own) in enumerate(zip(points, cells, strict=True)):
+        for column, axis in enumerate(AXES):
+            if axis in columns.places:
+                values[k, column] = _number(path, line, axis, own[column], comma) * columns.metres[axis]
+    return values
+
+
+def _comma_is_decimal(path: Path, cells: Sequence[str]) -> bool:
+    """Whether decimals follow a comma: in a number with both signs, the last one is that of decimals; else there is but one."""
+    both = next((cell for cell in cells if "." in cell and "," in cell), None)
+    if both is not None:
+        return both.rindex(",") > both.rindex(".")
+    commas = any("," in cell for cell in cells)
+    if commas and any("." in cell for cell in cells):
+        raise OutputError(f"{path}: decimals follow a comma in some numbers, and a point in others")
+    return commas
+
+
+def _number(path: Path, line: Line, axis: str, cell: str, comma: bool) -> float:
+    plain = cell.replace(".", "").replace(",", ".") if comma else cell.replace(",", "")
+    if not NUMBER.fullmatch(plain) or not np.isfinite(value := float(plain)):
+        raise OutputError(f"{path}: line {line.number}: {axis} is {listed([cell]) if cell else 'empty'}, not a number")
+    return value
+
+
+def _is_number(cell: str) -> bool:
+    return bool(NUMBER.fullmatch(GROUPING.sub("", cell.strip()).replace(",", ".")))
+
+
+def _elements(
+    path: Path,
+    points: Sequence[Line],
+    places: Floats,
+    columns: Columns,
+    options: ImportOptions,
+    labels: Mapping[str, str],
+) -> list[Found]:
+    """The points of each row and id, or of each code, in one element."""
+    if not {"id", "label"} & columns.places.keys():
+        raise OutputError(f"{path}: no column says what each point is of: name it with --columns id=NAME or label=NAME")
+    groups = dict[tuple[str, str], list[int]]()
+    for k, line in enumerate(points):
+        groups.setdefault((columns.text(line, "row"), _key(line, columns)), []).append(k)
+    return [
+        Found(
+            row,
+            _frame(path, points[own[0]], columns, options),
+            element(
+                name,
+                _label(points[own[0]], columns, name, options, labels),
+                places[own],
+                [columns.text(points[k], "vertex") for k in own],
+                {"text": text} if (text := columns.text(points[own[0]], "text")) else {},
+            ),
+        )
+        for (row, name), own in groups.items()
+    ]
+
+
+def _key(line: Line, columns: Columns) -> str:
+    """What all points of an element have in common: its id; else a code with a number; a point with a plain code is an element by itself."""
+    name, code = columns.text(line, "id"), columns.text(line, "label")
+    if name or NUMBERED.fullmatch(code):
+        return name or code
+    return f"{code or 'point'} of line {line.number}"
+
+
+def _label(line: Line, columns: Columns, name: str, options: ImportOptions, labels: Mapping[str, str]) -> str:
+    """The label of an element: what the options call its code, or its code without the number; without a code, its id's."""
+    code = columns.text(line, "label") or name
+    numbered = NUMBERED.fullmatch(code)
+    bare = numbered["label"] if numbered else code
+    given = {theirs.casefold(): ours for theirs, ours in options.labels.items()}
+    return next(
+        (given[text.casefold()] for text in (code, bare) if text.casefold() in given), labels.get(code.casefold(), bare)
+    )
+
+
+def _frame(path: Path, line: Line, columns: Columns, options: ImportOptions) -> Frame:
+    """The frame that the options, or else the line, say."""
+    said = columns.text(line, "frame").casefold()
+    if options.frame is not None or not said:
+        return options.usual_frame
+    if said not in FRAMES:
+        raise OutputError(f"{path}: line {line.number}: frame is {listed([said])}, not one of {', '.join(FRAMES)}")
+    return FRAMES[said]

@@ -1,0 +1,130 @@
+"""Drawings (DXF): what lies on layers, blocks inserted, in any unit."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from savmap.errors import OutputError
+from savmap.maps.imports import drawing, elements_of
+from savmap.maps.imports.records import Found, ImportOptions
+
+ezdxf = pytest.importorskip("ezdxf")
+LABELS = {"post": "post", "bar": "bar", "tube": "tube"}
+MM = 4
+
+
+def read(folder: Path, document: Any, options: ImportOptions | None = None) -> list[Found]:
+    document.saveas(folder / "plan.dxf")
+    return elements_of(folder / "plan.dxf", options or ImportOptions(), LABELS)
+
+
+def corners(one: Found) -> list[list[float]]:
+    return sorted(np.round(one.structure.vertices, 6).tolist())
+
+
+def test_each_closed_line_point_and_mesh_is_an_element(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=MM)
+    space = document.modelspace()
+    space.add_lwpolyline([(0, 0), (100, 0), (100, 5000), (0, 5000)], close=True, dxfattribs={"layer": "POST"})
+    space.add_point((2000, 8000, 1200), dxfattribs={"layer": "tube"})
+    space.add_polyline3d([(0, 0, 0), (1, 0, 0), (1, 1, 1)], close=True, dxfattribs={"layer": "bar"})
+    with space.add_mesh(dxfattribs={"layer": "bar"}).edit_data() as mesh:
+        mesh.vertices = [(0, 0, 0), (1000, 0, 0), (0, 1000, 0)]
+        mesh.faces = [(0, 1, 2)]
+    space.add_circle((5000, 0, 100), 200, dxfattribs={"layer": "tube"})
+    space.add_text("post", dxfattribs={"layer": "post"})
+    space.add_line((0, 0), (9, 9), dxfattribs={"layer": "walls"})
+    found = read(tmp_path, document)
+    assert [one.structure.label for one in found] == ["post", "tube", "bar", "bar", "tube"]
+    assert corners(found[0]) == [[0, 0, 0], [0, 5, 0], [0.1, 0, 0], [0.1, 5, 0]]
+    assert corners(found[1]) == [[2, 8, 1.2]]
+    assert found[4].structure.vertices.mean(axis=0) == pytest.approx([5, 0, 0.1])
+
+
+def test_lines_that_touch_are_one_element(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=6)
+    for x in (0.0005, 2.7005):
+        ring = [(x, 0), (x + 0.1, 0), (x + 0.1, 5), (x, 5)]
+        for k, start in enumerate(ring):
+            end = (ring[(k + 1) % 4][0] + 1e-9, ring[(k + 1) % 4][1] - 1e-9)
+            document.modelspace().add_line(start, end, dxfattribs={"layer": "post"})
+    found = read(tmp_path, document)
+    assert [corners(one)[0][0] for one in found] == pytest.approx([0.0005, 2.7005])
+    assert {len(one.structure.vertices) for one in found} == {4}
+
+
+def test_blocks_are_inserted_turned_and_scaled(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=6)
+    inner = document.blocks.new("edge")
+    inner.add_line((0, 0), (0, 5))
+    frame = document.blocks.new("frame")
+    frame.add_blockref("edge", (0, 0))
+    frame.add_blockref("edge", (0.1, 0))
+    frame.add_text("F")
+    space = document.modelspace()
+    space.add_blockref("frame", (3, 0), dxfattribs={"layer": "post"})
+    space.add_blockref("frame", (0, 1), dxfattribs={"layer": "post", "rotation": 90, "xscale": 2})
+    grid = space.add_blockref("frame", (10, 0), dxfattribs={"layer": "post"})
+    grid.grid(size=(1, 3), spacing=(0, 2.7))
+    found = read(tmp_path, document)
+    assert len(found) == 5
+    assert corners(found[0]) == [[3, 0, 0], [3, 5, 0], [3.1, 0, 0], [3.1, 5, 0]]
+    assert corners(found[1]) == [[-5, 1, 0], [-5, 1.2, 0], [0, 1, 0], [0, 1.2, 0]]
+    assert [corners(one)[0][0] for one in found[2:]] == pytest.approx([10, 12.7, 15.4])
+
+
+def test_layers_get_labels_and_units_are_asked_for(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=0)
+    document.modelspace().add_point((1, 2, 3), dxfattribs={"layer": "LICHT"})
+    with pytest.raises(OutputError, match=r"\$INSUNITS is 0\): say it, such as --unit mm"):
+        read(tmp_path, document)
+    with pytest.raises(OutputError, match=r"no layer is called like a label .*there are LICHT: say --layer NAME=LABEL"):
+        read(tmp_path, document, ImportOptions(unit="cm"))
+    (one,) = read(tmp_path, document, ImportOptions(labels={"licht": "tube"}, unit="cm"))
+    assert (one.structure.label, corners(one)) == ("tube", [[0.01, 0.02, 0.03]])
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"0\nSECTION\n", b"\x00\xff" * 50, b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nx\n"]
+)
+def test_what_is_no_drawing_is_one_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plan.dxf").write_bytes(content)
+    with pytest.raises(OutputError, match=r"plan\.dxf: ") as caught:
+        elements_of(tmp_path / "plan.dxf", ImportOptions(unit="m"), LABELS)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_drawing_within_bounds_alone_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    document = ezdxf.new("R2010", units=6)
+    before = "base"
+    document.blocks.new(before).add_line((0, 0), (0, 5))
+    for depth in range(6):
+        block = document.blocks.new(f"b{depth}")
+        for k in range(10):
+            block.add_blockref(before, (k, 0))
+        before = f"b{depth}"
+    document.modelspace().add_blockref(before, (0, 0), dxfattribs={"layer": "post"})
+    monkeypatch.setattr(drawing, "MOST_ENTITIES", 2000)
+    with pytest.raises(OutputError, match="more than 2000 entities"):
+        read(tmp_path, document)
+    monkeypatch.setattr(drawing, "MOST_MB", 0.001)
+    with pytest.raises(OutputError, match="is larger than"):
+        read(tmp_path, document)
+
+
+def test_a_block_in_itself_ends(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=6)
+    document.blocks.new("loop").add_blockref("loop", (1, 0))
+    document.modelspace().add_blockref("loop", (0, 0), dxfattribs={"layer": "post"})
+    document.saveas(tmp_path / "plan.dxf")
+    with pytest.raises(OutputError):
+        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+
+
+def test_a_corner_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=6)
+    document.modelspace().add_point((1e300, 0, 0), dxfattribs={"layer": "post"})
+    with pytest.raises(OutputError, match="not finite, or too far"):
+        read(tmp_path, document)
