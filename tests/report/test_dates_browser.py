@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 from made_up_dates import dated_site, grey_photo
+from made_up_map import EVIL, thing
 from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.comparison import compare_maps
@@ -151,6 +152,22 @@ def test_other_rows_and_missing_ones_are_named(opened: Open) -> None:
     assert "Row C is missing" in said
     page.locator("#changes button", has_text="row B").click()
     assert page.evaluate("savmapViewer.row.name") == "B"
+
+
+def test_hostile_texts_of_the_old_date_are_shown_as_text(opened: Open) -> None:
+    gone = thing(EVIL, EVIL, (1.0, 4.3), (2.0, 4.4), text=EVIL)
+    old = SiteMap({"A": replace(OLD.rows["A"], structures={**OLD.rows["A"].structures, "others": (gone,)})}, {})
+    page = opened(
+        both(old, SiteMap({"A": replace(NEW.rows["A"], structures={**NEW.rows["A"].structures, "others": ()})}, {}))
+    )
+    page.locator("#changes button", has_text="onerror").click()
+    assert selected(page) == EVIL
+    assert page.locator("img").count() == 1  # the one that is printed
+
+
+def test_two_dates_fit_a_phone(opened: Open) -> None:
+    page = opened(both(), width=390)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_one_date_shows_nothing_of_two(opened: Open) -> None:

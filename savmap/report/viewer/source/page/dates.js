@@ -1,18 +1,10 @@
-// Two dates of one place: which of them are shown, the list of what changed, and the divider between their orthophotos.
+// Two dates of one place: which of them are shown, and the divider between their orthophotos.
+import { showChanges } from "./changes.js";
 import { byId, element, fill } from "./dom.js";
-import { link } from "./panels.js";
-import { amountOf } from "./figures.js";
-import { bothOf, counts, showDates, visibleIn } from "../site/dates.js";
-import { fixed } from "../site/measure.js";
-import { colourOfState } from "../scene/colours.js";
+import { showDates, visibleIn } from "../site/dates.js";
 import { text } from "../text.js";
 
 const STEP = 0.05;
-
-function motionText({ shift_m: shift, sigma_m: sigma, heading_deg: heading, pairs }) {
-  const moved = ["x", "y", "z"].map((axis, k) => `${axis} ${fixed(shift[k])} \u00b1 ${fixed(sigma[k])} m`);
-  return text.motion(pairs, moved.join(", "), fixed(heading, 2));
-}
 
 export class Dates {
   constructor(viewer) {
@@ -75,67 +67,13 @@ export class Dates {
   // After another row, view or choice of dates.
   refresh() {
     if (!this.on) return;
-    this.list();
+    showChanges(this.viewer);
     this.place(this.share);
     const drawn = `${this.parted} ${this.viewer.site.showing}`;
     byId("swipe").hidden = !this.parted;
     if (drawn !== this.drawn) this.viewer.recolour();
     this.drawn = drawn;
   }
-
-  // ---- the list
-
-  list() {
-    const { row, site } = this.viewer;
-    const lines = [...row.changes.map((one) => this.elementLine(one)), ...this.openingLines(row)];
-    byId("change-count").textContent = lines.length ? String(lines.length) : "";
-    const hint = (said) => element("p", { className: "hint" }, said);
-    const { motion } = row.before ?? {};
-    fill(
-      byId("changes"),
-      lines.length ? element("ul", { className: "list changes" }, ...lines) : hint(this.noneOf(row)),
-      motion?.alternatives_m.length ? hint(text.ambiguous(motion.alternatives_m.map((one) => `${fixed(one, 2)} m`).join(", "))) : null,
-      motion ? hint(motionText(motion)) : null,
-      ...site.dates.missing.map((name) => hint(text.rowMissing(name))),
-      ...this.otherRows().map((line) => element("p", { className: "hint" }, line)),
-    );
-  }
-
-  noneOf(row) {
-    if (row.before) return text.noChanges;
-    return this.viewer.site.dates.new.includes(row.name) ? text.rowNew : text.rowNotCompared;
-  }
-
-  elementLine(one) {
-    const told = one.tested?.filter((figure) => figure.significant).map(amountOf) ?? [];
-    const name = one.written[0] ?? one.id;
-    return this.line(one.state, name, told, () => {
-      this.viewer.selection.open(bothOf(one), one.key, name);
-    });
-  }
-
-  openingLines(row) {
-    const { selection } = this.viewer;
-    return (row.before?.openings ?? []).map(({ state, name, place, tested }) => {
-      const told = tested.filter((figure) => figure.significant).map(amountOf);
-      return this.line(state, name, told, () => selection.flyTo(row, place));
-    });
-  }
-
-  line(state, name, told, act) {
-    const line = element("li", {}, link(`${name}: ${[text.states[state], ...told].join(", ")}`, act));
-    line.style.borderColor = colourOfState(state);
-    return line;
-  }
-
-  otherRows() {
-    const { site, row } = this.viewer;
-    return site.rows
-      .filter((other) => other !== row && counts(other))
-      .map((other) => link(text.changesOf(other.name, counts(other)), () => this.viewer.goToRow(other)));
-  }
-
-  // ---- the divider
 
   buildDivider() {
     const divider = byId("swipe");

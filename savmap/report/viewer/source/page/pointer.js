@@ -64,8 +64,8 @@ export class Pointer {
       return;
     }
     const found = pick(rows, camera, width, height, ...at, coarse ? 16 : 8);
-    const place =
-      model.shown.path && camera === view.camera && view.kind !== "face" && pickPlace(rows, camera, width, height, ...at);
+    const onPath = model.shown.path && camera === view.camera && view.kind !== "face",
+      place = onPath && pickPlace(rows, camera, width, height, ...at);
     // a path that runs through an element yields to the element's edge
     const onEdge = () => pick([found.row], camera, width, height, ...at, 3, false) !== null;
     if (place && !(found && onEdge())) return lookout.goTo(place);

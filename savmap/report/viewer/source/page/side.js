@@ -36,7 +36,7 @@ export class Side {
   buildBoxes() {
     const { site } = this.viewer;
     const has = {
-      photos: site.rows.some((row) => row.face),
+      photos: site.rows.some((row) => row.face ?? row.before?.face),
       solids: site.elements.some((one) => one.solid),
     };
     const boxes = Object.entries(text.showing)

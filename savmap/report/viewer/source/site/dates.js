@@ -1,6 +1,6 @@
 // Two dates of one place: each element's state, the figures that were tested, and which elements are shown of which dates.
 const UNIT_M = 1e-5;
-export const CHANGES = ["missing", "new", "moved", "changed"];
+const CHANGES = ["missing", "new", "moved", "changed"];
 export const STATES = ["same", ...CHANGES, "not seen"];
 
 // Of both dates, an old element that is as it was lies under its new self.
@@ -40,5 +40,5 @@ function figureOf([what, a, b, told]) {
 // An element on both dates, where both have it.
 export const bothOf = (one) => one.pair ?? [one];
 
-// Whether something may be called new or missing, moved or changed: the comparison found how the row's frames lie.
+// How many of a row's elements and openings are not as they were.
 export const counts = (row) => row.changes.length + (row.before?.openings.length ?? 0);

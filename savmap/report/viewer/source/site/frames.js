@@ -33,7 +33,7 @@ export function placeIn({ alignment }, row, frame, point) {
 }
 
 // As `elements` of savmap/maps/exports/frames.py: the covariances of the row's place and of the alignment are added.
-export function covarianceIn({ alignment }, row, frame, vertex) {
+function covarianceIn({ alignment }, row, frame, vertex) {
   if (frame === "row") return ownCovariance(row, vertex);
   const onSite = inSite(row, vertex);
   if (frame === "site") return onSite;
