@@ -43,6 +43,11 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "model.yaml"], 6, "no such model file"),
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
         (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
+        (["import", "none.csv"], 9, "none.csv: cannot be read"),
+        (["import", "broken.yaml"], 9, "broken.yaml: surveys are read from .csv"),
+        (["import", "points.csv", "-o", "out.json"], 9, "points.csv: line 2: x is far, not a number"),
+        (["import", "points.csv", "--unit", "mile"], 3, "--unit mile: units are m, dm"),
+        (["import", "points.csv", "--align", "broken.yaml"], 3, "give --map, too"),
         (["report", "none.json"], 9, "none.json: cannot be read"),
         (["view", "none.json", "--no-open"], 9, "none.json: cannot be read"),
         (["simulate", "none.yaml"], 3, "none.yaml: cannot be read as a scene file: no such file"),
@@ -71,6 +76,7 @@ def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[ob
     survey = f"{height}survey: none.json\nrows: {{A: {{passes: [{{video: {video}}}]}}}}\n"
     (tmp_path / "survey.yaml").write_text(survey, encoding="utf-8")
     (tmp_path / "broken.yaml").write_text("rows: [\n}", encoding="utf-8")
+    (tmp_path / "points.csv").write_text("id,label,x,y\np,upright,far,1\n", encoding="utf-8")
     before = set(tmp_path.iterdir())
     result = savmap(*arguments, folder=tmp_path)
     words = words if words != "late.yaml" else "aisle-dev.mp4"

@@ -18,13 +18,11 @@ import numpy as np
 
 from savmap.errors import OutputError, format_error
 from savmap.files.atomic import reason
-from savmap.files.texts import bounded_bytes
+from savmap.files.texts import MOST_MB, bounded_bytes
 from savmap.maps.exports import require_library
 from savmap.maps.imports.records import MOST_POINTS, UNITS, Found, ImportOptions, element, listed
 from savmap.types import Floats
 
-MOST_MB = 32
-"""Of a drawing: reading takes some twenty times as much memory."""
 MOST_ENTITIES, DEEPEST_BLOCK = 200_000, 12
 """Of a drawing whose blocks are inserted, each as often as it is; and of blocks within blocks."""
 INSERTED = 10

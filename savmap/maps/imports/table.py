@@ -28,10 +28,10 @@ ALIASES: Mapping[str, tuple[str, ...]] = {
     "text": ("text",),
 }
 """Names of columns, in lower case, the first that is there being taken."""
-HEIGHTS = ("height", "elevation", "elev", "up", "h")
+HEIGHTS = ("height", "elevation", "elev", "up", "h", "höhe", "hoehe")
 IN_WORLD: Mapping[str, tuple[str, ...]] = {
-    "x": ("x", "east", "easting", "e"),
-    "y": ("y", "north", "northing", "n"),
+    "x": ("x", "east", "easting", "e", "rechtswert"),
+    "y": ("y", "north", "northing", "n", "hochwert"),
     "z": ("z", *HEIGHTS),
 }
 IN_ROW: Mapping[str, tuple[str, ...]] = {"x": ("x", "along"), "y": ("y", *HEIGHTS), "z": ("z", "depth", "out")}

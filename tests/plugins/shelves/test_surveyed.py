@@ -176,3 +176,12 @@ def test_a_beam_beside_all_uprights_is_left_out() -> None:
     entry = survey_entry([one for one in own if one.id not in ("upright 1", "upright 2")])
     assert len(entry.values["uprights"]) == 3
     assert set(entry.left_out) == {one.id for one in own if one.label == "beam" and one.id[8] in "12"}
+
+
+def test_a_survey_of_lamps_alone_scores_lamps_alone(site: SiteMap, tmp_path: Path) -> None:
+    (tmp_path / "lamps.csv").write_text("id,label,x,y,z\n1,light,3,8.2,1.2\n1,light,4.25,8.21,1.2\n")
+    alone = replace(site, rows={"A": site.rows["A"]})
+    survey = savmap.import_survey(tmp_path / "lamps.csv", row="A").survey
+    score = savmap.evaluate(alone, survey).rows["A"]
+    assert (score.errors, score.missing) == ({}, {})
+    assert score.apart["lights"].distances_m == pytest.approx([0.0], abs=1e-6)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from savmap.types import Drawing, Floats, Role, Structure
-from savmap_shelves.report.evaluation import SurveyedRow, read_row
+from savmap_shelves.report.evaluation import SurveyedRow, holds_shelves, read_row
 
 OFF_M = 0.05
 FACE, PLAN = "uprights and beams", "uprights"
@@ -19,7 +19,7 @@ def draw(
 
     Those whose deviation (m, by id) is more than `OFF_M` are marked. Raises OutputError where the row's survey is malformed.
     """
-    surveyed = _surveyed(read_row(survey)) if survey is not None else ()
+    surveyed = _surveyed(read_row(survey)) if survey is not None and holds_shelves(survey) else ()
     mapped = [structure for structure in structures if structure.label in ("upright", "beam")]
     return (
         *surveyed,

@@ -83,6 +83,11 @@ def read_row(entry: Mapping[str, Any]) -> SurveyedRow:
     return checked(SurveyedRow, entry, "survey")
 
 
+def holds_shelves(entry: Mapping[str, Any]) -> bool:
+    """Whether a row's entry says anything of shelves; it may be of other plugins alone."""
+    return not SurveyedRow.model_fields.keys().isdisjoint(entry)
+
+
 @dataclass(frozen=True)
 class AlignmentCosts:
     """What a match costs; an element left unmatched, on either side, costs 1.
@@ -167,8 +172,10 @@ BEAMS = MeasureNames("beam", "H element", "H gap", "H edge")
 def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """The score of a row's uprights and beams; elements outside the surveyed extent are not scored.
 
-    Raises OutputError where the row's survey or a structure is malformed.
+    Empty if the survey has no uprights. Raises OutputError where the row's survey or a structure is malformed.
     """
+    if not holds_shelves(survey):
+        return Score()
     surveyed = read_row(survey)
     uprights = uprights_of(structures)
     pairs = _align_uprights(surveyed.upright_intervals(), uprights.intervals)
