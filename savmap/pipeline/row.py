@@ -122,7 +122,7 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         notes=tuple(notes),
         figures={
             **figures,
-            **{f"sections that tell how deep {one.landmark} lies": one.sections for one in told if one.likely},
+            **{f"places that tell how deep {one.landmark} lies": one.sections for one in told if one.likely},
         },
     )
 

@@ -43,8 +43,8 @@ def told_depths(
 def _known(part: Constraints, relation: Relation) -> Iterator[Relation]:
     """What a plugin says of a coordinate itself, or of one that it sets equal to it."""
     along = [one for one in part.relations if one.axis == relation.axis]
-    equal = [{one.a, one.b} for one in along if one.b is not None and one.value == 0 and one.sigma <= TIGHT_M]
-    group, grown = set[int | None](), {relation.a}
+    equal = [set(one.keys) for one in along if one.b is not None and one.value == 0 and one.sigma <= TIGHT_M]
+    group, grown = set[int](), {relation.a}
     while grown != group:
         group, grown = grown, grown.union(*(pair for pair in equal if pair & grown))
     return (one for one in along if one.b is None and one.a in group)

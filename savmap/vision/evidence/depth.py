@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec
+from savmap.types import FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec, array_record
 from savmap.vision.evidence.planes import BORDER_PX, Look
 
 Bytes = NDArray[np.uint8]
@@ -60,6 +60,7 @@ class Vote:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Shot:
     """A look at a part: the view, where the camera was, in metres to the right of the part's origin, up, and before it, and the
     homography (3, 3) to pixels from (right, up, 1)."""
@@ -125,6 +126,7 @@ def depth_of(
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Sweep:
     """A part, cut into `count` sections of `columns` cells by `rows`, and the shots that see any of them: which, `seen` (shots, sections),
     and the tangents (shots, sections) of the directions. `distance`, `height`: the camera's usual ones; `cell`: a cell's side."""

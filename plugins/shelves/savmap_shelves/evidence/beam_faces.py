@@ -15,6 +15,8 @@ TRIM = 0.12
 LABEL_M, LABEL_SIGMA_M = 0.001, 0.001
 """How far what shows on a beam stands out from it: scratches, holes and paint not at all, magnetic labels 1 mm, holders of labels 2 to 3 mm."""
 
+RIGHT, UP = np.eye(3)[0], np.eye(3)[1]
+
 
 def beam_faces(points: Mapping[str, Floats]) -> list[FlatParts]:
     """The faces of all beams, which lie in one plane; none where no beam was tracked whole."""
@@ -35,4 +37,4 @@ def _faces(grid: Grid, depth: float) -> Iterator[PlanePatch]:
             size = np.array([right - left - 2 * margin, high - low - 2 * trim])
             if size.min() > 0:
                 corner = np.array([left + margin, low + trim, depth])
-                yield PlanePatch(f"section {section} / beam {number}", corner, *np.eye(3)[:2], size, float(size.min()))
+                yield PlanePatch(f"section {section} / beam {number}", corner, RIGHT, UP, size, float(size.min()))
