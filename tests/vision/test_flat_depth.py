@@ -112,6 +112,20 @@ def test_too_few_frames_tell_nothing() -> None:
     assert told([], parts_at(HEIGHTS, 0.0)) is None
 
 
+def test_paths_and_parts_that_make_no_sense_tell_nothing() -> None:
+    looks = looks_at(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(8))
+    flat = parts_at(HEIGHTS, 0.0)
+    poses = poses_before(2.0)
+    poses[::2, 2, 3] = 40.0
+    assert depth_of("racks", flat, looks, {"face": SPEC}, Trajectory(np.arange(len(XS)), poses)) is None
+    behind = poses_before(-2.0)
+    assert depth_of("racks", flat, looks, {"face": SPEC}, Trajectory(np.arange(len(XS)), behind)) is None
+    huge = FlatParts(
+        "band", "z", (PlanePatch("all", np.array([-1e6, 0.0, 0.0]), *np.eye(3)[:2], np.array([2e6, 2.0]), 1),)
+    )
+    assert told(looks, huge) is None
+
+
 def test_what_stands_out_of_a_part_is_allowed_for() -> None:
     depth = FlatDepth("racks", "band", "z", -0.009, 0.0003, np.arange(3), 20, proud_m=0.001, proud_sigma_m=0.002)
     value, sigma = depth.metres(2.0)
