@@ -113,7 +113,14 @@ def depth_of(
     frames: Ints = np.unique(np.array([look.frame for look in known], np.int64))
     mean = float(np.mean([poses[frame][flat.column, 3] for frame in frames.tolist()])) if known else 0.0
     chosen = np.unique(np.linspace(0, len(flat.parts) - 1, min(len(flat.parts), MOST_PARTS)).astype(int)).tolist()
-    shots = {n: [Shot.of(look, views[look.view], poses[look.frame], flat.parts[n]) for look in known] for n in chosen}
+    cameras = np.array([poses[look.frame][:3, 3] for look in known]).reshape(-1, 3)
+    shots = {
+        n: [
+            Shot.of(known[k], views[known[k].view], poses[known[k].frame], flat.parts[n])
+            for k in _near(flat.parts[n], cameras)
+        ]
+        for n in chosen
+    }
     sweeps = {n: sweep for n, of_part in shots.items() if (sweep := Sweep.over(flat.parts[n], of_part)) is not None}
     if not sweeps or mean == 0:
         return None
@@ -126,6 +133,13 @@ def depth_of(
     normal = np.cross(flat.parts[0].right, flat.parts[0].up)[flat.column]
     proud = float(np.sign(normal)) * flat.proud_m
     return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, told[2], proud, flat.proud_sigma_m)
+
+
+def _near(part: PlanePatch, cameras: Floats) -> list[int]:
+    """The numbers of those cameras (n, 3) that are before a part and not too far beside it to see any of it."""
+    right, before = np.stack([part.right, np.cross(part.right, part.up)]) @ (cameras - part.origin).T
+    near = (before > 0) & (right > -ASLANT * before) & (right < part.size[0] + ASLANT * before)
+    return np.flatnonzero(near).tolist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +162,8 @@ class Sweep:
     def over(cls, part: PlanePatch, shots: Sequence[Shot]) -> "Sweep | None":
         """The sweep over a part; None where too few shots see it."""
         width, tall = part.size.tolist()
-        near = [
-            shot
-            for shot in shots
-            if shot.place[2] > 0 and -ASLANT * shot.place[2] < shot.place[0] < width + ASLANT * shot.place[2]
-        ]
-        distance, height = (float(np.median([shot.place[axis] for shot in near])) if near else 0.0 for axis in (2, 1))
-        near = [shot for shot in near if abs(shot.place[2] - distance) < AWAY * distance]
+        distance, height = (float(np.median([shot.place[axis] for shot in shots])) if shots else 0.0 for axis in (2, 1))
+        near = [shot for shot in shots if abs(shot.place[2] - distance) < AWAY * distance]
         if len(near) < LEAST_SHOTS:
             return None
         cell = FINENESS * distance / float(np.median([shot.spec.camera[0, 0] for shot in near]))
