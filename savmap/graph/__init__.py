@@ -13,6 +13,7 @@ from savmap.graph.constraints import (
 )
 from savmap.graph.factors.appearance import motion_constraints
 from savmap.graph.factors.checks import check_jacobians, require_valid_constraints
+from savmap.graph.factors.depths import ToldDepth, told_depths, with_depths
 from savmap.graph.factors.markers import marker_constraints
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
 from savmap.graph.initial.start import published_start
@@ -57,6 +58,7 @@ __all__ = [
     "SolveOptions",
     "Stitching",
     "SurveyedPoint",
+    "ToldDepth",
     "camera_priors",
     "check_jacobians",
     "equal_coordinate",
@@ -78,4 +80,6 @@ __all__ = [
     "sight_lines",
     "solve",
     "solve_rows",
+    "told_depths",
+    "with_depths",
 ]

@@ -16,7 +16,19 @@ from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import MIN_FRAMES, Pass, pass_names
-from savmap.types import Doubt, Feature, Floats, Flow, FrameTable, Panorama, RowFacts, RowStrips, View, ViewSpec
+from savmap.types import (
+    Doubt,
+    Feature,
+    FlatDepth,
+    Floats,
+    Flow,
+    FrameTable,
+    Panorama,
+    RowFacts,
+    RowStrips,
+    View,
+    ViewSpec,
+)
 from savmap.types.progress import Monitor
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
@@ -33,7 +45,8 @@ WORKERS, DEPTH = 2, 3
 class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
     plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
-    failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured."""
+    failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured. `depths`: how deep flat
+    parts of structures lie."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -44,6 +57,7 @@ class RowMeasurements:
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
+    depths: tuple[FlatDepth, ...] = ()
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:

@@ -109,6 +109,8 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         if plugin.failure is None:
             tracks[plugin.name], constraints[plugin.name] = plugin_tracks, plugin_constraints
     metric_path = None if assumed else path
+    constraints, told = with_flat_depths(row, constraints, markers, metric_path)
+    notes += [note_of(one, row.request.name) for one in told if not one.likely]
     motion, figures = motion_constraints(row, [*constraints.values(), *markers], metric_path)
     for note in notes:
         monitor.note(note)
@@ -118,7 +120,10 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         constraints=constraints,
         camera_constraints=(*markers, *motion),
         notes=tuple(notes),
-        figures=figures,
+        figures={
+            **figures,
+            **{f"places that tell how deep {one.landmark} lies": one.sections for one in told if one.likely},
+        },
     )
 
 
@@ -220,6 +225,31 @@ def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[
     problem = graph.merge(row.frames, *constraints, partial=True)
     located = graph.locate_camera(problem, sigmas=bool(row.measurements.flows))
     return located.path, bool(located.assumed)
+
+
+def with_flat_depths(
+    row: LocatedRow, constraints: Mapping[str, Constraints], markers: Sequence[Constraints], path: Trajectory | None
+) -> tuple[dict[str, Constraints], list[graph.ToldDepth]]:
+    """The plugins' constraints with how deep flat parts of their structures lie, and what the pictures told of that."""
+    depths = row.measurements.depths
+    if not depths:
+        return dict(constraints), []
+    if path is None:
+        try:
+            path = graph.locate_camera(graph.merge(row.frames, *constraints.values(), *markers)).path
+        except SolveError:  # the solve will tell
+            return dict(constraints), []
+    told = list(graph.told_depths(depths, constraints, path))
+    return graph.with_depths(constraints, told), told
+
+
+def note_of(told: graph.ToldDepth, row: str) -> str:
+    """What to tell the user where what shows on flat parts does not fit what is known of them."""
+    at, sigma = told.relation.value, told.relation.sigma
+    return (
+        f"row {row}: what shows at {told.landmark} and the like would lie at {told.relation.axis} = {100 * at:.1f} +- {100 * sigma:.1f} cm: "
+        "other things hang there, so it does not tell how deep they lie"
+    )
 
 
 def motion_constraints(

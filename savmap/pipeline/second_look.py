@@ -2,7 +2,8 @@
 
 Once the camera's path is roughly known, the network's probabilities of all frames are added up on these planes
 (savmap.vision.evidence). Where a plugin finds other objects in them than were tracked, every frame is measured again with these in
-mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over.
+mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over. In the end the
+frames' pictures tell how deep flat parts of it lie, where a plugin asks for that.
 """
 
 import logging
@@ -22,10 +23,10 @@ from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
 from savmap.pipeline.records import RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Detection, Doubt, Expected, Feature, Floats, Panorama, Trajectory, View, ViewSpec
+from savmap.types import Detection, Doubt, Expected, Feature, FlatDepth, Floats, Panorama, Trajectory, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import LookSettings, expected_detections, gather
+from savmap.vision.evidence import LookSettings, depth_of, expected_detections, gather
 from savmap.vision.views import Renderer
 
 LOOKS = 2
@@ -65,42 +66,75 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
     for plugin in walked.plugins or row.plugins:
         if plugin.name not in walked.looks or plugin.name not in measurements.locators or plugin.failure is not None:
             continue
+        alone = Alone(row, plugin)
         for _ in range(LOOKS):
-            expectation = expect(row, plugin, walked, measurements)
+            expectation = expect(alone, walked, measurements)
             if expectation is None:
                 break
             monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.objects)} objects")
             features = measure_again(row.name, plugin, walked, expectation, monitor)
             measurements = replace(measurements, features={**measurements.features, plugin.name: features})
         else:
-            left = expect(row, plugin, walked, measurements)
+            left = expect(alone, walked, measurements)
             found = tuple(left.untracked()) if left else ()
             measurements = replace(measurements, doubts=(*measurements.doubts, *found))
+        depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
+        measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
     return measurements
 
 
-def expect(
-    row: RowRequest, plugin: LoadedPlugin, walked: MeasuredPasses, measurements: RowMeasurements
-) -> Expectation | None:
-    """What a plugin expects by the evidence; None where that is what it tracked, or where it cannot be tracked at all.
+class Alone:
+    """A plugin and where the camera was by what it alone tracked, worked out once for the same features."""
 
-    The scale of the path may be an assumed one: no reference is used, for other references are no reason to look again.
-    """
-    alone = plugin.before_pixels()
-    bare = replace(row, references=References(), travel_m=None, calibration=None)
-    try:
-        start, frames = first_poses(bare, measurements)
-        features, facts = measurements.features[plugin.name], measurements.facts
-        with warnings_untold():
-            tracks = alone.track(features, facts, start.world_from_rig[:, :3, :3], row.path)
-            constraints = alone.constrain(tracks, facts, row.path or start)
-        located = graph.locate_camera(graph.merge(frames, constraints, partial=True))
-    except (StructureError, SolveError, SiteError, PluginFailedError):
+    def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
+        self.row, self.plugin = row, plugin
+        self._features: Sequence[Feature] | None = None
+        self._located: graph.LocatedCamera | None = None
+
+    def located(self, measurements: RowMeasurements) -> graph.LocatedCamera | None:
+        """The camera's path and the landmarks; None where the plugin cannot be tracked at all.
+
+        The scale of the path may be an assumed one: no reference is used, for other references are no reason to look again.
+        """
+        features = measurements.features[self.plugin.name]
+        if features is not self._features:
+            self._features, self._located = features, self._locate(features, measurements)
+        return self._located
+
+    def _locate(self, features: Sequence[Feature], measurements: RowMeasurements) -> graph.LocatedCamera | None:
+        alone, path = self.plugin.before_pixels(), self.row.path
+        bare = replace(self.row, references=References(), travel_m=None, calibration=None)
+        try:
+            start, frames = first_poses(bare, measurements)
+            with warnings_untold():
+                tracks = alone.track(features, measurements.facts, start.world_from_rig[:, :3, :3], path)
+                constraints = alone.constrain(tracks, measurements.facts, path or start)
+            return graph.locate_camera(graph.merge(frames, constraints, partial=True))
+        except (StructureError, SolveError, SiteError, PluginFailedError):
+            return None
+
+
+def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Expectation | None:
+    """What a plugin expects by the evidence; None where that is what it tracked, or where it cannot be tracked at all."""
+    located, plugin = alone.located(measurements), alone.plugin
+    if located is None:
         return None
-    points, looks = located.points[plugin.name], walked.looks[plugin.name]
-    evidence = [gather(patch, plugin.classes, looks, facts.views, located.path) for patch in plugin.planes(points)]
+    points, looks, views = located.points[plugin.name], walked.looks[plugin.name], measurements.facts.views
+    evidence = [gather(patch, plugin.classes, looks, views, located.path) for patch in plugin.planes(points)]
     objects = plugin.expect(points, evidence) if evidence else []
     return Expectation(objects, located.path, points) if objects else None
+
+
+def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:
+    """How deep the plugin's flat parts lie, where the pictures tell."""
+    located, plugin = alone.located(measurements), alone.plugin
+    if located is None:
+        return
+    looks, views = walked.looks[plugin.name], measurements.facts.views
+    for flat in plugin.flat_parts(located.points[plugin.name]):
+        depth = depth_of(plugin.name, flat, looks, views, located.path)
+        if depth is not None:
+            yield depth
 
 
 @contextmanager

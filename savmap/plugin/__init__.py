@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from savmap.types import Drawing as Drawing
     from savmap.types import Expected as Expected
     from savmap.types import Feature as Feature
+    from savmap.types import FlatParts as FlatParts
     from savmap.types import Floats as Floats
     from savmap.types import FrameTable as FrameTable
     from savmap.types import Ints as Ints
@@ -116,7 +117,7 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature Floats FrameTable Ints Measured Panorama "
+        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured Panorama "
         "PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",

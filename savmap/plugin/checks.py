@@ -14,6 +14,7 @@ from savmap.types import (
     Doubt,
     Expected,
     Feature,
+    FlatParts,
     Floats,
     Measured,
     PlanePatch,
@@ -108,6 +109,21 @@ def check_expected(expected: Sequence[Expected], classes: Sequence[str]) -> None
         require(thing.label in classes, f"{where}: the plugin has no such class")
         require(len(thing.outline) >= 3, f"{where}: an outline has three corners or more")
         require(_finite(thing.outline), f"{where}: a corner is not finite")
+
+
+def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
+    """Parts of the plugin's own landmarks, parallel and across their axis, finite, and no two answers for one coordinate."""
+    _require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
+    for flat in flats:
+        where = f"flat parts at `{flat.landmark}`"
+        require(flat.landmark in points, f"{where}: the plugin has no such landmark")
+        require(_finite((flat.proud_m, flat.proud_sigma_m)), f"{where}: how far they stand out is not finite")
+        require(flat.proud_sigma_m > 0, f"{where}: proud_sigma_m is {flat.proud_sigma_m}, not positive")
+        check_patches(flat.parts)
+        for part in flat.parts:
+            same = np.allclose([part.right, part.up], [flat.parts[0].right, flat.parts[0].up], atol=1e-6)
+            across = abs(np.cross(part.right, part.up)[flat.column]) > 1 - 1e-6
+            require(same and bool(across), f"{where}: `{part.name}` is not parallel to the others, across {flat.axis}")
 
 
 def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory) -> None:

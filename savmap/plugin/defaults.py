@@ -9,6 +9,7 @@ from savmap.types import (
     Detection,
     Doubt,
     Expected,
+    FlatParts,
     Floats,
     PlaneEvidence,
     PlanePatch,
@@ -38,6 +39,12 @@ def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
 @hookimpl(trylast=True)
 def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
     """What was tracked is right."""
+    return []
+
+
+@hookimpl(trylast=True)
+def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
+    """None: edges tell how deep the structure lies."""
     return []
 
 

@@ -17,6 +17,7 @@ from savmap.types import (
     Doubt,
     Expected,
     Feature,
+    FlatParts,
     Floats,
     Panorama,
     PlaneEvidence,
@@ -94,6 +95,12 @@ def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
 def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
     """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then every frame is
     measured again, with these in mind. Default: none, what was tracked is right."""
+
+
+@hookspec(firstresult=True)
+def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
+    """Depth: flat parts of the structure whose depth its edges hardly tell, but what shows on them may; `points`: first positions (3,) of
+    the plugin's landmarks, by name. Asked of plugins that find the face. Default: none."""
 
 
 @hookspec(firstresult=True)

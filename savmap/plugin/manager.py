@@ -21,6 +21,7 @@ from savmap.types import (
     Doubt,
     Expected,
     Feature,
+    FlatParts,
     Floats,
     Panorama,
     PlaneEvidence,
@@ -242,6 +243,12 @@ class LoadedPlugin:
             lambda expected: checks.check_expected(expected, self.classes),
             points=points,
             evidence=evidence,
+        )
+
+    def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:
+        """The flat parts whose depth what shows on them may tell."""
+        return self._ask_list(
+            "flat_parts", FlatParts, lambda flats: checks.check_flat_parts(flats, points), points=points
         )
 
     def before_pixels(self) -> "LoadedPlugin":

@@ -7,7 +7,7 @@ at integer coordinates.
 
 from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, Place, array_record
 from savmap.types.drawings import Drawing, Kind, Picture, Role, Tone
-from savmap.types.evidence import Expected, PlaneEvidence, PlanePatch
+from savmap.types.evidence import Expected, FlatDepth, FlatParts, PlaneEvidence, PlanePatch
 from savmap.types.maps import (
     Alignment,
     AlignmentResidual,
@@ -44,6 +44,8 @@ __all__ = [
     "Expected",
     "Feature",
     "FilmedPanorama",
+    "FlatDepth",
+    "FlatParts",
     "Floats",
     "Flow",
     "FrameTable",

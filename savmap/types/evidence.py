@@ -1,4 +1,5 @@
-"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, and what is expected there."""
+"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, what is expected there, and how
+deep flat parts lie."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -6,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types.common import Floats, array_record, require
+from savmap.types.common import Axis, Floats, Ints, array_record, require
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +86,47 @@ class Expected:
 
     def __post_init__(self) -> None:
         require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FlatParts:
+    """Flat parts of a structure that lie in one plane across an axis of the row's frame. What shows on them may tell how deep it lies.
+
+    `landmark` is one of the plugin's own, whose coordinate along `axis` is the plane's. `parts` are rectangles where the parts were seen,
+    in the plane as it is known so far, with sides that are parallel from part to part; `right` x `up` points to the camera, along the axis
+    or against it. Their numbers are in the unit of the path. What shows on the parts stands out from them by `proud_m` +- `proud_sigma_m`.
+    """
+
+    landmark: str
+    axis: Axis
+    parts: tuple[PlanePatch, ...]
+    proud_m: float = 0.0
+    proud_sigma_m: float = 0.0005
+
+    @property
+    def column(self) -> int:
+        """0, 1 or 2 for x, y or z."""
+        return ("x", "y", "z").index(self.axis)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FlatDepth:
+    """How deep flat parts of a plugin lie: the coordinate of what shows on them is `share` +- `sigma` of the camera's mean coordinate along
+    the same axis in `frames` (n,), for no reference has given the path its scale yet. `sections`: how many sections of the parts say so.
+    `proud_m` +- `proud_sigma_m`: how far along the axis what shows on the parts stands out from them."""
+
+    plugin: str
+    landmark: str
+    axis: Axis
+    share: float
+    sigma: float
+    frames: Ints
+    sections: int
+    proud_m: float
+    proud_sigma_m: float
+
+    def metres(self, mean_m: float) -> tuple[float, float]:
+        """The parts' coordinate and its sigma, m, where the camera's mean coordinate is so many metres."""
+        return self.share * mean_m - self.proud_m, float(np.hypot(self.sigma * mean_m, self.proud_sigma_m))

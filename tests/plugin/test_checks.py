@@ -18,6 +18,8 @@ from savmap.types import (
     Distances,
     Drawing,
     Feature,
+    FlatParts,
+    PlanePatch,
     Score,
     Solid,
     Structure,
@@ -37,6 +39,8 @@ NO_EDGES = np.empty((0, 2), np.int64)
 THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), NO_EDGES)
 LANDMARK = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
 SKEW = np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+FRONT = PlanePatch("front", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+FLAT = FlatParts("thing 1", "z", (FRONT,))
 KEYS = KeySpace("made-up").keys(["thing 1"])
 
 
@@ -59,6 +63,7 @@ ASK: dict[str, Callable[[LoadedPlugin], Any]] = {
     "detect": lambda plugin: plugin.detect(VIEW, None),
     "extract_features": lambda plugin: plugin.extract_features(VIEW, []),
     "track": lambda plugin: plugin.track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH),
+    "flat_parts": lambda plugin: plugin.flat_parts({"thing 1": np.zeros(3)}),
     "constrain": lambda plugin: plugin.constrain([TRACK], FACTS, PATH),
     "describe": lambda plugin: plugin.describe([TRACK], FACTS, _Solution()),
     "relate": lambda plugin: plugin.relate([THING], {}),
@@ -71,6 +76,7 @@ SOUND: dict[str, Any] = {
     "detect": [DETECTION],
     "extract_features": [FEATURE],
     "track": [TRACK],
+    "flat_parts": [FLAT, replace(FLAT, axis="x", parts=())],
     "constrain": constraints(),
     "describe": with_attribute(np.float64(0.5)),
     "relate": with_attribute("red"),
@@ -99,6 +105,12 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("track", [replace(TRACK, frames=np.array([0.5]))], "frames are not whole numbers"),
     ("track", [replace(TRACK, views=("side",))], "no view `side` in the row"),
     ("track", [TRACK, TRACK], "2 tracks with the name `thing 1`"),
+    ("flat_parts", [replace(FLAT, landmark="other")], "flat parts at `other`: the plugin has no such landmark"),
+    ("flat_parts", [FLAT, FLAT], "2 answers for the depth of `thing 1, z`"),
+    ("flat_parts", [replace(FLAT, axis="y")], "`front` is not parallel to the others, across y"),
+    ("flat_parts", [replace(FLAT, parts=(FRONT, FRONT))], "2 planes with the name `front`"),
+    ("flat_parts", [replace(FLAT, proud_m=NAN)], "how far they stand out is not finite"),
+    ("flat_parts", [replace(FLAT, proud_sigma_m=0.0)], "proud_sigma_m is 0.0, not positive"),
     ("constrain", constraints(initial={"thing 1": np.full(3, NAN)}), "initial position of `thing 1`"),
     ("constrain", constraints(initial={"thing 1": np.zeros(2)}), "initial position of `thing 1`"),
     ("constrain", constraints(plugin="other"), "constraints of `other`"),

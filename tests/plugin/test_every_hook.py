@@ -25,6 +25,7 @@ from savmap.types import (
     Drawing,
     Expected,
     Feature,
+    FlatParts,
     PlaneEvidence,
     PlanePatch,
     Score,
@@ -98,6 +99,14 @@ def ask_expect() -> dict[str, Any]:
     seen = PlaneEvidence(PATCH, ("thing",), np.zeros((1, 10, 10)), np.zeros((10, 10)), np.zeros((10, 10, 3), np.uint8))
     plugin, given = asked("expect", [expected])
     assert plugin.expect({"thing 1": np.zeros(3)}, [seen]) == [expected]
+    return given
+
+
+def ask_flat_parts() -> dict[str, Any]:
+    flat = FlatParts("thing 1", "z", (PATCH,))
+    plugin, given = asked("flat_parts", [flat])
+    assert plugin.flat_parts({"thing 1": np.zeros(3)}) == [flat]
+    assert asked("describe", [])[0].flat_parts({}) == []
     return given
 
 
@@ -219,6 +228,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "track": ask_track,
     "planes": ask_planes,
     "expect": ask_expect,
+    "flat_parts": ask_flat_parts,
     "constrain": ask_constrain,
     "describe": ask_describe,
     "relate": ask_relate,

@@ -17,6 +17,7 @@ from savmap.types import (
     Doubt,
     Expected,
     Feature,
+    FlatParts,
     Floats,
     Panorama,
     PlaneEvidence,
@@ -104,6 +105,12 @@ class Shelves:
         tracked = tracked_grid(points)
         found = expected_grid(evidence[0], tracked) if tracked else None
         return outlines(found) if found else []
+
+    @hookimpl
+    def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:
+        from savmap_shelves.evidence import beam_faces
+
+        return beam_faces(points)
 
     @hookimpl
     def constrain(self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory) -> "Constraints":

@@ -66,6 +66,10 @@ class Look:
         """The view's picture (height, width, 3), RGB."""
         return _unpacked(self.picture, cv2.IMREAD_COLOR)[..., ::-1]
 
+    def grey(self) -> Bytes:
+        """The view's picture (height, width), grey."""
+        return _unpacked(self.picture, cv2.IMREAD_GRAYSCALE)
+
 
 def _packed(image: Bytes, kind: str) -> bytes:
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if kind == ".png" else [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]

@@ -1,0 +1,295 @@
+"""How deep flat parts of a structure lie, by what shows on them: a plane is swept through their depths until all frames agree.
+
+Edges that run along the camera's way hardly tell their depth. Marks on a part do (labels, holes, scratches): from frame to frame they
+move by metres before what is behind. The frames' pictures of a part are laid on a plane; where that lies at the part's own depth, every
+mark falls on itself in all of them. Sections of the parts vote, each for the depth at which its pictures are most alike, so that
+goods that hang in front and reflections are outvoted; where too few sections show anything, nothing is told.
+
+The sweep works in shares of the camera's distance: the path's scale need not be known.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec, array_record
+from savmap.vision.evidence.planes import BORDER_PX, Look
+
+Bytes = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+
+REACH, STEP = 0.04, 0.002
+"""How far off a plane may be, and in what steps it is swept, as shares of the camera's distance: 8 cm and 4 mm at 2 m, where a step moves
+a mark that is seen from both sides by half a pixel."""
+SECTION = 0.15
+"""How long a section is, as a share of the distance: 30 cm at 2 m, as far as from label to label."""
+ASLANT = 1.7
+"""Frames count that see a section under 60 degrees at most."""
+FINENESS = 0.6
+"""The side of a cell of the plane, in pixels of the frames."""
+MOST_PARTS, MOST_SHOTS, MOST_CELLS = 48, 24, 200_000
+"""Of parts, evenly chosen; of frames that see a part; of cells of a part, which has some thousands."""
+AWAY = 0.5
+"""Frames from nearer or farther than usual by more than this share do not count: a cell would be of other fineness in them."""
+LEAST_SHOTS, LEAST_SPREAD = 4, 0.5
+"""So many frames see a section, from directions whose tangents differ by so much."""
+LEAST_LIKENESS, LEAST_RISE, LEAST_CONTRAST = 0.5, 0.2, 1.5
+"""A section tells its depth where the frames are so much alike there (1: the same), by so much more than at most other depths, and show
+something: grey levels, which noise of the picture stays below."""
+WIDTH = 0.0015
+"""How far sections that agree are apart, as a share of the distance: 3 mm at 2 m."""
+LEAST_SECTIONS, LEAST_PARTS, LEAST_PLACES, LEAST_SHARE = 6, 3, 3, 0.6
+"""So many sections agree, on so many parts, at so many places along them, and so large a share of all that tell something."""
+PLACE = 0.5
+"""Sections within this share of the distance along the parts are seen in the same frames: their errors are alike."""
+COMMON_SIGMA = 0.0003
+"""What all sections may have in common, as a share of the distance: a twentieth of a pixel."""
+ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class Vote:
+    """The depth that a section tells: the coordinate of what shows there, how sharply (as a weight), where it is along the parts, and the
+    number of its part. Unit: the camera's usual distance."""
+
+    coordinate: float
+    weight: float
+    along: float
+    part: int
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Shot:
+    """A look at a part: the view, where the camera was, in metres to the right of the part's origin, up, and before it, and the
+    homography (3, 3) to pixels from (right, up, 1)."""
+
+    look: Look
+    spec: ViewSpec
+    place: Floats
+    pixels_from_part: Floats
+
+    @classmethod
+    def of(cls, look: Look, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> "Shot":
+        """A look from a camera at a known pose."""
+        axes = np.stack([part.right, part.up, np.cross(part.right, part.up)], axis=1)
+        place = (world_from_rig[:3, 3] - part.origin) @ axes
+        view_from_part = (world_from_rig[:3, :3] @ spec.rig_from_view).T @ axes
+        plane = np.column_stack([view_from_part[:, 0], view_from_part[:, 1], -view_from_part @ place])
+        return cls(look, spec, place, spec.camera @ plane)
+
+    def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
+        """The homography (3, 3) from a plane `depth` before the part. What is seen at one height of the part by a camera in so much `distance`
+        at this `height` stays there: the part's edges were measured in the pictures."""
+        right, up, before = self.place
+        nearer = before / (before - depth)
+        shrunk = (distance - depth) / distance
+        moved = np.diag([nearer, nearer * shrunk, 1.0])
+        moved[:2, 2] = right * (1 - nearer), up * (1 - nearer) + nearer * height * (1 - shrunk)
+        return np.asarray(self.pixels_from_part @ moved)
+
+    def shows(self, x: Floats, top: float, slack: float) -> NDArray[np.bool_]:
+        """Whether it shows the lines (n,) that cross the part at x, from 0 to `top`, with room for `slack` on the part to either side."""
+        ends = [(x + side * slack, np.full_like(x, y)) for side in (-1.0, 1.0) for y in (0.0, top)]
+        u, v, depth = np.moveaxis(
+            np.tensordot([(*end, np.ones_like(x)) for end in ends], self.pixels_from_part, (1, 1)), -1, 0
+        )
+        u, v = u / np.maximum(depth, 1e-9), v / np.maximum(depth, 1e-9)
+        inside = (depth > 0) & (np.minimum(u, v) > BORDER_PX)
+        inside &= (u < self.spec.width - 1 - BORDER_PX) & (v < self.spec.height - 1 - BORDER_PX)
+        return np.asarray(inside.all(axis=0))
+
+
+def depth_of(
+    plugin: str, flat: FlatParts, looks: Sequence[Look], views: Mapping[str, ViewSpec], path: Trajectory
+) -> FlatDepth | None:
+    """How deep a plugin's flat parts lie, by its looks at frames whose pose is known; None where they do not tell."""
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    known = [look for look in looks if look.frame in poses]
+    frames: Ints = np.unique(np.array([look.frame for look in known], np.int64))
+    mean = float(np.mean([poses[frame][flat.column, 3] for frame in frames.tolist()])) if known else 0.0
+    chosen = np.unique(np.linspace(0, len(flat.parts) - 1, min(len(flat.parts), MOST_PARTS)).astype(int)).tolist()
+    cameras = np.array([poses[look.frame][:3, 3] for look in known]).reshape(-1, 3)
+    shots = {
+        n: [
+            Shot.of(known[k], views[known[k].view], poses[known[k].frame], flat.parts[n])
+            for k in _near(flat.parts[n], cameras)
+        ]
+        for n in chosen
+    }
+    sweeps = {n: sweep for n, of_part in shots.items() if (sweep := Sweep.over(flat.parts[n], of_part)) is not None}
+    if not sweeps or mean == 0:
+        return None
+    unit = float(np.median([sweep.distance for sweep in sweeps.values()]))
+    grey = lru_cache(4 * MOST_SHOTS)(Look.grey)
+    told = agreed([vote for number, sweep in sweeps.items() for vote in sweep.votes(number, flat.column, unit, grey)])
+    if told is None:
+        return None
+    share, sigma = told[0] * unit / mean, told[1] * unit / abs(mean)
+    normal = np.cross(flat.parts[0].right, flat.parts[0].up)[flat.column]
+    proud = float(np.sign(normal)) * flat.proud_m
+    return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, told[2], proud, flat.proud_sigma_m)
+
+
+def _near(part: PlanePatch, cameras: Floats) -> list[int]:
+    """The numbers of those cameras (n, 3) that are before a part and not too far beside it to see any of it."""
+    right, before = np.stack([part.right, np.cross(part.right, part.up)]) @ (cameras - part.origin).T
+    near = (before > 0) & (right > -ASLANT * before) & (right < part.size[0] + ASLANT * before)
+    return np.flatnonzero(near).tolist()
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Sweep:
+    """A part, cut into `count` sections of `columns` cells by `rows`, and the shots that see any of them: which, `seen` (shots, sections),
+    and the tangents (shots, sections) of the directions. `distance`, `height`: the camera's usual ones; `cell`: a cell's side."""
+
+    part: PlanePatch
+    shots: Sequence[Shot]
+    distance: float
+    height: float
+    cell: float
+    rows: int
+    columns: int
+    seen: NDArray[np.bool_]
+    tangents: Floats
+
+    @classmethod
+    def over(cls, part: PlanePatch, shots: Sequence[Shot]) -> "Sweep | None":
+        """The sweep over a part; None where too few shots see it."""
+        width, tall = part.size.tolist()
+        distance, height = (float(np.median([shot.place[axis] for shot in shots])) if shots else 0.0 for axis in (2, 1))
+        near = [shot for shot in shots if abs(shot.place[2] - distance) < AWAY * distance]
+        if len(near) < LEAST_SHOTS:
+            return None
+        cell = FINENESS * distance / float(np.median([shot.spec.camera[0, 0] for shot in near]))
+        count = max(round(width / (SECTION * distance)), 1)
+        rows, columns = int(tall / cell), int(width / count / cell)
+        if rows < 1 or columns < 3 or rows * columns * count > MOST_CELLS:
+            return None
+        sides = np.arange(count + 1) * columns * cell
+        tangents = np.array([((sides[:-1] + sides[1:]) / 2 - shot.place[0]) / shot.place[2] for shot in near])
+        shown = np.array([shot.shows(sides, tall, REACH * ASLANT * distance) for shot in near])
+        seen = shown[:, :-1] & shown[:, 1:] & (np.abs(tangents) < ASLANT)
+        use = np.flatnonzero(seen.any(axis=1))
+        use = use[np.unique(np.linspace(0, len(use) - 1, min(len(use), MOST_SHOTS)).astype(int))] if len(use) else use
+        if len(use) < LEAST_SHOTS:
+            return None
+        return cls(part, [near[k] for k in use], distance, height, cell, rows, columns, seen[use], tangents[use])
+
+    @property
+    def count(self) -> int:
+        """How many sections there are."""
+        return int(self.seen.shape[1])
+
+    def votes(self, number: int, column: int, unit: float, grey: Callable[[Look], Bytes]) -> Iterator[Vote]:
+        """The votes of the sections that tell something: of part `number`, along axis `column`, in a `unit` of the path's; `grey` gives a look's picture."""
+        forward = np.cross(self.part.right, self.part.up)[column]
+        start = float(self.part.origin @ self.part.right)
+        for depth, weight, along in self.told([grey(shot.look) for shot in self.shots]):
+            coordinate = float(self.part.origin[column] + forward * depth) / unit
+            yield Vote(coordinate, weight, (start + along) / unit, number)
+
+    def told(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
+        """Depth before the part, weight and place along it of each section that tells its depth; `pictures` (h, w) grey, of the shots."""
+        depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
+        enough = self.seen.sum(axis=0) >= LEAST_SHOTS
+        spread = np.where(self.seen, self.tangents, -np.inf).max(axis=0) - np.where(
+            self.seen, self.tangents, np.inf
+        ).min(axis=0)
+        likeness, contrast = (
+            np.array(values) for values in zip(*(self._likeness(depth, pictures) for depth in depths), strict=True)
+        )
+        told = []
+        for section in np.flatnonzero(enough & (spread >= LEAST_SPREAD)).tolist():
+            peak = _peak(depths, likeness[:, section], contrast[:, section], self.distance)
+            if peak is not None:
+                told.append((*peak, (section + 0.5) * self.columns * self.cell))
+        return told
+
+    def _likeness(self, depth: float, pictures: Sequence[Bytes]) -> tuple[Floats, Floats]:
+        """How much alike (sections,) the pictures of each section are on a plane `depth` before the part, on average over all pairs of
+        frames, and how much (sections,) shows there, grey levels."""
+        laid = np.zeros((len(self.shots), self.rows, self.count, self.columns), np.float32)
+        for own, shot, picture, seen in zip(laid, self.shots, pictures, self.seen, strict=True):
+            first, last = (int(place) for place in np.flatnonzero(seen)[[0, -1]])
+            grid = np.array(
+                [
+                    [self.cell, 0.0, self.cell * (first * self.columns + 0.5)],
+                    [0.0, -self.cell, float(self.part.size[1]) / 2 + self.cell * (self.rows - 1) / 2],
+                    [0.0, 0.0, 1.0],
+                ]
+            )
+            homography = shot.pixels_from(depth, self.distance, self.height) @ grid
+            size = ((last + 1 - first) * self.columns, self.rows)
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            own[:, first : last + 1] = cv2.warpPerspective(picture, homography, size, flags=flags).reshape(
+                self.rows, -1, self.columns
+            )
+        laid -= laid.mean(axis=-1, keepdims=True)
+        laid *= self.seen[:, None, :, None]
+        energy = np.einsum("nrsc,nrsc->s", laid, laid)
+        total = laid.sum(axis=0)
+        frames = self.seen.sum(axis=0)
+        pairs = np.einsum("rsc,rsc->s", total, total) - energy
+        contrast = np.sqrt(energy / np.maximum(frames * self.rows * self.columns, 1))
+        return pairs / np.maximum((frames - 1) * energy, 1e-9), contrast
+
+
+def _peak(depths: Floats, likeness: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
+    """Where the likeness (k,) over depths (k,) peaks, between its samples, and how sharply, as a weight; None where it tells nothing."""
+    best = int(likeness.argmax())
+    if not 0 < best < len(depths) - 1 or contrast[best] < LEAST_CONTRAST:
+        return None
+    top = float(likeness[best])
+    if top < LEAST_LIKENESS or top - float(np.median(likeness)) < LEAST_RISE:
+        return None
+    before, after = likeness[best - 1 : best + 2 : 2].tolist()
+    bend = 2 * top - before - after
+    if bend <= 0:
+        return None
+    step = depths[1] - depths[0]
+    depth = float(depths[best] + 0.5 * step * (after - before) / bend)
+    return depth, bend * (distance / step) ** 2 / (1.02 - min(top, 1.0))
+
+
+def agreed(votes: Sequence[Vote]) -> tuple[float, float, int] | None:
+    """The coordinate that most sections tell, its sigma, and how many do; None where too few agree."""
+    if len(votes) < LEAST_SECTIONS:
+        return None
+    places = np.array([vote.coordinate for vote in votes])
+    weights = np.array([vote.weight for vote in votes])
+    weights = np.minimum(weights, 5 * np.median(weights))
+    nearness = np.exp(-0.5 * np.square((places[:, None] - places) / WIDTH))
+    mode = places[int((nearness @ weights).argmax())]
+    near = np.abs(places - mode) < 3 * WIDTH
+    parts = {vote.part for vote, kept in zip(votes, near, strict=True) if kept}
+    groups = np.array([np.floor(vote.along / PLACE) for vote in votes])[near]
+    few = near.sum() < LEAST_SECTIONS or len(parts) < LEAST_PARTS or len(set(groups.tolist())) < LEAST_PLACES
+    if few or near.mean() < LEAST_SHARE:
+        return None
+    coordinate, weights = _robust_mean(places[near], weights[near])
+    return coordinate, _sigma(weights * (places[near] - coordinate), weights, groups), int(near.sum())
+
+
+def _robust_mean(places: Floats, weights: Floats) -> tuple[float, Floats]:
+    """The weighted mean of places (n,), and their final weights (n,): those that are off count less (Huber)."""
+    mean, final = float(np.average(places, weights=weights)), weights
+    for _ in range(ROUNDS):
+        off = np.abs(places - mean)
+        scale = max(1.5 * 1.48 * float(np.median(off)), 1e-5)
+        final = weights * np.minimum(1.0, scale / np.maximum(off, 1e-9))
+        mean = float(np.average(places, weights=final))
+    return mean, final
+
+
+def _sigma(pulls: Floats, weights: Floats, groups: Floats) -> float:
+    """The sigma of a weighted mean by what groups (n,) of its parts pull (n,): errors within a group may be alike. Few groups tell their own
+    scatter badly: nearly as Student's t, two thirds more for four."""
+    sums = np.array([pulls[groups == group].sum() for group in np.unique(groups)])
+    scatter = float(np.linalg.norm(sums) / weights.sum()) * np.sqrt(len(sums) / (len(sums) - 1))
+    return float(np.hypot(scatter * (len(sums) + 1) / (len(sums) - 1), COMMON_SIGMA))
