@@ -117,8 +117,8 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured Panorama "
-        "PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Track Trajectory View ViewPlan ViewSpec"
+        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured "
+        "Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",
     "savmap.vision.view_planning": (
