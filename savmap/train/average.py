@@ -1,4 +1,4 @@
-"""The mean of several checkpoints' weights: often better on pictures of another look than each of them.
+"""The mean of the weights of several checkpoints, or of float32 networks: often better on pictures of another look than each of them.
 
     python -m savmap.train.average BEFORE.checkpoint.pt AFTER.checkpoint.pt --classes upright,beam [--raise upright=0.4] -o model.onnx
 
@@ -17,16 +17,22 @@ import torch
 
 from savmap.errors import OutputError, ending_in_one_line
 from savmap.train.checkpoint import LAST_LAYER, load_checkpoint, save_checkpoint
-from savmap.train.export import export
+from savmap.train.export import export, load_onnx
 
 
 def average(
     checkpoints: Sequence[Path], classes: Sequence[str], output: Path, raised: Mapping[str, float] | None = None
 ) -> Mapping[str, object]:
-    """Write the mean network (ONNX, and a checkpoint beside it), with what is to be added to classes' logits; returns its recipe. The
-    history is that of the last checkpoint. Raises OutputError for a file that is not a checkpoint of a network for these classes, in
-    this order, and for a class to raise that is none of them."""
-    loaded = [load_checkpoint(path, classes, same=True) for path in checkpoints]
+    """Write the mean network (ONNX, and a checkpoint beside it), with what is to be added to classes' logits; returns its recipe.
+
+    All files are checkpoints, or all are ONNX files of `savmap train`, in which normalisations are folded. The history is that of the last. Raises
+    OutputError for a file that is not a checkpoint of a network for these classes, in this order, and for a class to raise that is none
+    of them; ModelError for an ONNX file that is none of ours.
+    """
+    loaded = [
+        load_onnx(path, classes) if path.suffix == ".onnx" else load_checkpoint(path, classes, same=True)
+        for path in checkpoints
+    ]
     states = [network.state_dict() for network, _ in loaded]
     network, history = loaded[-1]
     network.load_state_dict(

@@ -116,6 +116,24 @@ class TestWithTorch:
             average([tmp_path / "a.pt", tmp_path / "b.pt"], ["crossbar"], tmp_path / "n.onnx")
         assert not (tmp_path / "n.onnx").exists()
 
+    def test_the_mean_of_files(self, tmp_path: Path) -> None:
+        import torch
+
+        from savmap.train.average import average
+        from savmap.train.export import export
+        from savmap.train.network import build
+        from savmap.vision.networks.segmenter import Segmenter
+
+        network = build(1, None)
+        for layer in network.modules():
+            if isinstance(layer, torch.nn.BatchNorm2d):
+                torch.nn.init.normal_(layer.bias, std=0.1)
+        export(network, ["column"], {}, tmp_path / "one.onnx")
+        average([tmp_path / "one.onnx", tmp_path / "one.onnx"], ["column"], tmp_path / "mean.onnx")
+        picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8)
+        once, twice = (Segmenter(tmp_path / f"{name}.onnx").probabilities(picture) for name in ("one", "mean"))
+        assert np.allclose(once, twice, atol=1e-3)
+
     def test_a_raised_class_is_seen_more(self, tmp_path: Path) -> None:
         from savmap.train.average import average
         from savmap.train.checkpoint import save_checkpoint
