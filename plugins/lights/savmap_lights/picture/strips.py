@@ -55,16 +55,16 @@ def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
     for seed in seeds:
         if seed.number not in taken:
             line = _strip(grey, seed, seeds)
-            found += [body for body in line if not any(_overlap(body, other) for other in found)]
+            found += [body for body in line if not any(overlap(body, other) for other in found)]
             taken |= {number for body in line for number in body.numbers}
     return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(found)]
 
 
-def _overlap(body: Body, other: Body) -> bool:
+def overlap(body: Body, other: Body) -> bool:
     """Whether the middle of the shorter of two strips lies in the other."""
-    short, long = sorted((body, other), key=_length)
+    short, long = sorted((body, other), key=length_of)
     offset = short.reach.mean(axis=0) - long.reach[0]
-    return _within(offset, long.axis, long.width, 0.0, _length(long))
+    return _within(offset, long.axis, long.width, 0.0, length_of(long))
 
 
 def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
@@ -81,14 +81,14 @@ def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
 
 
 def _size(line: Sequence[Body]) -> tuple[int, float]:
-    return (_worth(line), _length(line[0])) if line else (0, 0.0)
+    return (_worth(line), length_of(line[0])) if line else (0, 0.0)
 
 
 def _worth(line: Sequence[Body]) -> int:
     return sum(end is not None for end in line[0].ends)
 
 
-def _length(body: Body) -> float:
+def length_of(body: Body) -> float:
     return float(np.linalg.norm(body.reach[1] - body.reach[0]))
 
 
