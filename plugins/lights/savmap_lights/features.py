@@ -8,19 +8,20 @@ import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
 from savmap_lights.picture.compact import Compact, compact_of, more_like
-from savmap_lights.picture.glare import Glare, compact_again, glare_of, strip_again
+from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, compact_again, glare_of, strip_again
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
-from savmap_lights.picture.strips import Body, strips
+from savmap_lights.picture.strips import VARYING, Body, strips
 
 FIRST_LIKE = 20_000
 GLARING, MASKED = 30_000, 60_000
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
-FAINT_PX = 1.0
+FAINT_PX = 1.5
 BY_MASK_PX = 1.2
 SEEN = 255.0
+EVEN = (0.0,)
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -34,7 +35,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     measured in the masks.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
-    glare = glare_of(view.image, detections)
+    glare = glare_of(view.image, grey, detections)
     features: list[Feature] = []
     left = set(range(len(detections)))
     if glare is not None:
@@ -53,11 +54,11 @@ Known = tuple[int, Compact, Seed]
 Sure = tuple[int, Compact, float]
 
 
-def _found(shine: Singles, seeds: Sequence[Seed]) -> tuple[list[Known], list[Body]]:
+def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
     """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what shines."""
     compact = [(seed.number, lamp, seed) for seed in seeds if (lamp := compact_of(shine, seed)) is not None]
     own = {number for number, _, _ in compact}
-    return compact, strips(shine, [seed for seed in seeds if seed.number not in own])
+    return compact, strips(shine, [seed for seed in seeds if seed.number not in own], varying)
 
 
 def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
@@ -65,17 +66,22 @@ def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
 
 
 def _glaring(view: View, detections: Sequence[Detection], glare: Glare) -> tuple[set[int], list[Feature]]:
-    """In an overexposed picture: the detections that show no lamp in the last levels, and the features of those that do and of their likes."""
-    compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections))
+    """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside which it glares."""
+    compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
     bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
+    bodies = [body for body in bodies if beside_strip(glare.last, body)]
     sure = [(n, compact_again(glare.darkest, lamp), SIGMA_CENTRE_PX) for n, lamp, _ in compact]
-    faint = ((n, other, FAINT_PX) for n, lamp, _ in compact for other in compact_likes(glare.last, lamp))
-    features = _compact(view, detections, _apart([*sure, *faint]), GLARING)
+    alike = ((n, other) for n, lamp, _ in sure for other in compact_likes(glare.last, lamp))
+    faint = ((n, compact_again(glare.darkest, other), FAINT_PX) for n, other in alike)
+    lamps = _apart(lamp for lamp in (*sure, *faint) if beside_compact(glare.last, lamp[1]))
+    features = _compact(view, detections, lamps, GLARING)
     for body in bodies:
         sigma = SIGMA_END_PX if body.instance < FIRST_FAINT else FAINT_PX
         again = replace(strip_again(glare.darkest, body), instance=GLARING + body.instance)
         features += _strip(view, detections, again, sigma)
-    return set(range(len(detections))) - _numbers(compact, lit), features
+    measured = {number for number, _, sigma in lamps if sigma < FAINT_PX}
+    measured |= {number for body in bodies if body.instance < FIRST_FAINT for number in body.numbers}
+    return set(range(len(detections))) - measured, features
 
 
 def _apart(lamps: Iterable[Sure]) -> list[Sure]:

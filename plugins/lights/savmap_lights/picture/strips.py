@@ -24,7 +24,7 @@ from savmap_lights.picture.profiles import (
 )
 from savmap_lights.picture.seeds import STRIP_RATIO, Seed
 
-VARIES = 20.0
+VARYING = (20.0, 0.0)
 WIDER = 0.3
 FIRST_STRIP = 10_000
 BOTH_ENDS = 2
@@ -48,13 +48,13 @@ class Body:
     reach: Floats
 
 
-def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
-    """The strips that seeds are parts of; in a line of light, each up to its joints."""
+def strips(grey: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> list[Body]:
+    """The strips that seeds are parts of, whose brightness may vary by so much; in a line of light, each up to its joints."""
     found: list[Body] = []
     taken: set[int] = set()
     for seed in seeds:
         if seed.number not in taken:
-            line = _strip(grey, seed, seeds)
+            line = _strip(grey, seed, seeds, varying)
             found += [body for body in line if not any(overlap(body, other) for other in found)]
             taken |= {number for body in line for number in body.numbers}
     return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(found)]
@@ -67,12 +67,12 @@ def overlap(body: Body, other: Body) -> bool:
     return _within(offset, long.axis, long.width, 0.0, length_of(long))
 
 
-def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
+def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed], varying: Sequence[float]) -> list[Body]:
     """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then the longest, of all
     axes and of two tolerances to how much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
     best: list[Body] = []
     for axis in _axes(seed, seeds):
-        for varies in (VARIES, 0.0):
+        for varies in varying:
             line = _along(grey, replace(seed, level=seed.level - varies), axis, seeds)
             if line and _worth(line) == BOTH_ENDS:
                 return line

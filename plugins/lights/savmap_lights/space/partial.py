@@ -15,7 +15,7 @@ import numpy as np
 from savmap.plugin import Feature, Floats, Sightings
 
 ALIKE, ALIKE_M = 0.06, 0.03
-LEAST_SHOWN, MOST_SHOWN = 0.4, 1.4
+LEAST_SHOWN = 0.4
 SAME_LINE_M = 0.4
 FEWEST, ENOUGH = 3, 5
 THINNEST_M, THICKEST_M = 0.02, 0.3
@@ -50,7 +50,7 @@ class Sides:
 
 def completed(features: Sequence[Feature], seen: Sightings, level_m: float, line_z: float) -> list[Feature]:
     """The features with those of compact lamps, centres and glimpses, made whole: at the lamp's middle where they have the usual size,
-    at both places that this may have where a part is missing or something bright adjoins them, left out where much is. The usual size is that of those on the
+    at both places that this may have where a part is missing, left out where they are larger. The usual size is that of those on the
     line at `line_z`, if possible of those that nothing hides; it grows aslant, where a lamp's flank shows."""
     sides = _sides(seen, level_m)
     near = {name: own for name, own in sides.items() if abs(own.places[:, 1].mean() - line_z) < SAME_LINE_M}
@@ -110,7 +110,7 @@ def _candidates(feature: Feature, sides: Sides, usual: Floats) -> Iterator[Featu
     size, expected = sides.size, usual[:, 0] + usual[:, 1] * sides.aslant
     missing = expected - size
     alike = np.abs(missing) <= ALIKE * expected + ALIKE_M
-    if (size > MOST_SHOWN * expected).any() or (size < LEAST_SHOWN * expected).any():
+    if (size[~alike] > expected[~alike]).any() or (size < LEAST_SHOWN * expected).any():
         return
     thickness = usual[0, 1] if usual[0, 1] >= THINNEST_M else 0.0
     outward = sides.outward(usual[:, 0], thickness)

@@ -51,7 +51,7 @@ def places_of(aisle: Aisle, outward: tuple[int, int]) -> list[Place]:
     for at in peaks.peaks(x, width, LEAST_FRAMES):
         chosen = own[np.abs(x - at) <= width]
         if _is_steady(aisle, chosen, float(at)):
-            found.append(Place(float(at), outward, _one_a_frame(aisle, chosen, float(at))))
+            found.append(Place(float(at), outward, _one_a_frame(marks, chosen, aisle.level_m, float(at))))
     return found
 
 
@@ -73,11 +73,9 @@ def _frames_of(aisle: Aisle, chosen: Ints, x: float) -> Ints:
     return np.union1d(aisle.marks.seen.frames[chosen], aisle.glimpsed[glimpses])
 
 
-def _one_a_frame(aisle: Aisle, chosen: Ints, x: float) -> Ints:
-    """Of several marks in one frame the nearest to a place on the line."""
-    marks = aisle.marks
-    aside = marks.aside(aisle.level_m)[chosen] - aisle.line_z
-    away = np.hypot(marks.seen.at(aisle.level_m)[chosen, 0] - x, aside)
+def _one_a_frame(marks: Marks, chosen: Ints, level_m: float, x: float) -> Ints:
+    """Of several marks in one frame the nearest to a place."""
+    away = np.abs(marks.seen.at(level_m)[chosen, 0] - x)
     order = np.lexsort((away, marks.seen.frames[chosen]))
     _, first = np.unique(marks.seen.frames[chosen][order], return_index=True)
     return np.asarray(chosen[order][first])
