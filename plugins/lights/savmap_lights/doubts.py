@@ -11,15 +11,15 @@ UNKNOWN_M = 1000.0
 """The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""
 
 LIGHT_BEYOND, LIGHT_BEFORE = "light beyond, x m", "light before, x m"
-LIGHT_OFTEN = "light beyond, times a lamp's frames"
+LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
 """The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
-for each one that shows a lamp, light before the next one was seen."""
+for each one that shows the lamps on either side, the light before the next one was seen."""
 
 FEWEST = 4
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
-OFTEN = 0.5
+OFTEN = 0.6
 LONGER = 1.3
 
 
@@ -81,7 +81,7 @@ def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """Light between lamps of an irregular line that was seen about as often as lamps are: no pitch tells whether one belongs there."""
+    """Light between lamps of an irregular line that was seen about as often as they were: no pitch tells whether one belongs there."""
     x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
     if len(x) > FEWEST and _are_regular(np.diff(x)):
         return

@@ -24,8 +24,8 @@ def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[
 
 def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
     """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp explains, and how often
-    that between was seen for each time that a lamp was."""
-    often = {lamp: 10 * share for lamp, share in _by_lamp(tracks, OFTEN).items()}
+    that between was seen for each time that the lamps on either side of it were."""
+    often = {lamp: round(10 * share, 2) for lamp, share in _by_lamp(tracks, OFTEN).items()}
     told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
     return [
         replace(lamp, attributes={**lamp.attributes, **{name: x[lamp.id] for name, x in told.items() if lamp.id in x}})

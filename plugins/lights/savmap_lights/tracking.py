@@ -24,7 +24,7 @@ LEAST_FITTING, MOST_FIT = 2, 0.5
 OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
 PATH_M = 0.007
 SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
-OFTEN = "light beyond, frames for one that shows the lamp, %"
+OFTEN = "light beyond, frames for those that show its neighbours, %"
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
@@ -107,7 +107,8 @@ def _numbered(
     """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains, the first
     with that of such light before it."""
     numbered = []
-    usual = float(np.median([len(track.frames) for track in tracks]))
+    numbers = [int(track.place[track.label]) for track in tracks]
+    shown = [max(len(t.frames) for t, n in zip(tracks, numbers, strict=True) if n == lamp) for lamp in complete]
     for track in tracks:
         if track.place[track.label] in complete:
             index = complete.index(int(track.place[track.label]))
@@ -115,7 +116,11 @@ def _numbered(
             told = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
             places = {key: round(1000 * light.x) for key, light in told.items() if light is not None}
             after = beyond[index]
-            often = {} if after is None else {OFTEN: round(100 * after.frames / usual)}
+            often = (
+                {}
+                if after is None
+                else {OFTEN: round(200 * after.frames / sum((shown + shown[-1:])[index : index + 2]))}
+            )
             numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **places, **often}))
     return numbered
 
