@@ -18,7 +18,7 @@ from savmap_lights.picture.strips import Body, length_of
 WHITE, LEVELS = 245.0, 10.0
 SMOOTH_PX, ABOUT_PX = 0.7, 4
 NEARLY, GLARING = 0.3, 0.25
-BESIDE, AS_WHITE = 0.25, 0.95
+BESIDE, AS_WHITE = 0.25, 0.7
 NEAR_BY_PX, AROUND_PX = np.array([3.0, 4.5, 6.0]), np.arange(3.0, 12.1, 1.5)
 FULL = 50.0
 NEAR_PX, FAR_PX, STEP_PX, WITHIN_PX = 2.5, 5.0, 0.25, 3.0
@@ -72,14 +72,12 @@ def beside_compact(last: Singles, lamp: Compact) -> bool:
 
 def _beside(last: Singles, middle: Floats, axis: Floats, length: float, width: float) -> bool:
     along = np.linspace(-0.4, 0.4, 2 * round(length / 4) + 3) * length
-    near, as_white = (
-        max(
-            float((sampled(last, middle, axis, along, way * (width / 2 + aside)) > share * FULL).mean())
-            for way in (-1, 1)
-        )
-        for aside, share in ((NEAR_BY_PX, NEARLY), (AROUND_PX, AS_WHITE))
+    near, around = (
+        [sampled(last, middle, axis, along, way * (width / 2 + aside)) / FULL for way in (-1, 1)]
+        for aside in (NEAR_BY_PX, AROUND_PX)
     )
-    return near > BESIDE and as_white < BESIDE
+    bright = max(float((values > NEARLY).mean()) for values in near)
+    return bright > BESIDE and max(float(values.mean()) for values in around) < AS_WHITE
 
 
 def strip_again(darkest: Singles, body: Body) -> Body:
