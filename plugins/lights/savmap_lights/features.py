@@ -69,7 +69,7 @@ def _glaring(view: View, detections: Sequence[Detection], glare: Glare) -> tuple
     """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside which it glares."""
     compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
     bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
-    bodies = [body for body in bodies if beside_strip(glare.last, body)]
+    bodies = [body for body in bodies if body.instance < FIRST_FAINT or beside_strip(glare.last, body)]
     sure = [(n, compact_again(glare.darkest, lamp), SIGMA_CENTRE_PX) for n, lamp, _ in compact]
     alike = ((n, other) for n, lamp, _ in sure for other in compact_likes(glare.last, lamp))
     faint = ((n, compact_again(glare.darkest, other), FAINT_PX) for n, other in alike)

@@ -37,7 +37,7 @@ def test_light_in_an_irregular_line_is_doubted() -> None:
     assert not lines(lamps)
     lamps[1] = replace(lamps[1], attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: 0.2})
     assert not lines(lamps)
-    lamps[1] = replace(lamps[1], attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: 0.8})
+    lamps[1] = replace(lamps[1], attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: 0.9})
     (doubt,) = doubts_of(lamps)
     assert doubt.what.startswith("something shines 6.20 m along the row, between light 2 and light 3")
     assert doubt.place == (6.2, 6.0, 1.2)

@@ -47,7 +47,8 @@ def glare_of(image: np.ndarray, grey: Singles, detections: Sequence[Detection]) 
     if max((brightness_of(grey, detection) for detection in own), default=0.0) < WHITE:
         return None
     red, green, blue = cv2.split(image)
-    darkest = cv2.GaussianBlur(cv2.min(cv2.min(red, green), blue).astype(np.float32), (0, 0), SMOOTH_PX)
+    least = cv2.min(cv2.min(red, green), blue).astype(np.float32)
+    darkest: Singles = np.asarray(cv2.GaussianBlur(least, (0, 0), SMOOTH_PX), np.float32)
     white = max(brightness_of(darkest, detection) for detection in own)
     if white < WHITE:
         return None
@@ -56,7 +57,7 @@ def glare_of(image: np.ndarray, grey: Singles, detections: Sequence[Detection]) 
     lamps = cv2.dilate(np.any([detection.mask for detection in own], axis=0).astype(np.uint8), about) > 0
     bright = last > NEARLY * FULL
     glaring = np.count_nonzero(bright & (last < SURELY_LAMP * FULL) & ~lamps)
-    return Glare(np.asarray(darkest, np.float32), last) if glaring > GLARING * np.count_nonzero(bright) else None
+    return Glare(darkest, last) if glaring > GLARING * np.count_nonzero(bright) else None
 
 
 def beside_strip(last: Singles, body: Body) -> bool:
@@ -111,6 +112,8 @@ def compact_again(darkest: Singles, lamp: Compact) -> Compact:
 def _without_ledge(darkest: Singles, middle: Floats, side: Floats, outward: Floats, half: float) -> Floats:
     """A lamp's side, or, where what shines before it is evenly darker than the lamp's middle, the place where that begins."""
     reach = float((side - middle) @ outward)
+    if reach <= 2 * LEDGE_PX:
+        return side
     along = np.arange(0.0, reach, STEP_PX)
     line = sampled(darkest, middle, outward, along, np.linspace(-half, half, 2 * round(half) + 3)).mean(axis=1)
     core = float(np.median(line[along < reach / 2]))
@@ -119,7 +122,8 @@ def _without_ledge(darkest: Singles, middle: Floats, side: Floats, outward: Floa
     if reach - full < LEDGE_PX or not len(ledge):
         return side
     k = int(np.flatnonzero(line >= (core + float(np.median(ledge))) / 2)[-1])
-    return middle + (along[k] + STEP_PX / 2) * outward
+    moved: Floats = middle + (float(along[k]) + STEP_PX / 2) * outward
+    return moved
 
 
 def _half_way(darkest: Singles, pixel: Floats, outward: Floats, half: float) -> Floats:
@@ -132,4 +136,5 @@ def _half_way(darkest: Singles, pixel: Floats, outward: Floats, half: float) -> 
         return pixel
     k = int(under[0])
     share = (line[k - 1] - outside - HALF * (inside - outside)) / max(float(line[k - 1] - line[k]), 1e-9)
-    return pixel + (along[k - 1] + STEP_PX * float(np.clip(share, 0, 1))) * outward
+    moved: Floats = pixel + (float(along[k - 1]) + STEP_PX * float(np.clip(share, 0, 1))) * outward
+    return moved
