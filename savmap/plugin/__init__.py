@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from savmap.plugin.protocol import PluginSettings as PluginSettings
     from savmap.types import Attribute as Attribute
     from savmap.types import Axis as Axis
+    from savmap.types import Bools as Bools
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
@@ -117,7 +118,7 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured "
+        "Attribute Axis Bools CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured "
         "Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",

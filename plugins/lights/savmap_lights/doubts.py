@@ -11,12 +11,15 @@ UNKNOWN_M = 1000.0
 """The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""
 
 LIGHT_BEYOND, LIGHT_BEFORE = "light beyond, x m", "light before, x m"
-"""The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains."""
+LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
+"""The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
+for each one that shows the lamps on either side, the light before the next one was seen."""
 
 FEWEST = 4
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
+OFTEN = 0.8
 LONGER = 1.3
 
 
@@ -24,7 +27,7 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
     """Doubts about the lamps of one row."""
     ordered = sorted(lamps, key=lambda lamp: float(lamp.vertices[:, 0].mean()))
     whole = [lamp for lamp in ordered if is_whole(lamp)]
-    return [*_heights(whole), *_lengths(whole), *_gaps(ordered), *_open(ordered)]
+    return [*_heights(whole), *_lengths(whole), *_gaps(ordered), *_unexplained(ordered), *_open(ordered)]
 
 
 def is_whole(lamp: Structure) -> bool:
@@ -75,6 +78,19 @@ def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
             what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
             yield Doubt("shape", what, (before.id, after.id), _middle(before))
+
+
+def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """Light between lamps of an irregular line that was seen about as often as they were: no pitch tells whether one belongs there."""
+    x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
+    if len(x) > FEWEST and _are_regular(np.diff(x)):
+        return
+    for before, after in pairwise(lamps):
+        if float(before.attributes.get(LIGHT_OFTEN, 0.0)) >= OFTEN:
+            place = float(before.attributes[LIGHT_BEYOND])
+            _, y, z = _middle(before)
+            what = f"something shines {place:.2f} m along the row, between {before.id} and {after.id}, and no lamp explains it: one may be missing"
+            yield Doubt("shape", what, (before.id, after.id), (place, y, z))
 
 
 def _are_regular(sizes: Floats) -> bool:

@@ -1,21 +1,27 @@
 """Lamps in a ceiling-facing view: mask and brightness to centre (compact lamps) or to ends (strips). Paper, section III.C."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence, Set
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
 from savmap_lights.picture.compact import Compact, compact_of, more_like
+from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, compact_again, glare_of, strip_again
+from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
-from savmap_lights.picture.strips import Body, strips
+from savmap_lights.picture.strips import VARYING, Body, strips
 
 FIRST_LIKE = 20_000
+GLARING, MASKED = 30_000, 60_000
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
+FAINT_PX = 1.5
 BY_MASK_PX = 1.2
 SEEN = 255.0
+EVEN = (0.0,)
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -25,55 +31,94 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a "middle" of what is seen of it,
     uncertain along it by half its length. Ends come in no particular order.
 
-    What the picture's brightness does not show is measured in the masks.
+    On an overexposed ceiling lamps are looked for in the last levels below white first. What the picture's brightness does not show is
+    measured in the masks.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
-    seeds = seeds_of(grey, detections)
-    compact = {seed.number: lamp for seed in seeds if (lamp := compact_of(grey, seed)) is not None}
-    others = [seed for seed in seeds if seed.number not in compact]
-    lit = strips(grey, others)
-    features = _compact(view, detections, grey, seeds, compact)
-    features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
-    return features + _by_mask(view, detections, _rest(others, lit))
-
-
-def _compact(
-    view: View, detections: Sequence[Detection], grey: Singles, seeds: Sequence[Seed], lamps: Mapping[int, Compact]
-) -> list[Feature]:
-    """Features of compact lamps, those too that the network did not see but that are as one that it did; a "glimpse" of one of which
-    something may hide a side."""
+    glare = glare_of(view.image, grey, detections)
     features: list[Feature] = []
-    known: list[Floats] = []
-    for seed in seeds:
-        for lamp in [lamps[seed.number], *more_like(grey, seed, lamps[seed.number])] if seed.number in lamps else []:
-            if all(np.abs(lamp.middle - other).max() > min(lamp.sizes) / 2 for other in known):
-                known.append(lamp.middle)
-                part = "glimpse" if lamp.covered else "centre"
-                instance = FIRST_LIKE + len(known)
-                detection = detections[seed.number]
-                points = [(part, lamp.middle), *(("side", side) for side in lamp.sides)]
-                features += [point_feature(view, detection, instance, *point, SIGMA_CENTRE_PX) for point in points]
+    left = set(range(len(detections)))
+    if glare is not None:
+        left, features = _glaring(view, detections, glare)
+    seeds = [seed for seed in seeds_of(grey, detections) if seed.number in left]
+    compact, lit = _found(grey, seeds)
+    lamps = _apart(
+        (n, other, SIGMA_CENTRE_PX) for n, lamp, seed in compact for other in (lamp, *more_like(grey, seed, lamp))
+    )
+    features += _compact(view, detections, lamps, 0)
+    features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
+    return features + _by_mask(view, detections, left - _numbers(compact, lit))
+
+
+Known = tuple[int, Compact, Seed]
+Sure = tuple[int, Compact, float]
+
+
+def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
+    """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what shines."""
+    compact = [(seed.number, lamp, seed) for seed in seeds if (lamp := compact_of(shine, seed)) is not None]
+    own = {number for number, _, _ in compact}
+    return compact, strips(shine, [seed for seed in seeds if seed.number not in own], varying)
+
+
+def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
+    return {number for number, _, _ in compact} | {number for body in lit for number in body.numbers}
+
+
+def _glaring(view: View, detections: Sequence[Detection], glare: Glare) -> tuple[set[int], list[Feature]]:
+    """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside which it glares."""
+    compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
+    bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
+    bodies = [body for body in bodies if body.instance < FIRST_FAINT or beside_strip(glare.last, body)]
+    sure = [(n, compact_again(glare.darkest, lamp), SIGMA_CENTRE_PX) for n, lamp, _ in compact]
+    alike = ((n, other) for n, lamp, _ in sure for other in compact_likes(glare.last, lamp))
+    faint = ((n, compact_again(glare.darkest, other), FAINT_PX) for n, other in alike)
+    lamps = _apart(lamp for lamp in (*sure, *faint) if beside_compact(glare.last, lamp[1]))
+    features = _compact(view, detections, lamps, GLARING)
+    for body in bodies:
+        sigma = SIGMA_END_PX if body.instance < FIRST_FAINT else FAINT_PX
+        again = replace(strip_again(glare.darkest, body), instance=GLARING + body.instance)
+        features += _strip(view, detections, again, sigma)
+    measured = {number for number, _, sigma in lamps if sigma < FAINT_PX}
+    measured |= {number for body in bodies if body.instance < FIRST_FAINT for number in body.numbers}
+    return set(range(len(detections))) - measured, features
+
+
+def _apart(lamps: Iterable[Sure]) -> list[Sure]:
+    """Compact lamps, each found once: with the number of a detection and a standard deviation, px."""
+    found: list[Sure] = []
+    for number, lamp, sigma in lamps:
+        if all(np.abs(lamp.middle - known.middle).max() > min(lamp.sizes) / 2 for _, known, _ in found):
+            found.append((number, lamp, sigma))
+    return found
+
+
+def _compact(view: View, detections: Sequence[Detection], lamps: Sequence[Sure], first: int) -> list[Feature]:
+    """Features of compact lamps; a "glimpse" of one of which something may hide a side."""
+    features: list[Feature] = []
+    for count, (number, lamp, sigma) in enumerate(lamps, 1):
+        part = "glimpse" if lamp.covered else "centre"
+        points = [(part, lamp.middle), *(("side", side) for side in lamp.sides)]
+        instance = first + FIRST_LIKE + count
+        features += [point_feature(view, detections[number], instance, *point, sigma) for point in points]
     return features
 
 
-def _rest(seeds: Sequence[Seed], bodies: Sequence[Body]) -> list[Seed]:
-    taken = {number for body in bodies for number in body.numbers}
-    return [seed for seed in seeds if seed.number not in taken]
-
-
-def _by_mask(view: View, detections: Sequence[Detection], seeds: Sequence[Seed]) -> list[Feature]:
+def _by_mask(view: View, detections: Sequence[Detection], own: Set[int]) -> list[Feature]:
     """Features of lamps that do not stand out in the picture, from the network's probability."""
-    if not seeds:
+    if not own:
         return []
-    own = {seed.number for seed in seeds}
     shared = {id(detections[number].probability): detections[number].probability for number in own}
     seen: Singles = np.asarray(SEEN * np.maximum.reduce(list(shared.values())), np.float32)
     again = [seed for seed in seeds_of(seen, detections) if seed.number in own]
-    bodies = strips(seen, again)
+    bodies = [replace(body, instance=MASKED + body.instance) for body in strips(seen, again)]
     features = [feature for body in bodies for feature in _strip(view, detections, body, BY_MASK_PX)]
-    whole = [seed for seed in _rest(again, bodies) if not touches_border(detections[seed.number].mask)]
-    for seed in whole:
-        features.append(point_feature(view, detections[seed.number], seed.number, "centre", seed.middle, BY_MASK_PX))
+    taken = {number for body in bodies for number in body.numbers}
+    for seed in again:
+        if seed.number not in taken and not touches_border(detections[seed.number].mask):
+            features.append(
+                point_feature(view, detections[seed.number], seed.number, "centre", seed.middle, BY_MASK_PX)
+            )
     return features
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Structure, Track
-from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, UNKNOWN_M
-from savmap_lights.tracking import BEFORE, BEYOND, SEEN_TO
+from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M
+from savmap_lights.tracking import BEFORE, BEYOND, OFTEN, SEEN_TO
 
 FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
 ENOUGH = 0.6
@@ -23,8 +23,10 @@ def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[
 
 
 def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp explains."""
-    told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND)}
+    """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp explains, and how often
+    that between was seen for each time that the lamps on either side of it were."""
+    often = {lamp: round(10 * share, 2) for lamp, share in _by_lamp(tracks, OFTEN).items()}
+    told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
     return [
         replace(lamp, attributes={**lamp.attributes, **{name: x[lamp.id] for name, x in told.items() if lamp.id in x}})
         for lamp in lamps

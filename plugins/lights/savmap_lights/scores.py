@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import savmap.plugin as door
-from savmap.plugin import Floats, Structure
+from savmap.plugin import Bools, Floats, Structure
 from savmap_lights.doubts import is_whole
 
 GATE_M = 1.0
@@ -37,7 +36,7 @@ def score_lamps(lamps: Sequence[Structure], surveyed: Floats, ends_x: tuple[floa
     return replace(score, apart={**score.apart, ENDS: door.Distances(np.concatenate(ends))})
 
 
-def over_aisle(lamps: Sequence[Structure], middles: Floats) -> NDArray[np.bool_]:
+def over_aisle(lamps: Sequence[Structure], middles: Floats) -> Bools:
     """Which of the surveyed lamps (n, 3) are on the line over the row's aisle."""
     z = middles[:, 2]
     before = z > 0
@@ -45,7 +44,7 @@ def over_aisle(lamps: Sequence[Structure], middles: Floats) -> NDArray[np.bool_]
         return np.ones(len(z), np.bool_)
     mapped = float(np.median([centre_of(lamp)[0, 2] for lamp in lamps])) if lamps else 0.0
     nearest = float(z[before][np.argmin(np.abs(z[before] - mapped))])
-    line: NDArray[np.bool_] = np.abs(z - nearest) < SAME_LINE_M
+    line: Bools = np.abs(z - nearest) < SAME_LINE_M
     return line
 
 

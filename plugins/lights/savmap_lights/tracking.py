@@ -17,13 +17,14 @@ from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Place
 from savmap_lights.space.scatter import scatter
 from savmap_lights.space.ties import place_of
-from savmap_lights.space.unmapped import light_before, light_beyond, shining
+from savmap_lights.space.unmapped import Light, light_before, light_beyond, shining
 
 MAX_SLOPE = 3.0
 LEAST_FITTING, MOST_FIT = 2, 0.5
 OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
 PATH_M = 0.007
 SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
+OFTEN = "light beyond, frames for those that show its neighbours, %"
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
@@ -101,18 +102,26 @@ def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
 
 
 def _numbered(
-    tracks: Sequence[Track], complete: Sequence[int], before: float | None, beyond: Sequence[float | None]
+    tracks: Sequence[Track], complete: Sequence[int], before: Light | None, beyond: Sequence[Light | None]
 ) -> list[Track]:
     """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains, the first
     with that of such light before it."""
     numbered = []
+    numbers = [int(track.place[track.label]) for track in tracks]
+    shown = [max(len(t.frames) for t, n in zip(tracks, numbers, strict=True) if n == lamp) for lamp in complete]
     for track in tracks:
         if track.place[track.label] in complete:
             index = complete.index(int(track.place[track.label]))
             name = f"{track.label} {index + 1} / {track.place['part']}"
             told = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
-            light = {key: round(1000 * x) for key, x in told.items() if x is not None}
-            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **light}))
+            places = {key: round(1000 * light.x) for key, light in told.items() if light is not None}
+            after = beyond[index]
+            often = (
+                {}
+                if after is None
+                else {OFTEN: round(200 * after.frames / sum((shown + shown[-1:])[index : index + 2]))}
+            )
+            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **places, **often}))
     return numbered
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.types import Structure
-from savmap_lights.doubts import LIGHT_BEYOND, UNKNOWN_M, doubts_of
+from savmap_lights.doubts import LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M, doubts_of
 
 
 def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
@@ -30,6 +30,17 @@ def test_a_gap_in_which_something_shines_is_doubted() -> None:
     lamps[3] = replace(lamps[3], attributes={LIGHT_BEYOND: 12.5})
     (line,) = lines(lamps)
     assert line.startswith("light 4 and light 5 are 6.00 m apart, others 3.00 m, and something shines between them")
+
+
+def test_light_in_an_irregular_line_is_doubted() -> None:
+    lamps = [lamp(k, x) for k, x in enumerate([0.0, 3.0, 8.0], 1)]
+    assert not lines(lamps)
+    lamps[1] = replace(lamps[1], attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: 0.2})
+    assert not lines(lamps)
+    lamps[1] = replace(lamps[1], attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: 0.9})
+    (doubt,) = doubts_of(lamps)
+    assert doubt.what.startswith("something shines 6.20 m along the row, between light 2 and light 3")
+    assert doubt.place == (6.2, 6.0, 1.2)
 
 
 def test_a_lamp_at_another_height_is_doubted() -> None:

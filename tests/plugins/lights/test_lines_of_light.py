@@ -50,6 +50,13 @@ def test_alike_strips_are_not_shifted_by_a_pitch() -> None:
     assert np.abs([lamp.vertices[:, 1] - drawn.HEIGHT_M for lamp in inside]).max() < 0.01
 
 
+def test_thick_compact_lamps_are_at_their_middles() -> None:
+    faces = [face for x in (0.5, 2.1, 3.7, 5.3) for face in drawn.box(x - 0.2, x + 0.2, 0.1, drawn.LINE_Z_M)]
+    lamps = mapped(drawn.features_of(faces, faded=False))
+    assert len(lamps) == 4
+    assert np.abs(np.array([lamp.vertices[0, 1] for lamp in lamps]) - drawn.HEIGHT_M).max() < 0.006
+
+
 def test_thick_strips_beside_the_camera_are_at_their_middles() -> None:
     starts = [0.5, 2.1, 3.7]
     tracks = track_lamps(

@@ -4,10 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.plugin import Floats, Ints
+from savmap.plugin import Bools, Floats, Ints
 
 Singles = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 VIEW_AXES = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 STEP_PX = 0.5
@@ -54,7 +53,7 @@ def fall(profile: Floats, places: Floats, dark: int) -> tuple[float, bool]:
     return float(middles[0]), bool(sharp[0])
 
 
-def falls(profiles: Floats, places: Floats, dark: Ints) -> tuple[Floats, Mask]:
+def falls(profiles: Floats, places: Floats, dark: Ints) -> tuple[Floats, Bools]:
     """Where profiles (n, m) fall steepest about their first dark places (n,), and whether they do so sharply: by most of what they fall
     nearby, and well within the picture."""
     steep, reach = round(SHARP_PX / STEP_PX), round(BEYOND_PX / STEP_PX)

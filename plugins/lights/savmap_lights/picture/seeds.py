@@ -40,6 +40,11 @@ def _seed(grey: Singles, detection: Detection, number: int) -> Seed | None:
     middle = np.average(pixels, axis=0, weights=weights)
     spread, axes = np.linalg.eigh(np.cov((pixels - middle).T, aweights=weights) + 1e-9 * np.eye(2))
     long, wide = np.sqrt(12 * spread[1]), np.sqrt(12 * spread[0])
+    return Seed(number, middle, axes[:, 1], float(long), float(wide), brightness_of(grey, detection))
+
+
+def brightness_of(grey: Singles, detection: Detection) -> float:
+    """How bright a picture is where the network is sure of a lamp."""
+    weights = detection.probability[detection.mask]
     sure = weights >= min(SURE, float(weights.max()))
-    level = float(np.percentile(grey[rows, columns][sure], 75))
-    return Seed(number, middle, axes[:, 1], float(long), float(wide), level)
+    return float(np.percentile(grey[detection.mask][sure], 75))

@@ -24,7 +24,7 @@ from savmap_lights.picture.profiles import (
 )
 from savmap_lights.picture.seeds import STRIP_RATIO, Seed
 
-VARIES = 20.0
+VARYING = (20.0, 0.0)
 WIDER = 0.3
 FIRST_STRIP = 10_000
 BOTH_ENDS = 2
@@ -48,31 +48,31 @@ class Body:
     reach: Floats
 
 
-def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
-    """The strips that seeds are parts of; in a line of light, each up to its joints."""
+def strips(grey: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> list[Body]:
+    """The strips that seeds are parts of, whose brightness may vary by so much; in a line of light, each up to its joints."""
     found: list[Body] = []
     taken: set[int] = set()
     for seed in seeds:
         if seed.number not in taken:
-            line = _strip(grey, seed, seeds)
-            found += [body for body in line if not any(_overlap(body, other) for other in found)]
+            line = _strip(grey, seed, seeds, varying)
+            found += [body for body in line if not any(overlap(body, other) for other in found)]
             taken |= {number for body in line for number in body.numbers}
     return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(found)]
 
 
-def _overlap(body: Body, other: Body) -> bool:
+def overlap(body: Body, other: Body) -> bool:
     """Whether the middle of the shorter of two strips lies in the other."""
-    short, long = sorted((body, other), key=_length)
+    short, long = sorted((body, other), key=length_of)
     offset = short.reach.mean(axis=0) - long.reach[0]
-    return _within(offset, long.axis, long.width, 0.0, _length(long))
+    return _within(offset, long.axis, long.width, 0.0, length_of(long))
 
 
-def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
+def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed], varying: Sequence[float]) -> list[Body]:
     """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then the longest, of all
     axes and of two tolerances to how much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
     best: list[Body] = []
     for axis in _axes(seed, seeds):
-        for varies in (VARIES, 0.0):
+        for varies in varying:
             line = _along(grey, replace(seed, level=seed.level - varies), axis, seeds)
             if line and _worth(line) == BOTH_ENDS:
                 return line
@@ -81,14 +81,14 @@ def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
 
 
 def _size(line: Sequence[Body]) -> tuple[int, float]:
-    return (_worth(line), _length(line[0])) if line else (0, 0.0)
+    return (_worth(line), length_of(line[0])) if line else (0, 0.0)
 
 
 def _worth(line: Sequence[Body]) -> int:
     return sum(end is not None for end in line[0].ends)
 
 
-def _length(body: Body) -> float:
+def length_of(body: Body) -> float:
     return float(np.linalg.norm(body.reach[1] - body.reach[0]))
 
 

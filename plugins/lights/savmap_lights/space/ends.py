@@ -6,11 +6,8 @@ What is seen of a box from below: its lower edge at an end that lies beyond the 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from savmap.plugin import Floats, Ints
-
-Mask = NDArray[np.bool_]
+from savmap.plugin import Bools, Floats, Ints
 
 ROUNDS = 12
 TUKEY = 4.7
@@ -43,7 +40,7 @@ class Fitted:
     heights: Floats
     height_sigmas: Floats
     half_m: float
-    kept: Mask
+    kept: Bools
 
 
 def fit(rays: Rays, level_m: float) -> Fitted:

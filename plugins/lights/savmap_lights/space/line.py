@@ -3,12 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from savmap.plugin import Floats, Ints, Sightings, StructureError
+from savmap.plugin import Bools, Floats, Ints, Sightings, StructureError
 from savmap.vision import peaks
-
-Mask = NDArray[np.bool_]
 
 HEIGHTS_M = (0.5, 20.0)
 FINE_STEP, COARSE_STEP = 1.002, 1.01
@@ -30,7 +27,7 @@ class Marks:
     outward: Ints
     middles: Floats
 
-    def where(self, keep: Mask) -> "Marks":
+    def where(self, keep: Bools) -> "Marks":
         """Those for which a mask (n,) is true."""
         return replace(self, seen=self.seen.where(keep), outward=self.outward[keep], middles=self.middles[keep])
 
@@ -93,10 +90,10 @@ def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
     return total
 
 
-def over_aisle(marks: Marks, level_m: float) -> Mask:
+def over_aisle(marks: Marks, level_m: float) -> Bools:
     """Which marks' (n,) lamps would be before the face, and not far aside of the camera, at a level."""
     z = marks.aside(level_m)
-    near: Mask = (z > 0) & (np.abs(z - marks.seen.origins[:, 2]) < NEAR_M)
+    near: Bools = (z > 0) & (np.abs(z - marks.seen.origins[:, 2]) < NEAR_M)
     return near
 
 
