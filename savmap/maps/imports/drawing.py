@@ -21,7 +21,7 @@ from savmap.files.atomic import reason
 from savmap.files.texts import MOST_MB, bounded_bytes
 from savmap.maps.exports import require_library
 from savmap.maps.imports.records import MOST_POINTS, UNITS, Found, ImportOptions, element, listed
-from savmap.types import Floats
+from savmap.types import Floats, array_record
 
 MOST_ENTITIES, DEEPEST_BLOCK = 200_000, 12
 """Of a drawing whose blocks are inserted, each as often as it is; and of blocks within blocks."""
@@ -40,6 +40,7 @@ TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Piece:
     """One entity, blocks inserted: its layer, what it is called, corners (n, 3) in the drawing's unit, whether it is a line that others go on
     from, and what savmap's own drawing says of it (row, plugin, id, label and what is written on it)."""
