@@ -68,6 +68,15 @@ def test_a_map_that_repeats_is_trusted() -> None:
     assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
 
 
+def test_what_is_said_twice_is_told_once() -> None:
+    row = mapped(Wall)
+    doubt = Doubt("support", "all frames together show a post near post 7 that was not measured: is it missing?")
+    measurements = replace(row.measurements, doubts=(doubt, doubt))
+    _, verdict = judge(replace(row, measurements=measurements, notes=("one pass", "one pass")))
+    assert verdict.doubts == (doubt,)
+    assert verdict.notes.count("one pass") == 1
+
+
 class Shaky(Wall):
     """Odd frames see post 7 a little lower than even ones."""
 

@@ -30,7 +30,8 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         solution = row.solution, plugin.name
         doubts += [*plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    return found, Verdict(tuple(doubts), (*row.solution.unchecked, *row.notes))
+    notes = (*row.solution.unchecked, *row.notes)
+    return found, Verdict(tuple(dict.fromkeys(doubts)), tuple(dict.fromkeys(notes)))
 
 
 def _with_support(structure: Structure, support: Support) -> Structure:
