@@ -23,7 +23,7 @@ SQUARE_DEG = 0.2
 ROUNDS = 3
 GAUGE_SIGMA = 1e-5
 REACH_M = 10.0
-OFF_SIGMA = 4.0
+REACH_SIGMA = 4.0
 BACK_DEG, LEAST_DEPTH_M, MOST_UNSURE_M = 10.0, 0.2, 0.8
 
 FindLandmarks = Callable[[str, str, Sequence[Structure]], Sequence[CrossRowLandmark]]
@@ -185,7 +185,7 @@ def _are_near(of_a: Landmarks, of_b: Landmarks, a: Placement, b: Placement) -> b
     """Whether the landmarks of two rows come so near on the floor that they may match."""
     low_a, high_a = _extent(of_a, a)
     low_b, high_b = _extent(of_b, b)
-    unsure = OFF_SIGMA * np.sqrt(max(np.trace(row.covariance[:2, :2]) for row in (a, b)))
+    unsure = REACH_SIGMA * np.sqrt(max(np.trace(row.covariance[:2, :2]) for row in (a, b)))
     return bool((np.maximum(low_a, low_b) <= np.minimum(high_a, high_b) + REACH_M + unsure).all())
 
 

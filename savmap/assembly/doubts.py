@@ -36,7 +36,10 @@ def match_doubts(left_out: Sequence[LandmarkMatch], poses: SitePoses) -> Doubts:
             (match.a, match.b, match.in_a, match.in_b),
             (match.b, match.a, match.in_b, match.in_a),
         ):
-            what = f"{own.id} is row {other}'s {its.id} by its place, but is {off} off where the rows' other landmarks fit: one of the two is wrong"
+            what = (
+                f"{own.id} is row {other}'s {its.id} by its place, but is {off} off where the rows' other landmarks fit: "
+                "one of the two is wrong"
+            )
             x, y, z = (float(value) for value in own.place)
             doubts.setdefault(row, []).append(Doubt("site", what, (own.id,), (x, y, z)))
     return doubts
@@ -53,8 +56,8 @@ def drive_doubts(overlaps: Sequence[Overlap], records: Sequence[CrossRowMatch]) 
         where = ("along the site's x", "in height", "along the site's z")[worst]
         for row, other in ((overlap.prior.a, overlap.prior.b), (overlap.prior.b, overlap.prior.a)):
             what = (
-                f"rows {row} and {other} saw one drive, but put it {off[worst]:.2f} m apart {where}, {sigmas[worst]:.0f} standard deviations: "
-                "check their references and their places"
+                f"rows {row} and {other} saw one drive, but put it {off[worst]:.2f} m apart {where}, "
+                f"{sigmas[worst]:.0f} standard deviations: check their references and their places"
             )
             doubts.setdefault(row, []).append(Doubt("site", what))
     return doubts

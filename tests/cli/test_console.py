@@ -16,12 +16,17 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
-def test_a_line_every_ten_seconds(clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Console(tmp_path / "log") as shown:
-        for _ in shown.each(range(100), "rendering panoramas", 100):
-            clock[0] += 4.0
+def long_work(folder: Path, clock: list[float], count: int, doing: str, each_s: float) -> None:
+    """So many steps, whose number the console knows, then six of which it does not."""
+    with Console(folder / "log") as shown:
+        for _ in shown.each(range(count), doing, count):
+            clock[0] += each_s
         for _ in shown.each(iter("abcdef"), "reading"):
             clock[0] += 6.0
+
+
+def test_a_line_every_ten_seconds(clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    long_work(tmp_path, clock, 100, "rendering panoramas", 4.0)
     assert capsys.readouterr().err.splitlines()[:2] == [
         "rendering panoramas: 3 of 100 (3%), about 6 min left",
         "rendering panoramas: 6 of 100 (6%), about 6 min left",
@@ -32,11 +37,7 @@ def test_a_line_every_ten_seconds(clock: list[float], tmp_path: Path, capsys: py
 
 
 def test_the_last_line_tells_seconds(clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Console(tmp_path / "log") as shown:
-        for _ in shown.each(range(8), "rendering \x1b panoramas", 8):
-            clock[0] += 5.0
-        for _ in shown.each(iter("abcdef"), "reading"):
-            clock[0] += 6.0
+    long_work(tmp_path, clock, 8, "rendering \x1b panoramas", 5.0)
     assert capsys.readouterr().err.splitlines() == [
         "rendering \\x1b panoramas: 2 of 8 (25%), about 30 s left",
         "rendering \\x1b panoramas: 4 of 8 (50%), about 20 s left",
