@@ -5,7 +5,7 @@
 Without `--model` all networks that the plugin comes with are measured: mapping takes the one that sees more of a row. Three ways of showing a photograph: `letterboxed`, the whole of it scaled into one view
 of 640x480; `tiles`, scaled so that its median front member is 10 px thick and cut into overlapping views; `scales`, the mean of the
 probabilities at three scales. All figures are read at the photograph's own resolution (at most 1280 px wide); a pixel has a class
-where its probability is above the threshold:
+by the plugin's three thresholds, as in mapping, or where its probability is above one (`--threshold`):
 
 - IoU of each class, over the pixels that are judged: those labelled `ignore` and those of rear members are not. In totals: the mean over
   photographs, and of all pixels together.
@@ -33,8 +33,9 @@ from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.plugin.manager import load_class
 from savmap.train.data.dataset import IGNORE
+from savmap.types import Thresholds
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.regions import connected_regions
+from savmap.vision.regions import connected_regions, hysteresis
 
 TEST = Path(__file__).parent / "photos"
 LEAST_REGION_PX, LEAST_SHARE = 150, 0.3
@@ -85,10 +86,11 @@ Score = Mapping[str, ClassScore]
 """A photograph's scores by class."""
 
 
-def score(maps: Maps, truth: Truth, classes: Sequence[str], threshold: float) -> Score:
+def score(maps: Maps, truth: Truth, classes: Sequence[str], thresholds: Thresholds) -> Score:
     """What probabilities (1 + classes, H, W) are worth."""
     return {
-        name: class_score(maps[number] > threshold, truth, number, name) for number, name in enumerate(classes, start=1)
+        name: class_score(hysteresis(maps[number], thresholds), truth, number, name)
+        for number, name in enumerate(classes, start=1)
     }
 
 
@@ -221,12 +223,12 @@ def labelled(path: Path, image: Bytes, classes: Sequence[str]) -> Photograph:
 
 
 def measured(
-    predict: Predict, photographs: Sequence[Photograph], way: str, classes: Sequence[str], threshold: float
+    predict: Predict, photographs: Sequence[Photograph], way: str, classes: Sequence[str], thresholds: Thresholds
 ) -> Iterator[tuple[str, Score]]:
     """Names and scores of photographs that are shown in one way."""
     for photograph in photographs:
         maps = WAYS[way](predict, photograph.image, photograph.truth.thickness_px)
-        yield photograph.name, score(maps, photograph.truth, classes, threshold)
+        yield photograph.name, score(maps, photograph.truth, classes, thresholds)
 
 
 def row(label: str, figures: Totals) -> str:
@@ -271,6 +273,16 @@ def networks(plugin: str) -> list[Path]:
     return [Path(found.model), *map(Path, getattr(found, "further_models", ()))]
 
 
+def thresholds(given: argparse.Namespace) -> Thresholds:
+    """The one of the command line, or those of the plugin's settings."""
+    if given.threshold is not None:
+        return Thresholds.of(given.threshold)
+    settings = load_class(given.plugin).Config()
+    return Thresholds.of(
+        settings.threshold, *(getattr(settings, f"{name}_threshold", None) for name in ("weak", "seed"))
+    )
+
+
 def network(model: Path, threads: int) -> Segmenter:
     """A network with all its classes. Raises ModelError."""
     return Segmenter(model, threads, providers=("cpu",))
@@ -294,12 +306,12 @@ def predictor(segmenter: Segmenter, classes: Sequence[str]) -> Predict:
 
 
 def shown(
-    segmenter: Segmenter, photographs: Sequence[Photograph], way: str, classes: Sequence[str], threshold: float
+    segmenter: Segmenter, photographs: Sequence[Photograph], way: str, classes: Sequence[str], thresholds: Thresholds
 ) -> dict[str, object]:
     """Print the table of a network and a way as it is measured; what it says, for the JSON file."""
-    print(f"{segmenter.path.name}, {way}, threshold {threshold:g}\n{header(classes)}")
+    print(f"{segmenter.path.name}, {way}, thresholds {', '.join(f'{one:g}' for one in thresholds)}\n{header(classes)}")
     scores: dict[str, Score] = {}
-    for name, part in measured(predictor(segmenter, classes), photographs, way, classes, threshold):
+    for name, part in measured(predictor(segmenter, classes), photographs, way, classes, thresholds):
         scores[name] = part
         print(row(name, totals([part], classes)), flush=True)
     whole = totals(list(scores.values()), classes)
@@ -321,7 +333,7 @@ def arguments(given: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--plugin", default="shelves", help="whose network and classes")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
-    parser.add_argument("--threshold", type=float, default=0.5)
+    parser.add_argument("--threshold", type=float, help="one for all pixels; by default the plugin's three")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--labels", type=Path, help="measure the photographs of this folder's labels instead")
     parser.add_argument("--pictures", type=Path, help="where they lie, by default beside the labels")
@@ -342,7 +354,7 @@ def main(command: Sequence[str] | None = None) -> None:
     for model in given.model or networks(given.plugin):
         segmenter = network(model, given.threads)
         results[str(model) if given.model else model.name] = {
-            way: shown(segmenter, photographs, way, classes, given.threshold) for way in given.ways
+            way: shown(segmenter, photographs, way, classes, thresholds(given)) for way in given.ways
         }
     if given.output is not None:
         write_text(given.output, json.dumps(results, indent=2) + "\n")

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from savmap.types import Solid as Solid
     from savmap.types import Structure as Structure
     from savmap.types import SurveyEntry as SurveyEntry
+    from savmap.types import Thresholds as Thresholds
     from savmap.types import Track as Track
     from savmap.types import Trajectory as Trajectory
     from savmap.types import View as View
@@ -119,7 +120,7 @@ _NAMES = {
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
         "Attribute Axis Bools CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats FrameTable Ints Measured "
-        "Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Track Trajectory View ViewPlan ViewSpec"
+        "Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.field_of_view": "fit_count fit_height",
     "savmap.vision.view_planning": (

@@ -14,6 +14,7 @@ from savmap.types import (
     PlaneEvidence,
     PlanePatch,
     Structure,
+    Thresholds,
     View,
 )
 
@@ -25,9 +26,9 @@ MIN_PIXELS = 12
 
 
 @hookimpl(trylast=True)
-def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
-    """Connected regions of the network's classes above the threshold, instance by instance where it tells them apart."""
-    return segmenter.detections(view.image, threshold, MIN_PIXELS)
+def detect(view: View, segmenter: "Segmenter", thresholds: Thresholds) -> list[Detection]:
+    """Connected regions of the network's classes above the thresholds, instance by instance where it tells them apart."""
+    return segmenter.detections(view.image, thresholds, MIN_PIXELS)
 
 
 @hookimpl(trylast=True)

@@ -25,6 +25,7 @@ from savmap.types import (
     RowFacts,
     SiteMap,
     Structure,
+    Thresholds,
     Track,
     Trajectory,
     View,
@@ -63,8 +64,11 @@ def render_views(
 
 
 @hookspec(firstresult=True)
-def detect(view: View, segmenter: "Segmenter", threshold: float) -> list[Detection]:
-    """Detection: what the network gives for a view. Default: connected regions of each of the plugin's classes."""
+def detect(view: View, segmenter: "Segmenter", threshold: float, thresholds: Thresholds) -> list[Detection]:
+    """Detection: what the network gives for a view. Default: connected regions of each of the plugin's classes.
+
+    `threshold` is the first of `thresholds`, for plugins to which a pixel counts by itself.
+    """
 
 
 @hookspec(firstresult=True)

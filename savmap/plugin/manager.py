@@ -28,6 +28,7 @@ from savmap.types import (
     PlanePatch,
     RowFacts,
     Structure,
+    Thresholds,
     Track,
     Trajectory,
     View,
@@ -155,6 +156,12 @@ class LoadedPlugin:
         return float(getattr(self.config, "threshold", 0.5))
 
     @property
+    def thresholds(self) -> Thresholds:
+        """The same, where the network is faint, and of regions."""
+        weak, seed = (getattr(self.config, name, None) for name in ("weak_threshold", "seed_threshold"))
+        return Thresholds.of(self.threshold, weak, seed)
+
+    @property
     def class_names(self) -> Mapping[str, str]:
         """What the network's classes are called here, by their own names or numbers, where the config says so."""
         return dict(getattr(self.config, "class_names", {}))
@@ -202,6 +209,7 @@ class LoadedPlugin:
             view=view,
             segmenter=segmenter,
             threshold=self.threshold,
+            thresholds=self.thresholds,
         )
 
     def extract_features(

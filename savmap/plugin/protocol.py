@@ -25,6 +25,10 @@ class PluginSettings(BaseModel):
     """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
+    weak_threshold: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """Confidence above which it does where nothing nearby is twice as sure. Default: `threshold`."""
+    seed_threshold: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """Confidence that a connected region must exceed somewhere. Default: `threshold`."""
 
 
 class KnownSize(BaseModel):

@@ -22,7 +22,7 @@ from savmap.types.maps import (
     Structure,
 )
 from savmap.types.orthophotos import Orthophoto, RowStrips, Still, Strip
-from savmap.types.pictures import Detection, Feature, Flow, Panorama, View, ViewPlan, ViewSpec
+from savmap.types.pictures import Detection, Feature, Flow, Panorama, Thresholds, View, ViewPlan, ViewSpec
 from savmap.types.planes import FilmedPanorama, Planes, panorama_of
 from savmap.types.rows import FrameTable, RowFacts, Track, Trajectory
 from savmap.types.scores import Distances, Evaluation, Score, Survey, SurveyEntry, pool
@@ -74,6 +74,7 @@ __all__ = [
     "Structure",
     "Survey",
     "SurveyEntry",
+    "Thresholds",
     "Tone",
     "Track",
     "Trajectory",

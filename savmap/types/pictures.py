@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,20 @@ class View:
 
     def __post_init__(self) -> None:
         require(self.image.shape == (self.spec.height, self.spec.width, 3), self, "image has not the size of its spec")
+
+
+class Thresholds(NamedTuple):
+    """Probabilities: above `pixel` a pixel belongs to a class; between `weak` and it where nothing nearby is twice as likely; and a region must
+    exceed `seed` somewhere."""
+
+    pixel: float
+    weak: float
+    seed: float
+
+    @classmethod
+    def of(cls, pixel: float, weak: float | None = None, seed: float | None = None) -> "Thresholds":
+        """Those of settings, of which only the first must be given: without the others a pixel counts by itself."""
+        return cls(pixel, min(pixel, weak or pixel), max(pixel, seed or 0.0))
 
 
 @dataclass(frozen=True, eq=False)

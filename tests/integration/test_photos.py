@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
+from savmap.types import Thresholds
 
 ROOT = Path(__file__).parents[2]
 BENCH = ROOT / "bench"
@@ -71,7 +72,7 @@ def scored(folder: Path, shapes: list[dict[str, Any]], predicted: Bytes) -> Any:
     from photos import score
 
     maps = np.stack([(predicted == k).astype(np.float32) for k in range(3)])
-    return score(maps, truth(folder, shapes), CLASSES, 0.5)
+    return score(maps, truth(folder, shapes), CLASSES, Thresholds.of(0.5))
 
 
 @pytest.mark.parametrize("way", ["letterboxed", "tiles", "scales"])
@@ -82,7 +83,7 @@ def test_every_way_reads_at_the_photographs_own_places(way: str, tmp_path: Path)
     known = truth(tmp_path, SHAPES)
     maps = WAYS[way](by_colour, rack(), known.thickness_px)
     assert maps.shape == (3, *SIZE)
-    found = score(maps, known, CLASSES, 0.5)
+    found = score(maps, known, CLASSES, Thresholds.of(0.5))
     for name in CLASSES:
         assert found[name].iou > 0.95
         assert [member.found for member in found[name].members] == [True, True]
@@ -227,7 +228,7 @@ def test_the_table_and_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[st
     photos = _photos(tmp_path, rack())
     photos("--ways", "letterboxed", "-o", str(tmp_path / "figures.json"))
     printed = capsys.readouterr().out
-    assert "shelves.int8.onnx, letterboxed, threshold 0.5" in printed
+    assert "shelves.int8.onnx, letterboxed, thresholds 0.5, 0.3, 0.75" in printed
     assert "made " in printed
     assert "contrast under 8" in printed
     figures = json.loads((tmp_path / "figures.json").read_text())["shelves.int8.onnx"]["letterboxed"]

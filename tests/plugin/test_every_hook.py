@@ -70,6 +70,7 @@ def ask_detect() -> dict[str, Any]:
     plugin, given = asked("detect", [DETECTION])
     assert plugin.detect(VIEW, 1) == [DETECTION]
     assert given["threshold"] == 0.25
+    assert given["thresholds"] == (0.25, 0.25, 0.25)
     return given
 
 

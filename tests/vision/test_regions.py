@@ -3,7 +3,10 @@
 import numpy as np
 from scipy.ndimage import label
 
-from savmap.vision.regions import connected_regions, region_labels
+from savmap.types import Thresholds
+from savmap.vision.regions import NEAR_PX, connected_regions, hysteresis, region_labels
+
+HYSTERESIS = Thresholds(0.5, 0.3, 0.75)
 
 
 def blobs() -> np.ndarray:
@@ -27,3 +30,37 @@ def test_labels_alone_are_the_same() -> None:
     labels = region_labels(mask)
     np.testing.assert_array_equal(labels, connected_regions(mask).labels)
     assert labels.max() == label(mask, np.ones((3, 3)))[1]
+
+
+def bar(*heights: float) -> np.ndarray:
+    """A level bar, its parts of these probabilities one after another, with flanks that fall off to both sides."""
+    profile = np.array([0.1, 0.3, 0.65, 1.0, 1.0, 1.0, 0.65, 0.3, 0.1])
+    parts = [np.outer(profile, np.full(3 * NEAR_PX, height)) for height in heights]
+    return np.pad(np.concatenate(parts, axis=1), 2).astype(np.float32)
+
+
+def rows_of(mask: np.ndarray, part: int) -> int:
+    """How many rows of the middle of a part belong to a mask."""
+    return int(mask[:, 2 + 3 * NEAR_PX * part + 3 * NEAR_PX // 2].sum())
+
+
+def test_a_faint_part_is_as_thick_as_a_plain_one() -> None:
+    mask = hysteresis(bar(0.99, 0.6, 0.49), HYSTERESIS)
+    assert [rows_of(mask, part) for part in range(3)] == [5, 5, 5]
+    assert [rows_of(bar(0.99, 0.6, 0.49) > 0.5, part) for part in range(3)] == [5, 3, 0]
+
+
+def test_what_is_sure_nowhere_is_passed_over() -> None:
+    assert not hysteresis(bar(0.7), HYSTERESIS).any()
+    assert hysteresis(bar(0.8), HYSTERESIS).any()
+    assert not rows_of(hysteresis(bar(0.99, 0.28), HYSTERESIS), 1)
+
+
+def test_one_threshold_is_each_pixel_by_itself() -> None:
+    values = np.random.default_rng(5).random((50, 40)).astype(np.float32)
+    np.testing.assert_array_equal(hysteresis(values, Thresholds.of(0.5)), values > 0.5)
+
+
+def test_thresholds_of_settings_are_in_order() -> None:
+    assert Thresholds.of(0.4, 0.6, 0.2) == (0.4, 0.4, 0.4)
+    assert Thresholds.of(0.5, 0.3, 0.75) == HYSTERESIS

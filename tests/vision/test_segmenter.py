@@ -8,6 +8,7 @@ from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
 from savmap.plugin.scaffold.stub import stub_network
+from savmap.types import Thresholds
 from savmap.vision.networks.segmenter import Segmentation, Segmenter, regions
 
 WIDTH, HEIGHT = 64, 48
@@ -121,6 +122,11 @@ def test_regions_touching_at_a_corner_are_one() -> None:
 def test_small_regions_and_weak_pixels_are_left_out() -> None:
     assert len(regions("post", two_blobs(), 0.5, 5)) == 1
     assert int(regions("post", two_blobs(), 0.75, 5)[0].mask.sum()) == 36
+
+
+def test_a_region_has_a_seed() -> None:
+    assert len(regions("post", two_blobs(), Thresholds.of(0.5, seed=0.85), 1)) == 1
+    assert len(regions("post", two_blobs(), Thresholds.of(0.5, seed=0.75), 1)) == 2
 
 
 def test_detections_are_labelled_by_class() -> None:

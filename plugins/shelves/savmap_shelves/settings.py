@@ -49,6 +49,10 @@ class ShelvesSettings(BaseModel):
     """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Confidence above which a pixel belongs to a class."""
+    weak_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.3
+    """Confidence above which it does where nothing nearby is twice as sure."""
+    seed_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.75
+    """Confidence that a connected region must exceed somewhere, or it is passed over."""
     every: Annotated[int, Field(gt=0)] | None = None
     """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a long pass
     so slow that things move by no more than 7.4 degrees in between, else 1."""

@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, array_record
+from savmap.types import Detection, Thresholds, array_record
 from savmap.types.common import read_only
-from savmap.vision.regions import connected_regions
+from savmap.vision.regions import connected_regions, hysteresis
 
 Probabilities = NDArray[np.float32]
 
@@ -30,9 +30,9 @@ class Segmentation:
     maps: Probabilities
     owners: NDArray[np.int16] | None = None
 
-    def detections(self, threshold: float, min_pixels: int) -> list[Detection]:
-        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by class, and by instance
-        where the network separates them. All of a class share its probability over the whole picture."""
+    def detections(self, threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
+        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by hysteresis where it is three of
+        them, by class, and by instance where the network separates them. All of a class share its probability over the whole picture."""
         if self.owners is None:
             return [
                 detection
@@ -43,16 +43,25 @@ class Segmentation:
             detection
             for label, probability, owner in zip(self.classes, self.maps[1:], self.owners, strict=True)
             for number in range(1, int(owner.max()) + 1)
-            for detection in _detections(label, (owner == number) & (probability > threshold), probability, min_pixels)
+            for detection in _detections(
+                label, (owner == number) & _above(probability, threshold), probability, min_pixels
+            )
         ]
 
 
-def regions(label: str, probability: Probabilities, threshold: float, min_pixels: int) -> list[Detection]:
-    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, in scan order.
+def regions(label: str, probability: Probabilities, threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
+    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, by hysteresis where it is three of
+    them, in scan order.
 
     Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
     """
-    return _detections(label, probability > threshold, probability, min_pixels)
+    return _detections(label, _above(probability, threshold), probability, min_pixels)
+
+
+def _above(probability: Probabilities, threshold: float | Thresholds) -> NDArray[np.bool_]:
+    if isinstance(threshold, Thresholds):
+        return hysteresis(probability, threshold)
+    return np.asarray(probability > threshold)
 
 
 def _detections(label: str, above: NDArray[np.bool_], probability: Probabilities, min_pixels: int) -> list[Detection]:

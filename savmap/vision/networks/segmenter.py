@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import ModelError
-from savmap.types import Detection
+from savmap.types import Detection, Thresholds
 from savmap.vision.networks import detr, semantic, yolo
 from savmap.vision.networks.adapter import Adapter, Probabilities, Segmentation, regions
 from savmap.vision.networks.semantic import network_input
@@ -58,9 +58,9 @@ class Segmenter:
         """Picture (H, W, 3) uint8 RGB of any size -> (1 + classes, H, W) float32 in 0..1, background first."""
         return self.predict(image).maps
 
-    def detections(self, image: NDArray[np.uint8], threshold: float, min_pixels: int) -> list[Detection]:
-        """Connected regions of `min_pixels` or more of each class where its probability is above `threshold`, instance by instance
-        where the network tells them apart."""
+    def detections(self, image: NDArray[np.uint8], threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
+        """Connected regions of `min_pixels` or more of each class where its probability is above `threshold`, by hysteresis where it is
+        three of them, instance by instance where the network tells them apart."""
         return self.predict(image).detections(threshold, min_pixels)
 
     def __str__(self) -> str:

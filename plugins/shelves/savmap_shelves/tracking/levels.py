@@ -10,7 +10,7 @@ from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
 
 THIN, RARE, THICK = 0.86, 0.92, 2.0
-NEAR_FLOOR, SURE = 0.12, 0.6
+NEAR_FLOOR, ON_FLOOR, SURE = 0.12, 0.016, 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,14 +200,16 @@ def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: 
         peers = float(np.median(usual[sure_here if sure_here.sum() > 1 else sure])) if sure.any() else usual[k]
         thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
         thick[k] = leanest[k] > THICK * peers and not sure[k]
-    return thick | (thin & ~_stands(levels, floor))
+    return thick | (thin & ~_stands(levels, levels[:, 1] - usual / 2, floor))
 
 
-def _stands(levels: Floats, floor: float) -> Bools:
-    """Which levels (k,) are the lowest of their section above the floor, and near it."""
+def _stands(levels: Floats, lower: Floats, floor: float) -> Bools:
+    """Which levels (k,) are the lowest of their section, near the floor, with their lower edge (k,) clear of it: what hides a beam from
+    below does not reach down to the floor, where pallets and markings lie."""
     if not len(levels) or not np.isfinite(floor):
         return np.zeros(len(levels), dtype=np.bool_)
-    low = (levels[:, 1] > floor) & (levels[:, 1] < floor + NEAR_FLOOR * (levels[:, 1].max() - floor))
+    height = levels[:, 1].max() - floor
+    low = (lower > floor + ON_FLOOR * height) & (levels[:, 1] < floor + NEAR_FLOOR * height)
     lowest = [levels[levels[:, 0] == section, 1].min() for section in levels[:, 0]]
     return np.asarray(low & (levels[:, 1] == lowest))
 

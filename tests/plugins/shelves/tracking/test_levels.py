@@ -97,3 +97,12 @@ def test_girders_and_goods_are_thicker_than_beams_wherever_they_are_seen() -> No
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
     assert _unlike(levels, edges, which, support, -np.inf).tolist() == [False, False, True, False]
     assert not _unlike(levels, edges, which, np.ones(4), -np.inf).any()
+
+
+@pytest.mark.parametrize(("lower", "doubted"), [(0.02, True), (0.12, False)])
+def test_a_thin_level_that_lies_on_the_floor_is_no_beam_hidden_from_below(lower: float, doubted: bool) -> None:
+    levels = np.array([[0, lower + 0.03], [0, 1.5], [0, 3.0]])
+    which = np.repeat(np.arange(3), 10)
+    thickness = np.where(which == 0, 0.06, 0.12)
+    edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
+    assert _unlike(levels, edges, which, np.array([0.7, 1.0, 1.0]), 0.0).tolist() == [doubted, False, False]
