@@ -4,7 +4,7 @@
 
 MAP is a map's folder beside its survey.json, as bench/rows.py --keep leaves it. A doubt is true where an element that it names is more than 1 cm
 or two of its standard deviations off or is none, or where its section (for lamps, the space around it) lacks one. Unnamed is what is both more
-than 1 cm and two standard deviations off, or none, or missing, and in no doubt.
+than 1 cm and two standard deviations off, or none, or missing, between the row's ends, and in no doubt.
 """
 
 import argparse
@@ -20,6 +20,7 @@ from sigmas import Figure, figures_of
 import savmap
 from savmap.files.atomic import write_text
 from savmap.maps.survey import read_survey
+from savmap.pipeline.trust.ends import beyond_ends
 from savmap.types import Doubt, RowMap, Structure
 
 ROOT = Path(__file__).parent.parent
@@ -114,7 +115,7 @@ def verdict_of(folder: Path) -> dict[str, Any]:
     structures = {one.id: one for of_plugin in row.structures.values() for one in of_plugin}
     doubts = row.verdict.doubts if row.verdict else ()
     told = [(doubt, judged(doubt, structures, wrong)) for doubt in doubts]
-    named = {one for _, own in told for one in own}
+    named = {one for _, own in told for one in own} | beyond_ends(row.structures, frozenset({"shelves"}))
     return {
         "verdict": row.verdict.grade if row.verdict else "-",
         "doubts": [
