@@ -1,7 +1,7 @@
 """Whether what shows in a part of a plane lies in that plane, or far behind it, seen through an opening.
 
 What is level and runs along the camera's way stays where it is on a plane from frame to frame, whether it lies there or behind:
-evidence in the plane does not smear it. What crosses it does move: posts, ends, marks, and whatever is seen beside it. The frames' pictures of
+evidence in the plane does not smear it. What crosses it does move: supports, ends, marks, and whatever is seen beside it. The frames' pictures of
 the part, shrunk towards each camera, fall on one another at the depth that most of it has. Where that is far behind the plane and nothing falls
 on itself in the plane, the part is an opening. In a part that is not transparent nothing behind it can be seen at all.
 """
@@ -25,7 +25,7 @@ FINER = 3
 """Pictures are sampled so much finer than cells along the part, and averaged."""
 LEAST_ROWS, LEAST_COLUMNS = 2, 40
 DETAIL = 20.0
-"""What changes over more cells than that along the part is light and shade, and tells no depth."""
+"""What changes over more cells than that along the part is shading, and tells no depth."""
 IN_PLANE = np.arange(0.0, 0.05, 0.003)
 BEHIND = np.arange(0.15, 0.6, 0.005)
 """Shares by which what is seen is nearer to a camera's own place than on the plane: 0.15 is 35 cm behind a plane that is 2 m away, 0.6 is 3 m."""
