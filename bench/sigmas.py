@@ -34,6 +34,7 @@ KINDS = ("upright x", "upright width", "beam y", "beam height", "lamp x", "lamp 
 BY_CONVENTION_M = 1e-3
 Figure = tuple[str, float, float]
 """Kind, error and sigma, both m."""
+NamedFigure = tuple[str, Figure]
 
 
 def mapped(site: Path, keep: Path | None) -> tuple[RowMap, Mapping[str, Any]]:
@@ -57,6 +58,11 @@ def mapped(site: Path, keep: Path | None) -> tuple[RowMap, Mapping[str, Any]]:
 
 def figures(row: RowMap, survey: Mapping[str, Any]) -> Iterator[Figure]:
     """All that the map says with a sigma and the survey says too, of elements that both have."""
+    yield from (figure for _, figure in figures_of(row, survey))
+
+
+def figures_of(row: RowMap, survey: Mapping[str, Any]) -> Iterator[NamedFigure]:
+    """The same, each with the id of its element."""
     structures = row.structures.get("shelves", ())
     by_id = {structure.id: structure for structure in structures}
     yield from _of_uprights(uprights_of(structures), by_id, np.array(survey["uprights"]))
@@ -69,11 +75,11 @@ def figures(row: RowMap, survey: Mapping[str, Any]) -> Iterator[Figure]:
     yield from _of_lamps(row.structures.get("lights", ()), ends.mean(axis=1))
 
 
-def _of_uprights(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[Figure]:
+def _of_uprights(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[NamedFigure]:
     yield from _of_elements(found, by_id, truth, ("upright x", "upright width"), ("left", "right"), UPRIGHT_M)
 
 
-def _of_beams(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[Figure]:
+def _of_beams(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[NamedFigure]:
     yield from _of_elements(found, by_id, truth, ("beam y", "beam height"), ("lower", "upper"), BEAM_M)
 
 
@@ -84,7 +90,7 @@ def _of_elements(
     kinds: tuple[str, str],
     sides: tuple[str, str],
     gate_m: float,
-) -> Iterator[Figure]:
+) -> Iterator[NamedFigure]:
     """Edges and widths of elements (n, 2) that are near surveyed ones (m, 2)."""
     axis, size = (0, "width_sigma_m") if sides[0] == "left" else (1, "height_sigma_m")
     for name, interval in zip(found.ids, found.intervals, strict=True):
@@ -96,18 +102,19 @@ def _of_elements(
             at = next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
             sigma = float(np.sqrt(structure.covariances[at, axis, axis]))
             if sigma > BY_CONVENTION_M / 2:
-                yield kinds[0], float(estimate - true), sigma
-        yield kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size])
+                yield name, (kinds[0], float(estimate - true), sigma)
+        yield name, (kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size]))
 
 
-def _of_lamps(found: Sequence[Structure], truth: Floats) -> Iterator[Figure]:
+def _of_lamps(found: Sequence[Structure], truth: Floats) -> Iterator[NamedFigure]:
     """Lamps' centres, whose ends' errors are taken for common to both."""
     for lamp in found:
         centre, variances = lamp.vertices.mean(axis=0), np.diagonal(lamp.covariances, axis1=1, axis2=2).mean(axis=0)
         apart = np.linalg.norm(truth - centre, axis=1)
         if len(apart) and apart.min() < LAMP_M:
             errors = centre - truth[int(np.argmin(apart))]
-            yield from zip(KINDS[-3:], errors.tolist(), np.sqrt(variances).tolist(), strict=True)
+            for figure in zip(KINDS[-3:], errors.tolist(), np.sqrt(variances).tolist(), strict=True):
+                yield lamp.id, figure
 
 
 def by_kind(found: Sequence[Figure]) -> dict[str, dict[str, float]]:

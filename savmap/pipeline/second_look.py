@@ -23,10 +23,22 @@ from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
 from savmap.pipeline.records import RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Detection, Doubt, Expected, Feature, FlatDepth, Floats, Panorama, Trajectory, View, ViewSpec
+from savmap.types import (
+    Detection,
+    Doubt,
+    Expected,
+    Feature,
+    FlatDepth,
+    Floats,
+    Panorama,
+    PlanePatch,
+    Trajectory,
+    View,
+    ViewSpec,
+)
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import LookSettings, depth_of, expected_detections, gather
+from savmap.vision.evidence import Look, LookSettings, depth_of, expected_detections, gather, inner_part, lies_behind
 from savmap.vision.views import Renderer
 
 LOOKS = 2
@@ -36,14 +48,15 @@ LEAST_LANDMARKS = 2
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """The objects that a plugin expects, and the path of the camera, both in the unit of that path; the first positions (3,) of the
-    landmarks that were tracked instead."""
+    landmarks that were tracked instead, and the planes that the objects lie in."""
 
     objects: Sequence[Expected]
     path: Trajectory
     points: Mapping[str, Floats] = field(default_factory=dict)
+    planes: Sequence[PlanePatch] = ()
 
-    def untracked(self) -> Iterator[Doubt]:
-        """A doubt about each object at whose outline nothing was tracked."""
+    def untracked(self) -> Iterator[tuple[Expected, Doubt]]:
+        """Each object at whose outline nothing was tracked, and a doubt about it."""
         if not self.points:
             return
         positions = np.array([*self.points.values()])
@@ -53,10 +66,8 @@ class Expectation:
             if ((positions > low - room) & (positions < high + room)).all(axis=1).sum() < LEAST_LANDMARKS:
                 nearest = int(np.linalg.norm(positions - (low + high) / 2, axis=1).argmin())
                 near = [*self.points][nearest].rsplit(" / ", 1)[0]
-                yield Doubt(
-                    "support",
-                    f"all frames together show {thing.label} near {near} that was not measured: is it missing?",
-                )
+                what = f"all frames together show {thing.label} near {near} that was not measured: is it missing?"
+                yield thing, Doubt("support", what)
 
 
 def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
@@ -76,7 +87,7 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
             measurements = replace(measurements, features={**measurements.features, plugin.name: features})
         else:
             left = expect(alone, walked, measurements)
-            found = tuple(left.untracked()) if left else ()
+            found = tuple(unexplained(left, walked.looks[plugin.name], measurements.facts.views)) if left else ()
             measurements = replace(measurements, doubts=(*measurements.doubts, *found))
         depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
@@ -120,9 +131,19 @@ def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) 
     if located is None:
         return None
     points, looks, views = located.points[plugin.name], walked.looks[plugin.name], measurements.facts.views
-    evidence = [gather(patch, plugin.classes, looks, views, located.path) for patch in plugin.planes(points)]
+    planes = plugin.planes(points)
+    evidence = [gather(patch, plugin.classes, looks, views, located.path) for patch in planes]
     objects = plugin.expect(points, evidence) if evidence else []
-    return Expectation(objects, located.path, points) if objects else None
+    return Expectation(objects, located.path, points, planes) if objects else None
+
+
+def unexplained(left: Expectation, looks: Sequence[Look], views: Mapping[str, ViewSpec]) -> Iterator[Doubt]:
+    """A doubt about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
+    structure is level, too, and goes on in the evidence of its front."""
+    for thing, doubt in left.untracked():
+        part = inner_part(thing.outline, left.planes)
+        if part is None or not lies_behind(part, looks, views, left.path):
+            yield doubt
 
 
 def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:

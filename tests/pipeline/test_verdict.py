@@ -12,6 +12,7 @@ from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowRequest, SolvedRow
 from savmap.pipeline.row import collect, constrain, track
+from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, supports
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.hookspecs import hookimpl
@@ -158,6 +159,25 @@ def test_what_a_plugin_the_footage_and_the_solve_doubt_is_kept() -> None:
     reference = Doubt("reference", "the length is contradicted")
     row = replace(row, solution=replace(row.solution, doubts=(reference,)))
     assert collect(row).verdict == Verdict((motion, reference, shape), row.solution.unchecked)
+
+
+def lamp(number: int, *x: float) -> Structure:
+    vertices = np.array([[along, 5.0, 1.0] for along in x])
+    covariances = np.tile(1e-6 * np.eye(3), (len(x), 1, 1))
+    return Structure(f"lamp {number}", "lamp", vertices, covariances, tuple("ab"[: len(x)]), np.zeros((0, 2), np.int64))
+
+
+def test_what_is_doubted_beyond_the_ends_is_a_note() -> None:
+    ends = made.WALL[:, 0].min(), made.WALL[:, 0].max()
+    over, partly = lamp(1, float(np.mean(ends))), lamp(2, ends[1] - 0.1, ends[1] + 0.9)
+    beyond, before = lamp(3, ends[1] + 0.1, ends[1] + 1.1), lamp(4, ends[0] - 1.0)
+    doubts = {one.id: Doubt("shape", f"{one.id} is odd", (one.id,)) for one in (over, partly, beyond, before)}
+    both, whole = Doubt("shape", "a gap", (partly.id, beyond.id)), Doubt("motion", "the camera turns round")
+    structures = {"wall": [post(n) for n in range(len(made.WALL))], "lamps": [over, partly, beyond, before]}
+    kept, notes = without_beyond([*doubts.values(), both, whole], structures, frozenset({"wall"}))
+    assert kept == [doubts["lamp 1"], doubts["lamp 2"], both, whole]
+    assert notes == ["beyond the row's ends: lamp 3 is odd", "beyond the row's ends: lamp 4 is odd"]
+    assert without_beyond([both], structures, frozenset()) == ([both], [])
 
 
 def test_support_counts_only_frames_that_should_show_it() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from savmap.graph import Solution
 from savmap.pipeline.records import DescribedRow
+from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, is_of, supports
 from savmap.types import Doubt, Floats, Structure, Verdict
 
@@ -20,7 +21,7 @@ AXES = "xyz"
 
 
 def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
-    """The row's structures by plugin, each with its `support`, and the verdict."""
+    """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
     found: dict[str, tuple[Structure, ...]] = {}
     doubts = [*row.measurements.doubts, *row.solution.doubts]
     for plugin in row.request.plugins:
@@ -30,8 +31,9 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         solution = row.solution, plugin.name
         doubts += [*plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    notes = (*row.solution.unchecked, *row.notes)
-    return found, Verdict(tuple(dict.fromkeys(doubts)), tuple(dict.fromkeys(notes)))
+    kept, beyond = without_beyond(doubts, found, row.measurements.locators)
+    notes = (*row.solution.unchecked, *row.notes, *beyond)
+    return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
 
 
 def _with_support(structure: Structure, support: Support) -> Structure:

@@ -1,6 +1,16 @@
-"""What all frames of known pose show together: evidence in planes, and how deep flat parts lie."""
+"""What all frames of known pose show together: evidence in planes, how deep flat parts lie, and what is only seen through an opening."""
 
+from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.planes import Look, LookSettings, expected_detections, gather, outline_in
 
-__all__ = ["Look", "LookSettings", "depth_of", "expected_detections", "gather", "outline_in"]
+__all__ = [
+    "Look",
+    "LookSettings",
+    "depth_of",
+    "expected_detections",
+    "gather",
+    "inner_part",
+    "lies_behind",
+    "outline_in",
+]

@@ -117,7 +117,7 @@ def depth_of(
     shots = {
         n: [
             Shot.of(known[k], views[known[k].view], poses[known[k].frame], flat.parts[n])
-            for k in _near(flat.parts[n], cameras)
+            for k in near_cameras(flat.parts[n], cameras)
         ]
         for n in chosen
     }
@@ -135,7 +135,7 @@ def depth_of(
     return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, told[2], proud, flat.proud_sigma_m)
 
 
-def _near(part: PlanePatch, cameras: Floats) -> list[int]:
+def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
     """The numbers of those cameras (n, 3) that are before a part and not too far beside it to see any of it."""
     right, before = np.stack([part.right, np.cross(part.right, part.up)]) @ (cameras - part.origin).T
     near = (before > 0) & (right > -ASLANT * before) & (right < part.size[0] + ASLANT * before)

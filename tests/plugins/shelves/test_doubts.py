@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from savmap_shelves.doubts import doubts_of
@@ -75,6 +76,40 @@ def test_what_is_odd_is_named(spoil: Any, says: str, about: tuple[str, ...]) -> 
     found = doubts_of(structures_of(row))
     assert [doubt.kind for doubt in found] == ["shape"] * len(found)
     assert [doubt.structures for doubt in found if says in doubt.what] == [about]
+
+
+def uneven_row() -> Row:
+    """Five bays whose levels stand at other heights in each, an equal step apart."""
+    row: Row = {"uprights": [[2.7 * k, 2.7 * k + 0.1] for k in range(6)], "sections": []}
+    for k in range(5):
+        levels = 0.2 + (0.8 + 0.13 * k) * np.arange(6)
+        row["sections"].append({"beams": [[level, level + 0.1] for level in levels.tolist()]})
+    return row
+
+
+@pytest.mark.parametrize("section", [0, 2, 4])
+def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(section: int) -> None:
+    row = uneven_row()
+    assert doubts_of(structures_of(row)) == []
+    del row["sections"][section]["beams"][2]
+    (doubt,) = doubts_of(structures_of(row))
+    assert "others of their section" in doubt.what
+    assert doubt.structures == (f"section {section + 1} / beam 2", f"section {section + 1} / beam 3")
+    # So is a passage, which the next section has too.
+    level = 0.2 + (0.8 + 0.13 * section) * 2
+    beside = row["sections"][section - 1 if section else 1]["beams"]
+    beside[:] = [beam for beam in beside if abs(beam[0] - level) > 1.0]
+    assert not [
+        doubt for doubt in doubts_of(structures_of(row)) if f"section {section + 1} / beam 2" in doubt.structures
+    ]
+
+
+def test_steps_that_differ_anyway_hide_nothing() -> None:
+    row = uneven_row()
+    for beam in row["sections"][2]["beams"][4:]:
+        beam[:] = [beam[0] + 0.6, beam[1] + 0.6]
+    del row["sections"][2]["beams"][1]
+    assert doubts_of(structures_of(row)) == []
 
 
 def test_a_section_of_thicker_beams_is_no_error() -> None:
