@@ -3,7 +3,9 @@
     python bench/exports.py MAP [--rows 46] [--format glb ...] [--skip-validators] [-o bench/results/exports]
 
 `--rows`: the map's first row that many times, side by side, 4 m apart, instead of the map. Validators that are not installed are named as such:
-`pip install usd-validation-nvidia pyogrio`, and, in a folder that NODE_PATH names as its node_modules, `npm install gltf-validator web-ifc`.
+`pip install usd-validation-nvidia pyogrio`, and, in a folder that NODE_PATH names as its node_modules, `npm install gltf-validator web-ifc
+@mapbox/geojsonhint` (of what the last one needs, one package lies in a git repository: where that cannot be reached, `"overrides":
+{"@gerhobbelt/nomnom": "npm:nomnom@1.8.1"}` in package.json does without). NVIDIA_USD_VALIDATE: that command, if it is not on the PATH.
 Printed: a line for each format and, indented, one for each validator. Written: the files, and figures.json. Ends with 1 if a validator finds
 fault with a file.
 """
@@ -45,6 +47,10 @@ api.Init().then(() => {
     if (!shapes) console.log("no shape was read");
 });
 """
+GEOJSONHINT = """
+const {hint} = require("@mapbox/geojsonhint"), text = require("fs").readFileSync(process.argv[1], "utf8");
+for (const found of hint(text)) console.log(`${found.level || "error"} line ${found.line}: ${found.message}`);
+"""
 ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json", "nav2": "zip", "imdf": "zip"}
 """Of files of formats that are not called by theirs."""
 Validator = Callable[[Path], list[str]]
@@ -74,6 +80,11 @@ def gltf_validator(path: Path) -> list[str]:
 def web_ifc(path: Path) -> list[str]:
     """Whether web-ifc, which viewers in browsers use, reads shapes."""
     return in_node(WEB_IFC, "web-ifc", path)
+
+
+def geojsonhint(path: Path) -> list[str]:
+    """Mapbox's linter of GeoJSON (RFC 7946)."""
+    return in_node(GEOJSONHINT, "@mapbox/geojsonhint", path)
 
 
 def in_node(script: str, module: str, path: Path) -> list[str]:
@@ -150,7 +161,7 @@ VALIDATORS: Mapping[str, Mapping[str, Validator]] = {
     "ifc": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
     "ifc4x3": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
     "dxf": {"ezdxf": dxf_audit, "GDAL": gdal},
-    "geojson": {"GDAL": gdal},
+    "geojson": {"geojsonhint": geojsonhint, "GDAL": gdal},
 }
 """By format, and by the validator's name."""
 

@@ -18,7 +18,7 @@ from savmap.maps.imports.survey import ImportedSurvey, survey_of
 from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters, load_installed, open_plugin
-from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
+from savmap.report.site_report import evaluation_of, map_in, openings_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
@@ -75,8 +75,8 @@ def map_video(
 
 
 def load_map(path: PathLike) -> SiteMap:
-    """A map from map.json. Raises OutputError where it is none."""
-    return read_map(Path(path))
+    """A map from map.json, or from the one in a folder that `savmap map` wrote. Raises OutputError where it is none."""
+    return read_map(map_in(Path(path)))
 
 
 def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
@@ -89,12 +89,12 @@ def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
 
 
 def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEVEL) -> Comparison:
-    """What changed from an old map of a place to a new one (records, or paths of map.json), and what of it both can tell.
+    """What changed from an old map of a place to a new one (records, or paths of map.json or of its folder), and what of it both can tell.
 
     Rows are known by their names; how their frames lie is found from what both maps have. level: the share of false ones among the changes
     that is accepted. Raises OutputError for a file that is no map, PluginError for a plugin that fails.
     """
-    before, after = (one if isinstance(one, SiteMap) else read_map(Path(one)) for one in (old, new))
+    before, after = (one if isinstance(one, SiteMap) else load_map(one) for one in (old, new))
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 

@@ -2,13 +2,14 @@
 
 import difflib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from savmap.errors import SiteError
-from savmap.types import Floats, SiteMap, Structure, array_record
+from savmap.maps.exports.frames import transformed, world_from_row
+from savmap.types import Floats, Ints, SiteMap, Structure, array_record
 
 WRITTEN = ("text", "code")
 """Attributes by which plugins give what is written on a structure; of "kind:content", the content counts too."""
@@ -17,6 +18,10 @@ PART = " / "
 PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
 NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
 LONGEST_NAME = 500
+GUESSED_M, TIMES_WORSE = 0.1, 3.0
+"""A vertex of which a coordinate has a larger standard deviation than this, m, and so many times that of a vertex of the same structure, is a guess,
+such as the top of a post that no picture shows: where its structure is, it does not tell."""
+NO_EDGES = np.zeros((0, 2), dtype=np.int64)
 InRow = tuple[str, Structure]
 Places = Mapping[str, Mapping[str, Sequence[Structure]]]
 """Places between structures, by row and plugin."""
@@ -25,41 +30,53 @@ Places = Mapping[str, Mapping[str, Sequence[Structure]]]
 @dataclass(frozen=True, eq=False)
 @array_record
 class SearchHit:
-    """A structure of a row: the mean of its vertices (3,) m in the row's frame and, where the row is placed, in the site's; and the
-    standard deviation of one coordinate, m."""
+    """A structure of a row: the mean (3,) m of those of its vertices that were measured, in the row's frame and, where that is known, in the site's
+    and the user's world's; its standard deviations (3,) m along the row's axes; and what these vertices are called and the others are not, such as
+    "bottom": empty where all were measured."""
 
     row: str
     structure: Structure
     position_m: Floats
-    sigma_m: float
+    sigma_m: Floats
+    part: str = ""
     site_position_m: Floats | None = None
+    world_position_m: Floats | None = None
 
     def __str__(self) -> str:
         attributes = self.structure.attributes
         text = f' "{attributes["text"]}"' if attributes.get("text") else ""
-        others = [
-            f", {value}" for key, value in attributes.items() if isinstance(value, str) and value and key not in WRITTEN
-        ]
-        site = "" if self.site_position_m is None else f"; in the site {_metres(self.site_position_m)} m"
-        what = f"row {self.row}, {self.structure.id}{text}{''.join(others)}"
-        return f"{what}: {_metres(self.position_m)} m (+- {1000 * self.sigma_m:.0f} mm){site}"
+        others = [value for key, value in attributes.items() if isinstance(value, str) and value and key not in WRITTEN]
+        what = ", ".join((f"row {self.row}", f"{self.structure.id}{text}", *others, *filter(None, [self.part])))
+        sigmas = ", ".join(map(_millimetres, self.sigma_m))
+        elsewhere = {"site": self.site_position_m, "world": self.world_position_m}
+        more = (f"; in the {name} {_metres(place)}" for name, place in elsewhere.items() if place is not None)
+        return f"{what}: {_metres(self.position_m)} (+- {sigmas} mm){''.join(more)}"
 
 
 def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dict) -> list[SearchHit]:
-    """The structures whose id, text or code is `name`, whatever its case; else those, and the places between structures (`places`, asked for where
-    they are needed), that it describes: "section 2", "beam 2", "level 3 of section 2", "row B, section 2". Of what it describes, the largest is
-    meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none."""
+    """The structures whose id, text or code is `name`, whatever its case; else those, their vertices and the places between structures (`places`,
+    asked for where they are needed), that it describes: "section 2", "beam 2", "level 3 of section 2", "row B, section 2". Of what it describes, the
+    largest is meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none."""
     mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
     hits = _called(mapped, name)
     if not hits:
         further = [(row, own) for row, plugins in places().items() for group in plugins.values() for own in group]
+        further += [(row, vertex) for row, own in mapped for vertex in _vertices(own)]
         hits = _called(further, name) or _described(site, [*mapped, *further], name)
         mapped += further
     if not hits:
         known = sorted({key for _, structure in mapped for key in names(structure)})
-        near = difflib.get_close_matches(name, known, 3)
+        near = difflib.get_close_matches(name[:LONGEST_NAME], known, 3)
         raise SiteError(f"`{name}` is not in the map" + (f"; nearest: {', '.join(near)}" if near else ""))
     return [_hit(site, row, structure) for row, structure in hits]
+
+
+def _vertices(structure: Structure) -> Iterator[Structure]:
+    """Its vertices, as structures that are called by both: "post 1 / top"."""
+    for number, label in enumerate(structure.vertex_labels):
+        name = label if label.startswith(structure.id) else f"{structure.id}{PART}{label}"
+        one = slice(number, number + 1)
+        yield Structure(name, label, structure.vertices[one], structure.covariances[one], (label,), NO_EDGES)
 
 
 def _called(known: Sequence[InRow], name: str) -> list[InRow]:
@@ -109,12 +126,40 @@ def names(structure: Structure) -> list[str]:
 
 
 def _hit(site: SiteMap, row: str, structure: Structure) -> SearchHit:
-    middle = structure.vertices.mean(axis=0)
-    sigma = float(np.sqrt(np.trace(structure.covariances.mean(axis=0)) / 3))
-    placement = site.placements.get(row)
-    return SearchHit(row, structure, middle, sigma, None if placement is None else placement.points(middle[None])[0])
+    known = _measured(structure)
+    middle = structure.vertices[known].mean(axis=0)
+    sigma: Floats = np.sqrt(np.diagonal(structure.covariances[known].mean(axis=0)))
+    placement, alone = site.placements.get(row), len(site.rows | site.failed) == 1
+    in_world = site.alignment is not None and (placement is not None or alone)
+    return SearchHit(
+        row,
+        structure,
+        middle,
+        sigma,
+        _part(structure, known),
+        None if placement is None else placement.points(middle[None])[0],
+        transformed(middle[None], world_from_row(site, row))[0] if in_world else None,
+    )
+
+
+def _measured(structure: Structure) -> Ints:
+    """The numbers of the vertices that were measured; of all, where none stands out."""
+    worst = np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)).max(axis=1)
+    return np.flatnonzero((worst <= GUESSED_M) | (worst <= TIMES_WORSE * worst.min()))
+
+
+def _part(structure: Structure, known: Ints) -> str:
+    """What the labels of these vertices say and those of no others do."""
+    words = [label.split(PART) for label in structure.vertex_labels]
+    others = {word for number, own in enumerate(words) if number not in known for word in own}
+    shared = set(words[known[0]]).intersection(*(words[number] for number in known)) - others
+    return PART.join(word for word in words[known[0]] if word in shared) if others else ""
 
 
 def _metres(point: Floats) -> str:
     x, y, z = point
-    return f"x {x:.3f}, y {y:.3f}, z {z:.3f}"
+    return f"x {x:.3f}, y {y:.3f}, z {z:.3f} m"
+
+
+def _millimetres(sigma_m: float) -> str:
+    return f"{1000 * sigma_m:.{0 if sigma_m >= 0.001 else 1}f}"

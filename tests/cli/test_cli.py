@@ -7,9 +7,12 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from savmap.cli.app import main
+from savmap.maps.map_file import write_map
+from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
@@ -101,6 +104,47 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
         main()
     assert end.value.code == 130
     assert capsys.readouterr().err == "savmap: interrupted\n"
+
+
+def _one_row() -> SiteMap:
+    vertices = np.array([[x, y, 0.0] for y in (0.0, 5.0) for x in (0.0, 4.0)])
+    labels = tuple(f"post 1 / {k}" for k in range(4))
+    post = Structure("post 1", "post", vertices, np.tile(1e-6 * np.eye(3), (4, 1, 1)), labels, np.zeros((0, 2), int))
+    path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
+    return SiteMap({"A": RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {"posts": (post,)}, ())}, {})
+
+
+@pytest.mark.parametrize("moment", ["fsync", "replace"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["import", "points.csv", "--row", "A", "-o", "made.json"],
+        ["export", "map.json", "--format", "ply", "-o", "made.ply"],
+        ["export", "map.json", "--format", "glb", "-o", "made.glb"],
+        ["compare", "map.json", "map.json", "--json", "made.json"],
+        ["align", "map.json", "align.yaml", "-o", "made.json"],
+    ],
+)
+def test_interrupted_while_writing_leaves_what_was_there(
+    command: list[str], moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    write_map(_one_row(), tmp_path / "map.json")
+    places = "".join(f"  - {{row: A, at: post 1 / {k}, world_m: [{4 * k}.0, 3.0], sigma_m: 0.03}}\n" for k in (0, 1))
+    (tmp_path / "align.yaml").write_text(f"points:\n{places}", encoding="utf-8")
+    points = "".join(f"upright {k},upright,{2 * k + d},1,0\n" for k in (1, 2) for d in (0.0, 0.1))
+    (tmp_path / "points.csv").write_text(f"id,label,x,y,z\n{points}", encoding="utf-8")
+    (tmp_path / command[-1]).write_bytes(b"of yesterday")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(os, moment, interrupted)
+    monkeypatch.setattr(sys, "argv", ["savmap", *command])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, capsys.readouterr().err) == (130, "savmap: interrupted\n")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.maps.search import find_structures
-from savmap.types import FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 
 def plate(number: int, x: float, attributes: Mapping[str, float | int | str]) -> Structure:
@@ -33,8 +33,59 @@ def site() -> SiteMap:
 @pytest.mark.parametrize("name", ["A21-03", "a21-03", "plate 1"])
 def test_structure_is_found_by_its_text_and_by_its_id(site: SiteMap, name: str) -> None:
     assert list(map(str, find_structures(site, name))) == [
-        'row A, plate 1 "A21-03", section 3: x 2.000, y 1.800, z 0.000 m (+- 1 mm); in the site x 12.000, y 1.800, z 1.000 m'
+        'row A, plate 1 "A21-03", section 3: x 2.000, y 1.800, z 0.000 m (+- 1, 1, 1 mm); in the site x 12.000, y 1.800, z 1.000 m'
     ]
+
+
+def post(top_sigma_m: float, foot_sigma_m: float = 0.05) -> SiteMap:
+    """A post that was seen at the left and the right, but neither to its foot nor to its top."""
+    corners = [(x, y) for y in ("bottom", "top") for x in ("left", "right")]
+    vertices = np.array([[1.1 if x == "right" else 1.0, 5.0 if y == "top" else 0.0, 0.0] for x, y in corners])
+    sigmas = np.array([[0.003, top_sigma_m if y == "top" else foot_sigma_m, 0.0001] for _, y in corners])
+    labels = tuple(f"post 1 / {x} / {y}" for x, y in corners)
+    covariances = np.stack([np.diag(own**2) for own in sigmas])
+    whole = Structure("post 1", "post", vertices, covariances, labels, np.zeros((0, 2), int))
+    path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
+    return SiteMap({"A": RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {"posts": (whole,)}, ())}, {})
+
+
+@pytest.mark.parametrize(
+    ("sigmas_m", "said"),
+    [
+        ((0.3, 0.05), "post 1, bottom: x 1.050, y 0.000, z 0.000 m (+- 3, 50, 0.1 mm)"),
+        ((0.01, 0.01), "post 1: x 1.050, y 2.500, z 0.000 m (+- 3, 10, 0.1 mm)"),
+        ((0.05, 0.005), "post 1: x 1.050, y 2.500, z 0.000 m (+- 3, 36, 0.1 mm)"),
+        ((0.5, 0.4), "post 1: x 1.050, y 2.500, z 0.000 m (+- 3, 453, 0.1 mm)"),
+    ],
+)
+def test_a_vertex_that_nobody_measured_does_not_say_where_its_structure_is(
+    sigmas_m: tuple[float, float], said: str
+) -> None:
+    assert list(map(str, find_structures(post(*sigmas_m), "post 1"))) == [f"row A, {said}"]
+
+
+def test_a_map_that_is_aligned_says_where_it_is_in_the_users_world() -> None:
+    aligned = replace(post(0.3), alignment=Alignment(10.0, 20.0, 90.0, np.zeros((3, 3))))
+    (hit,) = find_structures(aligned, "post 1")
+    assert hit.world_position_m == pytest.approx([10, 21.05, 0])
+    assert str(hit).endswith("; in the world x 10.000, y 21.050, z 0.000 m")
+    (unplaced,) = find_structures(replace(aligned, failed={"B": "no structure"}), "post 1")
+    assert unplaced.world_position_m is None
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("post 1 / left / top", ["post 1 / left / top"]),
+        ("bottom of post 1", ["post 1 / left / bottom", "post 1 / right / bottom"]),
+        ("middle of plate 1", ["plate 1 / middle"]),
+    ],
+)
+def test_vertices_are_found(site: SiteMap, name: str, found: list[str]) -> None:
+    row = site.rows["A"]
+    both = replace(row, structures={**row.structures, **post(0.3).rows["A"].structures})
+    hits = find_structures(replace(site, rows={"A": both}), name)
+    assert [hit.structure.id for hit in hits] == found
 
 
 def test_a_code_is_found_with_and_without_its_kind(site: SiteMap) -> None:

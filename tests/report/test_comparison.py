@@ -130,3 +130,11 @@ def test_python_compares_records_and_files(files: tuple[Path, Path]) -> None:
     from_records = savmap.compare(savmap.load_map(files[0]), savmap.load_map(files[1]), level=0.01)
     assert len(from_records.rows[0].changes) == 3
     assert from_records.level == 0.01
+    old, new = (file.parent for file in files)
+    from_folders = savmap.compare(str(old), new)
+    assert [one.name for one in from_folders.rows[0].changes] == [one.name for one in from_files.rows[0].changes]
+
+
+def test_python_says_which_folder_has_no_map(files: tuple[Path, Path], tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"map\.json: cannot be read \(no such file"):
+        savmap.compare(tmp_path, files[1])

@@ -112,16 +112,17 @@ def in_world(structure: Structure, alignment: Alignment | None) -> Structure:
 
 def _moved(structure: Structure, transform: Floats, covariances: Floats) -> Structure:
     solid = structure.solid and _moved_solid(structure.solid, transform)
-    return replace(structure, vertices=_points(structure.vertices, transform), covariances=covariances, solid=solid)
+    return replace(structure, vertices=transformed(structure.vertices, transform), covariances=covariances, solid=solid)
 
 
 def _moved_solid(solid: Solid, transform: Floats) -> Solid:
-    return replace(solid, outline=_points(solid.outline, transform), depth=transform[:3, :3] @ solid.depth)
+    return replace(solid, outline=transformed(solid.outline, transform), depth=transform[:3, :3] @ solid.depth)
 
 
-def _points(points: Floats, transform: Floats) -> Floats:
-    moved: Floats = points @ transform[:3, :3].T + transform[:3, 3]
-    return moved
+def transformed(points: Floats, transform: Floats) -> Floats:
+    """Points (n, 3) by a transform (4, 4)."""
+    result: Floats = points @ transform[:3, :3].T + transform[:3, 3]
+    return result
 
 
 def _drive(row: RowMap, world_from_row: Floats) -> Drive:

@@ -6,6 +6,7 @@ says in its extended data what each line is of. Curves count with their corners 
 
 import io
 import logging
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,9 @@ OWN = "SAVMAP"
 """The application whose extended data savmap's own drawings hold."""
 DXF_UNITS: Mapping[int, str] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
 """Of $INSUNITS."""
+BINARY, DWG = b"AutoCAD Binary DXF", (b"AC10", b"AC1.", b"AC2.1")
+"""How other files of CAD programs begin: DXF that is no text, and DWG."""
+SECTION = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*SECTION[ \t]*\r?$", re.MULTILINE)
 TOUCH_M, NEARLY_M = 1e-3, 1e-5
 SAME_DIGITS = 6
 TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "HATCH"})
@@ -61,6 +65,7 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
         raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
     except ValueError as error:
         raise OutputError(f"{path}: {error}") from error
+    _require_drawing(path, content)
     try:
         with _quiet():
             pieces, number = _pieces(content)
@@ -74,6 +79,16 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
     if not found:
         raise OutputError(f"{path}: nothing is drawn on its layers")
     return found
+
+
+def _require_drawing(path: Path, content: bytes) -> None:
+    """Raise OutputError for what is no DXF in text: where it has not one section, the library takes it for a drawing that is empty."""
+    if content.startswith(DWG):
+        raise OutputError(f"{path}: is a DWG drawing, which is not read: save it as DXF")
+    if content.startswith(BINARY):
+        raise OutputError(f"{path}: is a binary DXF drawing, which is not read: save it as DXF in text (ASCII)")
+    if not SECTION.search(content):
+        raise OutputError(f"{path}: is no DXF drawing")
 
 
 @contextmanager

@@ -96,6 +96,34 @@ def test_what_is_no_drawing_is_one_line(tmp_path: Path, content: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "content", [b"", bytes(range(256)) * 20, b"%PDF-1.5", b"a text that is\nno SECTION\n", b"row,x,y\nA,0,1\n"]
+)
+def test_what_has_no_section_is_no_drawing(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plan.dxf").write_bytes(content)
+    with pytest.raises(OutputError, match=r"plan\.dxf: is no DXF drawing"):
+        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+
+
+def test_another_programs_drawing_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "plan.dxf").write_bytes(b"AC1032\0\0\0" + bytes(range(256)))
+    with pytest.raises(OutputError, match="is a DWG drawing, which is not read: save it as DXF"):
+        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+
+
+def test_line_ends_may_be_any_and_a_binary_drawing_says_what_to_do(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010", units=6)
+    document.modelspace().add_point((1, 2, 3), dxfattribs={"layer": "tube"})
+    plain = read(tmp_path, document)
+    content = (tmp_path / "plan.dxf").read_bytes().replace(b"\r\n", b"\n")
+    (tmp_path / "plan.dxf").write_bytes(content.replace(b"\n", b"\r\n"))
+    ends = elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+    document.saveas(tmp_path / "plan.dxf", fmt="bin")
+    with pytest.raises(OutputError, match="is a binary DXF drawing, which is not read: save it as DXF in text"):
+        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+    assert [corners(one[0]) for one in (plain, ends)] == [[[1, 2, 3]]] * 2
+
+
 def test_a_drawing_within_bounds_alone_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     document = ezdxf.new("R2010", units=6)
     before = "base"
