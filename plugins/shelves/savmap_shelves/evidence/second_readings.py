@@ -56,14 +56,15 @@ def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settl
 
 
 def _profiles(section: Ints, heights: Floats) -> Iterator[list[float]]:
-    """For each level of height (k,) the heights that it may have: that of most of the row, and that of the others of its section. None where the
-    row has no usual height."""
+    """For each level of height (k,) the heights that it may have: that of most of the row, and that of the others of its section; only the one that it
+    has where it is like either, for a section may have a profile of its own. None where the row has no usual height."""
     usual = float(np.median(heights))
     beside = [_of_the_others(heights, section, level, usual) for level in range(len(heights))]
     off = np.minimum(np.abs(heights - usual), np.abs(heights - beside))
     regular = bool(np.mean(off < ALIKE * usual) >= MOSTLY)
-    for height in beside:
-        yield sorted({usual, height}) if regular else []
+    for height, own, apart in zip(beside, heights.tolist(), off.tolist(), strict=True):
+        both = sorted({usual, height}, key=lambda likely: abs(likely - own))
+        yield (both[:1] if apart < NEAR * usual else both) if regular else []
 
 
 def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> float:

@@ -62,3 +62,13 @@ def test_a_row_of_many_profiles_has_no_usual_height() -> None:
     second = np.full(first.shape, np.nan)
     second[which == ODD, 1] = BOTTOMS[ODD] + HEIGHT + 0.06
     assert not believed(np.zeros(len(BOTTOMS), np.int64), which, first, second).edges.any()
+
+
+def test_a_section_keeps_a_profile_of_its_own() -> None:
+    section = np.repeat([0, 1], [len(BOTTOMS), 3])
+    which = np.tile(np.arange(len(section)), FRAMES)
+    bottoms = np.array([*BOTTOMS, 0.0, 1.0, 2.0])
+    first = np.stack([bottoms[which], bottoms[which] + np.where(section[which] == 1, 0.07, HEIGHT)], axis=-1)
+    second = np.full(first.shape, np.nan)
+    second[which == len(BOTTOMS), 1] = HEIGHT
+    assert not believed(section, which, first, second).edges.any()
