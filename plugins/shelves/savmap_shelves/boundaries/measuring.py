@@ -7,18 +7,22 @@ import numpy as np
 from savmap.geometry.lines import Lines
 from savmap.types import Floats, Panorama, ViewSpec
 from savmap.vision.edges.subpixel import Edges, measured
+from savmap_shelves.boundaries.second import SecondReadings, second_readings
 from savmap_shelves.boundaries.strips import Strips
 
 ROUNDS = 3
 TOLERANCE = 0.01
 
 
-def measured_strips(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips) -> tuple[Strips, Strips]:
-    """Uprights and beams of a view with their edges as the panorama shows them."""
+def measured_strips(
+    panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips
+) -> tuple[Strips, Strips, SecondReadings | None]:
+    """Uprights and beams of a view with their edges as the panorama shows them, and second readings of beams' edges."""
     axes = _face_axes(spec, uprights, beams)
     edges = [_edges(spec, uprights, axes, True), _edges(spec, beams, axes, False)]
     (standing, _), (lying, _) = measured(panorama, spec, edges)
-    return _with_edges(uprights, standing), _with_edges(beams, lying)
+    uprights, beams = _with_edges(uprights, standing), _with_edges(beams, lying)
+    return uprights, beams, second_readings(panorama, spec, beams, axes)
 
 
 def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:

@@ -8,10 +8,11 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts
+from savmap_shelves.evidence.second_readings import believed
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
-from savmap_shelves.tracking.levels import Levels, find_levels
+from savmap_shelves.tracking.levels import Levels, edges_of, find_levels, heights_of
 from savmap_shelves.tracking.odometry import frame_observations
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
 from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
@@ -83,7 +84,28 @@ def fit_grid(
     fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings))
     if len(passes) > 1:
         states = _joined([fitter.grid(states, frames) for frames in passes], passes, facts.name)
-    return fitter.grid(states, np.arange(len(facts.frames)))
+    every = np.arange(len(facts.frames))
+    grid = fitter.grid(states, every)
+    settled = _settled(grid)
+    return replace(fitter, sightings=settled).grid(grid.fit.states, every) if settled else grid
+
+
+def _settled(grid: FaceGrid) -> FaceSightings | None:
+    """The sightings with second readings of edges instead of the first where all frames together speak for them; None where they do nowhere.
+
+    Of an edge that was read elsewhere by most, frames without such a reading tell nothing.
+    """
+    sightings, levels = grid.sightings, grid.levels
+    first, second = (
+        edges_of(np.where(levels.ends[:, :, None], heights_of(sightings, corners, grid.fit.states), np.nan))
+        for corners in (sightings.corners, sightings.second)
+    )
+    settled = believed(levels.section, levels.which, first, second)
+    if not settled.edges.any():
+        return None
+    corners = np.where(settled.second[:, None], sightings.second, sightings.corners)
+    lost = settled.edges[levels.which] & (levels.which >= 0)[:, None] & ~settled.first & ~settled.second
+    return replace(sightings, corners=np.where(lost[:, None], -1, corners))
 
 
 def _require_sightings(sightings: Sightings, facts: RowFacts, settings: TrackingSettings) -> None:

@@ -27,12 +27,12 @@ class Levels:
     ends: Bools
 
 
-def _heights(sightings: FaceSightings, states: Floats) -> Floats:
-    """y (m, 2, 2) of each sighted beam's corners: side (left, right), edge (lower, upper); nan where missing."""
-    p, q = sightings.face.p[sightings.corners], sightings.face.q[sightings.corners]
+def heights_of(sightings: FaceSightings, corners: Ints, states: Floats) -> Floats:
+    """y (m, 2, 2) of the corners (m, 2, 2) of each sighted beam: side (left, right), edge (lower, upper); nan where missing."""
+    p, q = sightings.face.p[corners], sightings.face.q[corners]
     state = states[sightings.beam_frame][:, None, None]
     y = (q + state[..., 2] - state[..., 3] * p * q - state[..., 4] * (1 + q**2) + state[..., 5] * p) / state[..., 0]
-    return np.where(sightings.corners >= 0, y, np.nan)
+    return np.where(corners >= 0, y, np.nan)
 
 
 def _sections(sightings: FaceSightings, states: Floats, uprights: Uprights) -> tuple[Ints, Bools]:
@@ -76,7 +76,7 @@ def find_levels(
     height below which levels are doubted.
     """
     section, ends = _sections(sightings, states, uprights)
-    edges = _edges(np.where(ends[:, :, None], _heights(sightings, states), np.nan))
+    edges = filled(edges_of(np.where(ends[:, :, None], heights_of(sightings, sightings.corners, states), np.nan)))
     centre = edges.mean(axis=1)
     section = np.where(np.isin(sightings.beam_frame, frames), section, -1)
     if not (section >= 0).any():
@@ -103,11 +103,18 @@ def find_levels(
     return Levels(levels[:, 0].astype(np.int64), medians(edges, which, len(levels)), which, ends)
 
 
-def _edges(y: Floats) -> Floats:
+def edges_of(y: Floats) -> Floats:
     """Heights (m, 2) of the lower and upper edge: means over the sides (left, right) that were sighted."""
     known = np.isfinite(y)
     total = np.where(known, y, 0.0).sum(axis=1)
     return np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
+
+
+def filled(edges: Floats) -> Floats:
+    """Heights (m, 2) of edges, a missing one as far from the other as is usual: it was read where all frames together show none."""
+    whole = np.isfinite(edges).all(axis=1)
+    usual = float(np.median(np.diff(edges[whole], axis=1))) if whole.any() else np.nan
+    return np.where(np.isfinite(edges), edges, edges[:, ::-1] + usual * np.array([-1.0, 1.0]))
 
 
 def _assigned(sightings: FaceSightings, section: Ints, centre: Floats, levels: Floats, reach: float) -> Ints:

@@ -16,8 +16,11 @@ from savmap.types import Bools, Feature, Floats, Ints, RowFacts, ViewSpec
 
 UPRIGHT_PARTS = ("left", "right")
 CORNER_PARTS = (("lower left", "upper left"), ("lower right", "upper right"))
+SECOND = "second "
+"""Before a corner's part: where a second reading of its beam's edge has it."""
 MAX_TANGENT = 12.0
 Key = tuple[int, int, int]
+NONE = np.full((2, 2), -1, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ class Sightings:
 
     open_views (frames, views): which views show the face in which frames.
     uprights (n, 2, 2): edge (left, right), end (top, bottom). corners (m, 2, 2): side (left, right), edge (lower, upper).
+    second (m, 2, 2): the same by second readings of the beams' edges.
     bounds (m, 2): sightings of the uprights that a beam ends at (left, right). spans (m, 2): ends of a beam's edge.
     edges (e, 2): both ends of each edge. edge_axis (e,): 0 for beams' edges, which follow x, 1 for uprights', which follow y.
     """
@@ -58,6 +62,7 @@ class Sightings:
     names: tuple[str, ...]
     uprights: Ints
     corners: Ints
+    second: Ints
     bounds: Ints
     spans: Ints
     upright_frame: Ints
@@ -127,6 +132,7 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
     edge_rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
     uprights = _uprights(known, keys, first)
     corners, neighbours, spans = _beams(known, keys, first)
+    second = _second(known, keys, first)
     row_of = {key: index for index, key in enumerate(uprights)}
     bounds = [[row_of.get((*key[:2], number), -1) for number in neighbours[key]] for key in corners]
     upright_keys, beam_keys = (np.array([*group], dtype=np.int64).reshape(-1, 3) for group in (uprights, corners))
@@ -136,6 +142,7 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
         names,
         np.array([*uprights.values()], dtype=np.int64).reshape(-1, 2, 2),
         np.array([*corners.values()], dtype=np.int64).reshape(-1, 2, 2),
+        np.array([second.get(key, NONE) for key in corners], dtype=np.int64).reshape(-1, 2, 2),
         np.array(bounds, dtype=np.int64).reshape(-1, 2),
         np.array([spans.get(key, (-1, -1)) for key in corners], dtype=np.int64).reshape(-1, 2),
         upright_keys[:, 0],
@@ -193,6 +200,16 @@ def _beams(
             corners[key][place[feature.part]] = row
             neighbours[key] = [feature.neighbours.get(side, -1) for side in ("left", "right")]
     return {key: rows for key, rows in corners.items() if (rows >= 0).any()}, neighbours, spans
+
+
+def _second(features: Sequence[Feature], keys: Sequence[Key], first: Ints) -> Mapping[Key, Ints]:
+    """Point indices (2, 2) of beams' corners by second readings: side (left, right), edge (lower, upper)."""
+    second: dict[Key, Ints] = defaultdict(NONE.copy)
+    place = {SECOND + part: (side, edge) for side, parts in enumerate(CORNER_PARTS) for edge, part in enumerate(parts)}
+    for feature, key, row in zip(features, keys, first.tolist(), strict=False):
+        if feature.label == "beam" and feature.part in place:
+            second[key][place[feature.part]] = row
+    return second
 
 
 def rig_rays(points: FeaturePoints, views: Sequence[ViewSpec]) -> Floats:

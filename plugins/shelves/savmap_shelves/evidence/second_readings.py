@@ -1,0 +1,89 @@
+"""Which second readings of beams' edges are believed: those that all frames together put where one profile has them.
+
+Racks are built of few profiles. A beam that is neither as high as most of the row nor as the others of its section has one edge that is
+something else's, or is of another profile. Second readings (savmap_shelves.boundaries.second) say what the pictures show where a beam like the others
+would have that edge: its own edge is at one height in all frames, to a few per cent of the profile; other things are at any.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.types import Bools, Floats, Ints, array_record
+
+ALIKE, MOSTLY, LEAST_LEVELS = 0.1, 0.6, 4
+"""A row has a usual height where so large a share of so many beams is alike but for this share of it."""
+NEAR, SAME = 0.06, 0.025
+"""How far from its place an edge may be, and second readings of it from each other, as shares of the usual height."""
+LEAST_READINGS, LEAST_SHARE, LEAST_AGREEING = 3, 0.1, 0.7
+"""So many second readings agree, in so large a share of the frames that read the edge elsewhere, and so large a share of those that there are."""
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Settled:
+    """Edges (k, 2), lower and upper, of levels that second readings are believed of; of sightings the first (m, 2) and the second readings (m, 2)
+    that show these."""
+
+    edges: Bools
+    first: Bools
+    second: Bools
+
+
+def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settled:
+    """Which second readings are believed. `section` (k,) of the levels; `which` (m,) level each sighting is of, or -1; heights (m, 2) of the lower
+    and upper edges by the first and by the second reading, nan where there is none."""
+    edges, of_first, of_second = np.zeros((len(section), 2), np.bool_), *np.zeros((2, *second.shape), np.bool_)
+    if len(section) >= LEAST_LEVELS and np.isfinite(second).any():
+        levels = np.array([np.nanmedian(first[which == k], axis=0) for k in range(len(section))])
+        for level, heights in enumerate(_profiles(section, np.diff(levels, axis=1)[:, 0])):
+            mine = np.flatnonzero(which == level)
+            votes = [
+                (
+                    edge,
+                    *_agreeing(
+                        first[mine, edge], second[mine, edge], float(levels[level, 1 - edge]) + side * height, height
+                    ),
+                )
+                for edge, side in ((0, -1.0), (1, 1.0))
+                for height in heights
+            ]
+            edge, same, anew = max(votes, key=lambda vote: len(vote[2]), default=(0, mine[:0], mine[:0]))
+            if len(anew) >= LEAST_READINGS:
+                edges[level, edge], of_first[mine[same], edge], of_second[mine[anew], edge] = True, True, True
+    return Settled(edges, of_first, of_second)
+
+
+def _profiles(section: Ints, heights: Floats) -> Iterator[list[float]]:
+    """For each level of height (k,) the heights that it may have: that of most of the row, and that of the others of its section; only the one that it
+    has where it is like either, for a section may have a profile of its own. None where the row has no usual height."""
+    usual = float(np.median(heights))
+    beside = [_of_the_others(heights, section, level, usual) for level in range(len(heights))]
+    off = np.minimum(np.abs(heights - usual), np.abs(heights - beside))
+    regular = bool(np.mean(off < ALIKE * usual) >= MOSTLY)
+    for height, own, apart in zip(beside, heights.tolist(), off.tolist(), strict=True):
+        both = sorted({usual, height}, key=lambda likely: abs(likely - own))
+        yield (both[:1] if apart < NEAR * usual else both) if regular else []
+
+
+def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> float:
+    others = heights[(section == section[level]) & (np.arange(len(heights)) != level)]
+    return float(np.median(others)) if len(others) > 1 else usual
+
+
+def _agreeing(first: Floats, second: Floats, place: float, height: float) -> tuple[Ints, Ints]:
+    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings are of
+    several minds, or too few for how often the edge was read elsewhere."""
+    both = np.concatenate([first, second])
+    near = np.flatnonzero(np.abs(np.nan_to_num(both, nan=np.inf) - place) < NEAR * height)
+    none = near[:0]
+    if not len(near):
+        return none, none
+    alike = np.abs(both[near][:, None] - both[near]) < SAME * height
+    best = near[alike[alike.sum(axis=1).argmax()]]
+    same, anew = best[best < len(first)], best[best >= len(first)] - len(first)
+    anew = np.setdiff1d(anew, same)
+    elsewhere = np.isfinite(first).sum() - len(same)
+    few = len(anew) < max(LEAST_AGREEING * np.isfinite(np.delete(second, same)).sum(), LEAST_SHARE * elsewhere)
+    return (none, none) if few else (same, anew)

@@ -1,0 +1,74 @@
+"""Second readings of beams' edges: believed where all frames put them where the row's profile has them, and nowhere else."""
+
+import numpy as np
+
+from savmap.types import Floats, Ints
+from savmap_shelves.evidence.second_readings import Settled, believed
+
+FRAMES, HEIGHT = 20, 0.1
+BOTTOMS = (0.0, 1.0, 2.0, 3.0, 4.0)
+ODD = 2
+
+
+def sighted(upper_of_odd: Floats) -> tuple[Ints, Floats]:
+    """The levels and heights of sightings of five beams in twenty frames, of which one's upper edge is read elsewhere."""
+    which = np.tile(np.arange(len(BOTTOMS)), FRAMES)
+    first = np.array([[BOTTOMS[k], BOTTOMS[k] + HEIGHT] for k in which])
+    first[which == ODD, 1] = BOTTOMS[ODD] + upper_of_odd
+    return which, first
+
+
+def settled(upper_of_odd: Floats, second: Floats) -> Settled:
+    """What is believed where the odd beam's upper edge has second readings (20,) above its lower one."""
+    which, first = sighted(upper_of_odd)
+    again = np.full(first.shape, np.nan)
+    again[which == ODD, 1] = BOTTOMS[ODD] + second
+    return believed(np.zeros(len(BOTTOMS), np.int64), which, first, again)
+
+
+def test_an_edge_that_goods_hide_is_read_between_them() -> None:
+    second = np.full(FRAMES, np.nan)
+    second[:6] = HEIGHT + np.array([0.0, 0.001, -0.001, 0.0005, 0.0, -0.0005])
+    found = settled(np.full(FRAMES, 0.07), second)
+    assert found.edges.tolist() == [[False, k == ODD] for k in range(len(BOTTOMS))]
+    assert found.second[:, 1].sum() == 6
+    assert not found.second[:, 0].any()
+    assert not found.first.any()
+
+
+def test_frames_that_read_the_edge_itself_are_kept() -> None:
+    upper = np.where(np.arange(FRAMES) < 8, HEIGHT, 0.085)
+    second = np.where(np.arange(FRAMES) >= 12, HEIGHT + 0.0005, np.nan)
+    found = settled(upper, second)
+    assert found.edges[ODD, 1]
+    assert found.first[:, 1].sum() == 8
+    assert found.second[:, 1].sum() == 8
+
+
+def test_readings_of_several_minds_are_not_believed() -> None:
+    second = HEIGHT + 0.03 * np.linspace(-1, 1, FRAMES)
+    assert not settled(np.full(FRAMES, 0.07), second).edges.any()
+
+
+def test_two_readings_are_too_few() -> None:
+    second = np.full(FRAMES, np.nan)
+    second[:2] = HEIGHT
+    assert not settled(np.full(FRAMES, 0.07), second).edges.any()
+
+
+def test_a_row_of_many_profiles_has_no_usual_height() -> None:
+    which, first = sighted(np.full(FRAMES, 0.07))
+    first[:, 1] += 0.03 * which
+    second = np.full(first.shape, np.nan)
+    second[which == ODD, 1] = BOTTOMS[ODD] + HEIGHT + 0.06
+    assert not believed(np.zeros(len(BOTTOMS), np.int64), which, first, second).edges.any()
+
+
+def test_a_section_keeps_a_profile_of_its_own() -> None:
+    section = np.repeat([0, 1], [len(BOTTOMS), 3])
+    which = np.tile(np.arange(len(section)), FRAMES)
+    bottoms = np.array([*BOTTOMS, 0.0, 1.0, 2.0])
+    first = np.stack([bottoms[which], bottoms[which] + np.where(section[which] == 1, 0.07, HEIGHT)], axis=-1)
+    second = np.full(first.shape, np.nan)
+    second[which == len(BOTTOMS), 1] = HEIGHT
+    assert not believed(section, which, first, second).edges.any()
