@@ -44,7 +44,7 @@ def without_bar(
     low, high = -size / 2, size / 2
     along = np.arange(low, high + STEP_PX / 2, STEP_PX)
     flanks = [sampled(grey, middle, axis, along, way * (width / 2 + BESIDE_PX)).mean(axis=1) for way in (-1, 1)]
-    beside = np.minimum(*flanks)
+    beside = np.minimum(flanks[0], flanks[1])
     dark = float(beside.min())
     if level - dark < DARKER:
         return low, high
