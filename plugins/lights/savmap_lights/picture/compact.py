@@ -40,11 +40,13 @@ class Compact:
 
 
 def compacts_of(grey: Singles, seed: Seed) -> list[Compact]:
-    """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in one mask."""
+    """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in one mask;
+    a part that something hides may be one of a strip."""
     whole = compact_of(grey, seed)
     if whole is not None:
         return [whole]
-    return [lamp for part in seed.parts if (lamp := compact_of(grey, part)) is not None]
+    found = [compact_of(grey, part) for part in seed.parts]
+    return [lamp for lamp in found if lamp is not None and not lamp.covered]
 
 
 def compact_of(grey: Singles, seed: Seed) -> Compact | None:
