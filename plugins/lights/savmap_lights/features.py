@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
-from savmap_lights.picture.compact import Compact, compact_of, more_like
+from savmap_lights.picture.compact import Compact, compacts_of, more_like
 from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, compact_again, glare_of, strip_again
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
@@ -56,7 +56,7 @@ Sure = tuple[int, Compact, float]
 
 def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
     """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what shines."""
-    compact = [(seed.number, lamp, seed) for seed in seeds if (lamp := compact_of(shine, seed)) is not None]
+    compact = [(seed.number, lamp, seed) for seed in seeds for lamp in compacts_of(shine, seed)]
     own = {number for number, _, _ in compact}
     return compact, strips(shine, [seed for seed in seeds if seed.number not in own], varying)
 

@@ -5,6 +5,7 @@ import numpy as np
 from savmap.geometry.pinhole import project
 from savmap.types import Feature, Floats
 from savmap_lights.features import extract_features
+from savmap_lights.picture.bars import parts_of
 
 from . import drawn_ceiling as drawn
 
@@ -59,3 +60,41 @@ def test_a_compact_lamp_half_hidden_has_no_centre() -> None:
 def test_a_compact_lamps_centre_is_in_the_middle_of_what_shines() -> None:
     centre = found([drawn.strip(X - 0.1, X + 0.1)], faded=False)[0]
     assert np.abs(centre.pixels[0] - pixel(X)).max() < 0.3
+
+
+def beside_a_bar(places: list[float], breadth_m: float = 0.06) -> tuple[list[Feature], Floats]:
+    """The centres found, and the true ones (n, 2) px, of compact lamps along which a purlin runs, nearly as bright as they are."""
+    lamps = [drawn.strip(x - 0.1, x + 0.1) for x in places]
+    grey = drawn.picture(lamps, POSE)
+    edge = drawn.LINE_Z_M + drawn.WIDTH_M / 2
+    corners = np.array([[-9, drawn.HEIGHT_M, edge], [9, drawn.HEIGHT_M, edge]])
+    corners = np.concatenate([corners, corners[::-1] + np.array([0, 0, breadth_m])])
+    pixels = project((corners - POSE[:3, 3]) @ POSE[:3, :3] @ drawn.CEILING.rig_from_view, drawn.CEILING.camera)
+    first, last = np.sort(np.round(pixels[[0, 2], 1]).astype(int))
+    grey[first:last] = np.maximum(grey[first:last], 248)
+    features = extract_features(drawn.view_of(grey), drawn.seen(grey, faded=False))
+    centres = sorted((f for f in features if f.part == "centre"), key=lambda f: float(f.pixels[0, 0]))
+    return centres, np.array([pixel(x) for x in places])
+
+
+def test_compact_lamps_that_a_bright_bar_joins_are_found_one_by_one() -> None:
+    centres, true = beside_a_bar([X - 1.2, X - 0.1, X + 0.9])
+    assert len(centres) == 3
+    assert np.abs(np.array([f.pixels[0] for f in centres]) - true).max() < 1.0
+
+
+def test_a_bar_beside_a_compact_lamp_is_no_part_of_it() -> None:
+    centres, true = beside_a_bar([X + 0.3])
+    assert len(centres) == 1
+    assert np.abs(centres[0].pixels[0] - true[0]).max() < 1.0
+
+
+def test_only_masks_with_thin_parts_are_parted() -> None:
+    mask = np.zeros((60, 200), np.bool_)
+    mask[20:40, 10:190] = True
+    assert parts_of(mask) == []
+    mask[:] = False
+    mask[20:40, 10:30] = mask[20:40, 150:170] = mask[36:40, 10:170] = True
+    first, second = parts_of(mask)
+    assert first.sum() == second.sum() == 400
+    assert not (first & second).any()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.plugin import Floats
+from savmap_lights.picture.bars import without_bar
 from savmap_lights.picture.profiles import (
     BORDER_PX,
     DROP,
@@ -38,12 +39,22 @@ class Compact:
         return [self.middle + sign * half for half in halves for sign in (-1, 1)]
 
 
+def compacts_of(grey: Singles, seed: Seed) -> list[Compact]:
+    """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in one mask;
+    a part that something hides may be one of a strip."""
+    whole = compact_of(grey, seed)
+    if whole is not None:
+        return [whole]
+    found = [compact_of(grey, part) for part in seed.parts]
+    return [lamp for lamp in found if lamp is not None and not lamp.covered]
+
+
 def compact_of(grey: Singles, seed: Seed) -> Compact | None:
-    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; None where it does not, or not well
-    within the picture."""
+    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes, without what shines beside it and goes on
+    to both sides; None where it does not, or not well within the picture."""
     if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
         return None
-    middle, covered, sizes = seed.middle, False, [0.0, 0.0]
+    middle, sizes, hidden = seed.middle, [0.0, 0.0], [(False, False), (False, False)]
     for number, axis in enumerate(VIEW_AXES):
         across = VIEW_AXES[1 - number]
         aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
@@ -55,9 +66,19 @@ def compact_of(grey: Singles, seed: Seed) -> Compact | None:
             return None
         low, high = (float(np.median(side[both])) for side in (left, right))
         sizes[1 - number] = high - low
-        covered |= any(is_covered(grey, middle, across, seed.width, at) for at in (low, high))
+        first, last = (is_covered(grey, middle, across, seed.width, at) for at in (low, high))
+        hidden[1 - number] = first, last
         middle = middle + (low + high) / 2 * across
-    return None if max(sizes) > STRIP_RATIO * min(sizes) else Compact(middle, (sizes[0], sizes[1]), covered)
+    if max(sizes) > STRIP_RATIO * min(sizes):
+        return None
+    for number, axis in enumerate(VIEW_AXES):
+        low, high = without_bar(grey, middle, axis, sizes[number], sizes[1 - number], seed.level)
+        first, last = hidden[number]
+        hidden[number] = first and low <= -sizes[number] / 2, last and high >= sizes[number] / 2
+        middle, sizes[number] = middle + (low + high) / 2 * axis, high - low
+    return (
+        None if max(sizes) > STRIP_RATIO * min(sizes) else Compact(middle, (sizes[0], sizes[1]), bool(np.any(hidden)))
+    )
 
 
 def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:

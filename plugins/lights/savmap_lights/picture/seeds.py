@@ -1,11 +1,12 @@
 """What a network's masks say of lamps: where to look for what shines, how wide it may be, and how bright."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from savmap.plugin import Detection, Floats
+from savmap_lights.picture.bars import parts_of
 from savmap_lights.picture.profiles import Singles
 
 STRIP_RATIO = 2.5
@@ -15,7 +16,8 @@ LEAST_PX = 12
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """What a mask says of a lamp: number of its detection, middle (2,) px, long axis (2,), length and width px, and brightness."""
+    """What a mask says of a lamp: number of its detection, middle (2,) px, long axis (2,), length and width px, brightness, and the seeds of its
+    thick parts where thin ones join them."""
 
     number: int
     middle: Floats
@@ -23,12 +25,22 @@ class Seed:
     length: float
     width: float
     level: float
+    parts: tuple["Seed", ...] = ()
 
 
 def seeds_of(grey: Singles, detections: Sequence[Detection]) -> list[Seed]:
     """The detections' seeds, the largest first."""
-    found = [_seed(grey, detection, number) for number, detection in enumerate(detections)]
+    found = [
+        _with_parts(grey, detection, _seed(grey, detection, number)) for number, detection in enumerate(detections)
+    ]
     return sorted((seed for seed in found if seed is not None), key=lambda seed: -seed.length * seed.width)
+
+
+def _with_parts(grey: Singles, detection: Detection, seed: Seed | None) -> Seed | None:
+    if seed is None:
+        return None
+    parts = [_seed(grey, replace(detection, mask=part), seed.number) for part in parts_of(detection.mask)]
+    return replace(seed, parts=tuple(part for part in parts if part is not None))
 
 
 def _seed(grey: Singles, detection: Detection, number: int) -> Seed | None:
