@@ -84,7 +84,11 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
                 break
             monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.objects)} objects")
             features = measure_again(row.name, plugin, walked, expectation, monitor)
-            measurements = replace(measurements, features={**measurements.features, plugin.name: features})
+            anew = replace(measurements, features={**measurements.features, plugin.name: features})
+            if alone.located(anew) is None:
+                measurements = replace(measurements, doubts=(*measurements.doubts, not_followed(plugin)))
+                break
+            measurements = anew
         else:
             left = expect(alone, walked, measurements)
             found = tuple(unexplained(left, walked.looks[plugin.name], measurements.facts.views)) if left else ()
@@ -92,6 +96,12 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
         depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
     return measurements
+
+
+def not_followed(plugin: LoadedPlugin) -> Doubt:
+    """A doubt where what was measured anew cannot be tracked, so that what was measured at first stays."""
+    what = f"what all frames together show of `{plugin.name}` could not be followed: what single frames show is mapped"
+    return Doubt("support", what)
 
 
 class Alone:

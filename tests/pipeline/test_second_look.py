@@ -79,13 +79,16 @@ def looked(
     plugin: LoadedPlugin,
     expectations: list[Expectation | None],
     monkeypatch: pytest.MonkeyPatch,
+    followed: bool = True,
 ) -> tuple[RowMeasurements, list[str]]:
-    """What was measured after looks with these expectations, one after the other, and the notes."""
+    """What was measured after looks with these expectations, one after the other, and the notes; `followed`: whether what is measured
+    anew can be tracked."""
 
     def asked(*arguments: object) -> Expectation | None:
         return expectations.pop(0)
 
     monkeypatch.setattr(second_look, "expect", asked)
+    monkeypatch.setattr(second_look.Alone, "located", lambda *arguments: PATH if followed else None)
     notes = NoteCollector()
     row = RowRequest("A", (), [plugin], References())
     return look_again(row, walked, notes), notes.lines
@@ -103,6 +106,17 @@ def test_frames_are_measured_where_objects_are_expected(
         np.tile([66.5, 31.5], (COUNT, 1)), abs=3
     )
     assert notes == ["row A: `one` looks again for 1 objects"]
+
+
+def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubted(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured, notes = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH)], monkeypatch, followed=False)
+    assert measured.features == walked.measurements.features
+    assert [doubt.what for doubt in measured.doubts] == [
+        "what all frames together show of `one` could not be followed: what single frames show is mapped"
+    ]
+    assert len(notes) == 1
 
 
 def test_frames_without_a_pose_are_not_measured_again(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:

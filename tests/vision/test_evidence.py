@@ -1,16 +1,20 @@
 """Evidence in planes: what adds up over frames, what smears away, and how frames are read with it in mind."""
 
+import cv2
 import numpy as np
 import pytest
 
 from savmap.types import Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
 from savmap.vision.evidence import Look, LookSettings, expected_detections, gather, outline_in
+from savmap.vision.evidence.planes import within_picture
 from savmap.vision.networks.segmenter import Segmentation
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)
 PATCH = PlanePatch("face", np.array([-1.0, 0.0, 0.0]), np.eye(3)[0], np.eye(3)[1], np.array([6.0, 2.0]), 0.05)
 # The rig looks at the face: x right, y down, z forward is the row's x, -y, -z.
 AT_FACE = np.diag([1.0, -1.0, -1.0])
+# Turned up by 60 degrees.
+UPWARDS = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -np.sqrt(0.75)], [0.0, np.sqrt(0.75), 0.5]])
 
 
 def pose(x: float) -> Floats:
@@ -100,6 +104,38 @@ def test_a_faint_post_is_found_where_one_is_expected() -> None:
     centre = outline_in(SPEC, pose(2.0), post(1.0))
     assert centre is not None
     assert detected(0.2, [Expected("post", post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
+
+
+def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
+    """A leaning post, as a wide view shows one whose top is nearly beside the camera."""
+    outline = np.array([[83.0, 200.0], [87.0, 200.0], [-4554.0, -3332.0], [-4622.0, -3332.0]])
+    inside = within_picture(outline, (SPEC.height, SPEC.width))
+    assert inside[:, 0].min() >= -65
+    assert inside[:, 1].max() == 200.0
+    left = 83.0 + (inside[:, 1] - 200.0) / -3532.0 * -4705.0
+    right = 87.0 + (inside[:, 1] - 200.0) / -3532.0 * -4641.0
+    assert (np.minimum(np.abs(inside[:, 0] - left), np.abs(inside[:, 0] - right)) < 0.01).all()
+
+
+def test_an_outline_beside_the_picture_has_no_part_in_it() -> None:
+    assert within_picture(np.array([[900.0, 0], [990, 0], [990, 90]]), (240, 320)).shape == (0, 2)
+
+
+def test_a_post_that_leans_far_beyond_the_picture_is_found() -> None:
+    """The view looks up along a tall post, whose lower end is behind it."""
+    tall = np.array([[2.85, -1.5, 0.0], [2.95, -1.5, 0.0], [2.95, 2.0, 0.0], [2.85, 2.0, 0.0]])
+    lean = np.eye(4)
+    lean[:3, :3], lean[:3, 3] = AT_FACE @ UPWARDS, [2.0, 1.0, 0.6]
+    outline = outline_in(SPEC, lean, tall)
+    assert outline is not None
+    assert np.abs(outline).max() > 2000
+    shown = within_picture(outline, (SPEC.height, SPEC.width))
+    maps = np.zeros((2, SPEC.height, SPEC.width), np.float32)
+    cv2.fillPoly(maps[1], [np.round(shown).astype(np.int32)], 0.9)
+    maps[0] = 1 - maps[1]
+    view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
+    found = expected_detections(view, Segmentation(("post",), maps), lean, [Expected("post", tall)], LookSettings())
+    assert sum(int(detection.mask.sum()) for detection in found) == (maps[1] > 0).sum()
 
 
 def test_what_is_not_expected_is_passed_over() -> None:

@@ -36,6 +36,7 @@ BORDER_PX = 2.0
 NEAR = 0.02
 REACH, OUTSIDE = 3.0, -9.0
 LIKELY_QUANTILE = 80.0
+AROUND_PX = 64.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,11 +188,12 @@ def expected_detections(
 
 
 def _raised(probability: Singles, outline: Floats, settings: LookSettings) -> Singles:
-    core = _filled(outline, probability.shape)
+    shown = within_picture(outline, probability.shape)
+    core = _filled(shown, probability.shape)
     usual = float(np.percentile(probability[core], LIKELY_QUANTILE)) if core.any() else 0.0
     if usual < settings.faintest:
         return np.zeros_like(probability)
-    width = round(settings.margin * _thickness(outline) + settings.margin_px)
+    width = round(settings.margin * _thickness(shown) + settings.margin_px)
     kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
     near = np.asarray(cv2.dilate(core.view(np.uint8), kernel), np.bool_)
     return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
@@ -204,8 +206,32 @@ def _thickness(outline: Floats) -> float:
 
 def _filled(outline: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     mask = np.zeros(shape, np.uint8)
-    cv2.fillPoly(mask, [np.round(16 * np.clip(outline, -2000, 2000)).astype(np.int32)], 1, shift=4)
+    if len(outline):
+        cv2.fillPoly(mask, [np.round(16 * outline).astype(np.int32)], 1, shift=4)
     return mask.view(np.bool_)
+
+
+def within_picture(outline: Floats, shape: tuple[int, ...]) -> Floats:
+    """The part (m, 2) of a convex outline (n, 2) px that lies in a picture (height, width) or `AROUND_PX` around it; none where (0, 2).
+
+    In a wide view the ends of what passes beside the camera lie thousands of pixels away: moved to the border they would bend it.
+    """
+    for axis, last in ((0, shape[1] - 1), (1, shape[0] - 1)):
+        for side, border in ((1.0, -AROUND_PX), (-1.0, -(last + AROUND_PX))):
+            outline = _cut(outline, side * outline[:, axis] - border)
+    return outline
+
+
+def _cut(outline: Floats, inside: Floats) -> Floats:
+    """The part (m, 2) of an outline (n, 2) where `inside` (n,), which is linear along its sides, is not negative."""
+    kept: list[Floats] = []
+    ends = zip(outline, np.roll(outline, -1, axis=0), inside, np.roll(inside, -1), strict=True)
+    for first, second, here, there in ends:
+        if here >= 0:
+            kept.append(first)
+        if (here >= 0) != (there >= 0):
+            kept.append(first + here / (here - there) * (second - first))
+    return np.array(kept).reshape(-1, 2)
 
 
 def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:

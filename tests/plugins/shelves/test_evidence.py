@@ -65,6 +65,14 @@ def test_what_lies_below_or_above_the_posts_is_no_level(height: float) -> None:
     assert expected_grid(seen((1, (0.1, 8.1), (height, height + 0.12), 0.9)), WHOLE) is None
 
 
+@pytest.mark.parametrize(("value", "length", "found"), [(0.25, 2.15, False), (0.5, 2.15, True), (0.25, 2.5, True)])
+def test_a_faint_stripe_that_is_not_whole_is_no_level_where_paint_does_not_tell(
+    value: float, length: float, found: bool
+) -> None:
+    evidence = seen((1, (2.9, 2.9 + length), (2.6, 2.72), value))
+    assert (expected_grid(evidence, WHOLE) is not None) == found
+
+
 def test_a_post_that_was_not_tracked_is_found() -> None:
     tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
     assert is_whole(expected_grid(seen(), tracked))

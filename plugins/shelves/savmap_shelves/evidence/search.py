@@ -240,7 +240,7 @@ class GridSearch:
         if centre >= self.ceiling + half or like < self.settings.strange or behind:
             return False
         if cover >= self.settings.level:
-            return True
+            return self.paint.tells or self._is_plain(cover, left, right, centre)
         return like >= ALIKE and max(cover, self._usual_cover(centre)) >= self.settings.painted
 
     def _likeness(self, left: float, right: float, centre: float) -> float:
@@ -268,6 +268,12 @@ class GridSearch:
         """The cover at a height that half of the tracked sections have: levels often go on from bay to bay."""
         around = centre + self.tracked.thickness * np.array([[-0.5, 0.5]])
         return float(np.quantile([_greatest(cover, self.y, around)[0] for cover in self.covers], 0.5, method="higher"))
+
+    def _is_plain(self, cover: float, left: float, right: float, centre: float) -> bool:
+        """Whether a level shows all along, or is not faint for those that were tracked: stripes of other racks, seen through this, are."""
+        half = self.tracked.thickness / 2
+        strength = self._level_strength(left, right, centre - half, centre + half) / self.usual_level
+        return cover > WHOLE or cover * strength > self.settings.plain
 
     @cached_property
     def covers(self) -> list[Floats]:
