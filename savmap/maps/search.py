@@ -129,7 +129,7 @@ def _hit(site: SiteMap, row: str, structure: Structure) -> SearchHit:
     known = _measured(structure)
     middle = structure.vertices[known].mean(axis=0)
     sigma: Floats = np.sqrt(np.diagonal(structure.covariances[known].mean(axis=0)))
-    placement, alone = site.placements.get(row), len(site.rows | site.failed) == 1
+    placement, alone = site.placements.get(row), len({*site.rows, *site.failed}) == 1
     in_world = site.alignment is not None and (placement is not None or alone)
     return SearchHit(
         row,
