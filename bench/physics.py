@@ -1,10 +1,12 @@
 """Ways to be wrong about a row, and how mapping it ends: `trusted` and right, `check`, or refused. Never silently wrong.
 
-    python bench/physics.py [--rows demo 5000 5003] [--keep DIR] [--only WORDS] [-o bench/results/physics.json]
+    python bench/physics.py [--rows demo 5000 5003] [--keep DIR] [--only WORDS] [--part 1/4] [--resume] [-o bench/results/physics.json]
 
 A case changes what is said of a row: its site file's content, or which clip it names (`physics_footage.py` has more of what may be wrong
 with a clip). A map is wrong where the change put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that
 unless the row ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row.
+The results are written after each case; `--resume` leaves those as they are that are in the output file, and `--part 2/4` runs the second of
+four parts of each row's cases.
 """
 
 import argparse
@@ -12,7 +14,7 @@ import copy
 import json
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,11 @@ from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.scheduler import RunOptions, map_rows_of
+from savmap.sim.drive.cart import drive
+from savmap.sim.render.panorama import encode, frames
+from savmap.sim.render.shade import renderer
+from savmap.sim.scene.build import build
+from savmap.sim.scene.files import load_scene
 from savmap.site.job import Job
 from savmap.site.load import draft_of, site_of
 from savmap.site.locations import SourceMap
@@ -38,19 +45,21 @@ ROW, PLUGIN = "A", "shelves"
 WRONG_SIGMA, WRONG_M = 3.0, 0.01
 TIMES = (3, 10, 30)
 NOTHING = "nothing wrong"
+FOOT_M = 0.3048
 Content = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Filmed:
-    """A row that was filmed: the folder of its footage, its site file's content, its survey, the next row's content, and a folder for
-    changed clips."""
+    """A row that was filmed: the folder of its footage, its site file's content, its survey, the next row's content and folder, and a folder
+    for changed clips."""
 
     name: str
     folder: Path
     content: Content
     survey: Mapping[str, Any]
     other: Content
+    other_folder: Path
     scratch: Path
 
 
@@ -224,6 +233,37 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     yield case("a camera height in feet", camera_off(2.281 * camera_height(row)), "camera height")
 
 
+def all_in(unit_m: float) -> Callable[[Content, Content], None]:
+    """Everything in another unit: nothing contradicts anything."""
+
+    def change(site: Content, _: Content) -> None:
+        own = given(site)
+        own["camera_height_m"]["value"] /= unit_m
+        for length in own["lengths"]:
+            length["value"] /= unit_m
+        heights(site)[:] = [value / unit_m for value in heights(site)]
+
+    return change
+
+
+def unit_cases(row: Filmed) -> Iterator[Case]:
+    """References in feet."""
+
+    def case(name: str, change: Callable[[Content, Content], None], *words: str) -> Case:
+        return Case(name, references_only(change), words, kinds=("reference", "shape"))
+
+    size = "another unit"
+    yield case("everything in feet", all_in(FOOT_M), size)
+    more = camera_height(row) * (1 / FOOT_M - 1)
+    yield case("a camera height in feet, no laser", camera_off(more, laser=False), size, "camera height")
+    yield case(
+        "a length in feet",
+        lambda site, _: length_off((1 / FOOT_M - 1) * given(site)["lengths"][0]["value"])(site, _),
+        "length",
+    )
+    yield case("heights in feet", heights_as(lambda own: [value / FOOT_M for value in own]), "height")
+
+
 def camera_height(row: Filmed) -> float:
     return float(given(copy.deepcopy(row.content))["camera_height_m"]["value"])
 
@@ -285,11 +325,14 @@ def clip_cases(row: Filmed) -> Iterator[Case]:
         one["side"] = other_hand(one["side"])
         return content, row.folder
 
-    def half(row: Filmed) -> tuple[Content, Path]:
-        content = copy.deepcopy(row.content)
-        one = content["rows"][ROW]["passes"][0]
-        one["end_s"] = read(row.folder / one["video"])[-1][0] / 2
-        return content, row.folder
+    def first(share: float) -> Callable[[Filmed], tuple[Content, Path]]:
+        def change(row: Filmed) -> tuple[Content, Path]:
+            content = copy.deepcopy(row.content)
+            one = content["rows"][ROW]["passes"][0]
+            one["end_s"] = read(row.folder / one["video"])[-1][0] * share
+            return content, row.folder
+
+        return change
 
     def gap(stamped: bool) -> Callable[[Filmed], tuple[Content, Path]]:
         def change(row: Filmed) -> tuple[Content, Path]:
@@ -303,12 +346,75 @@ def clip_cases(row: Filmed) -> Iterator[Case]:
         return change
 
     yield Case("sides swapped", on_the_other_hand, anything, kinds=kinds)
-    yield Case("the first half of the clip", half, anything, kinds=kinds)
+    yield Case("the first half of the clip", first(1 / 2), anything, kinds=kinds)
+    yield Case("the first two thirds of the clip", first(2 / 3), anything, kinds=kinds)
     yield Case("a gap, times kept", gap(stamped=True), ("frames are missing",), kinds=kinds)
     yield Case("a gap, times rewritten", gap(stamped=False), ("frames are missing", "frames seem"), kinds=kinds)
 
 
-PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (reference_cases, more_reference_cases, clip_cases)
+def other_clip_cases(_: Filmed) -> Iterator[Case]:
+    """Clips that are not what they are given as: another row's, or filmed while the mast was moved."""
+    kinds = ("reference", "camera", "motion", "support", "residuals", "repeatability", "shape")
+    anything = ("contradict", "sections were found", "no such thing", "part of the row", "rest says", "height", "fit")
+
+    def another(added: bool) -> Callable[[Filmed], tuple[Content, Path]]:
+        def change(row: Filmed) -> tuple[Content, Path]:
+            content = copy.deepcopy(row.content)
+            one = {**row.other["rows"][ROW]["passes"][0]}
+            one["video"] = str(row.other_folder / one["video"])
+            passes = content["rows"][ROW]["passes"]
+            passes[:] = [*passes, one] if added else [one]
+            return content, row.folder
+
+        return change
+
+    def twice(row: Filmed) -> tuple[Content, Path]:
+        content = copy.deepcopy(row.content)
+        content["rows"][ROW]["passes"] *= 2
+        return content, row.folder
+
+    yield Case("another row's clip", another(added=False), anything, kinds=kinds)
+    yield Case("another row's clip as a second pass", another(added=True), (*anything, "pass 2"), kinds=kinds)
+    yield Case("the clip twice, as two passes", twice, (*anything, "pass 2"), kinds=(*kinds, "passes"))
+
+
+def mast_cases(row: Filmed) -> Iterator[Case]:
+    """The mast is raised half-way, and its height given as before. Of simulated rows alone."""
+
+    def raised(metres: float) -> Callable[[Filmed], tuple[Content, Path]]:
+        def change(row: Filmed) -> tuple[Content, Path]:
+            content = copy.deepcopy(row.content)
+            one = content["rows"][ROW]["passes"][0]
+            clip = row.scratch / f"raised-{metres}.mp4"
+            if not clip.is_file():
+                render_raised(row.folder / "scene.yaml", metres, clip)
+            one["video"] = str(clip)
+            return content, row.folder
+
+        return change
+
+    if (row.folder / "scene.yaml").is_file():
+        kinds = ("reference", "camera", "motion")
+        yield Case("the mast raised by 30 cm half-way", raised(0.3), ("camera height", "height"), kinds=kinds)
+
+
+def render_raised(scene: Path, metres: float, clip: Path) -> None:
+    """A scene's footage, from a camera that stands so much higher from the middle on."""
+    built = build(load_scene(scene))
+    path = drive(built.scene.cart, built.scene.seed)
+    share = np.arange(len(path.origins)) / len(path.origins)
+    path.origins[:, 1] += metres * np.clip((share - 0.45) / 0.1, 0.0, 1.0)
+    encode(frames(renderer(built), path, 2), built.scene.cart, clip)
+
+
+PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (
+    reference_cases,
+    more_reference_cases,
+    unit_cases,
+    clip_cases,
+    other_clip_cases,
+    mast_cases,
+)
 """What may be wrong: each part gives the cases for a row."""
 
 
@@ -406,28 +512,43 @@ def filmed(name: str, folder: Path, other: str) -> Filmed:
     survey = json.loads((place / "survey.json").read_text(encoding="utf-8"))["rows"][ROW]
     scratch = folder / "physics" / name
     scratch.mkdir(parents=True, exist_ok=True)
-    return Filmed(name, place, content, survey, following, scratch)
+    return Filmed(name, place, content, survey, following, next_place, scratch)
 
 
-def run(rows: Sequence[str], folder: Path, only: str) -> list[dict[str, Any]]:
-    """All cases of all rows, printed as they end."""
-    results = []
+def chosen(row: Filmed, only: str, part: tuple[int, int]) -> list[Case]:
+    """The cases of a row whose names contain `only`, every so many of them: `part` is (1, 4) for the first of four parts."""
+    cases = [case for part in PARTS for case in part(row) if only in case.name]
+    return cases[part[0] - 1 :: part[1]]
+
+
+def run(
+    rows: Sequence[str], folder: Path, only: str, part: tuple[int, int], done: Set[tuple[str, str]]
+) -> Iterator[dict[str, Any]]:
+    """All chosen cases of all rows, but those that are `done`, by row and case; printed as they end."""
     for name, other in zip(rows, [*rows[1:], rows[0]], strict=True):
         row = filmed(name, folder, other)
         output = row.scratch
+        if all((name, case.name) in done for case in chosen(row, only, part)):
+            continue
         whole, reason = mapped(copy.deepcopy(row.content), row.folder, output)
         if whole is None:
             raise SystemExit(f"row {name} cannot be mapped at all: {reason}")
         before = errors(whole, row.survey)
-        for case in (case for part in PARTS for case in part(row) if only in case.name):
+        for case in (case for case in chosen(row, only, part) if (name, case.name) not in done):
             found = ending(case, row, output, before)
             word = judged(case, found)
             print(
                 f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {(found.reason or found.others)[:150]}",
                 flush=True,
             )
-            results.append({"row": name, "case": case.name, "judged": word, **vars(found)})
-    return results
+            yield {"row": name, "case": case.name, "judged": word, **vars(found)}
+
+
+def _part(text: str) -> tuple[int, int]:
+    number, count = map(int, text.split("/"))
+    if not 0 < number <= count:
+        raise ValueError(text)
+    return number, count
 
 
 def main() -> None:
@@ -435,11 +556,19 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", default=["demo", "5000", "5003"])
     parser.add_argument("--keep", type=Path, help="keep footage and what was measured in this folder")
     parser.add_argument("--only", default="", help="cases whose name contains this")
+    parser.add_argument(
+        "--part", default="1/1", type=_part, help="such as 2/4: the second of four parts of each row's cases"
+    )
+    parser.add_argument("--resume", action="store_true", help="keep the results that are in the output file")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "physics.json")
     arguments = parser.parse_args()
+    resumed = arguments.resume and arguments.output.is_file()
+    results = json.loads(arguments.output.read_text(encoding="utf-8")) if resumed else []
     with tempfile.TemporaryDirectory() as temporary:
-        results = run(arguments.rows, arguments.keep or Path(temporary), arguments.only)
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
+        done = {(one["row"], one["case"]) for one in results}
+        for result in run(arguments.rows, arguments.keep or Path(temporary), arguments.only, arguments.part, done):
+            results.append(result)
+            write_text(arguments.output, json.dumps(results, indent=2) + "\n")
     for word in ("FALSE ALARM", "OTHER REASON", "uncheckable"):
         print(f"{word.lower()}: {sum(one['judged'] == word for one in results)}")
     print(f"silently wrong: {sum(one['judged'] == 'SILENTLY WRONG' for one in results)}")
