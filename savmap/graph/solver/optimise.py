@@ -24,7 +24,7 @@ from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
 from savmap.graph.solver.judgement.reference_tests import refuse_unseen, solved_references, tested_keys
-from savmap.graph.solver.judgement.soft_references import softened, with_sigmas
+from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
@@ -88,11 +88,10 @@ class Iterate:
 
     @property
     def reported(self) -> "Iterate":
-        """With the factors for the standard deviations that are reported instead, and references as uncertain as was found."""
+        """With the factors for the standard deviations that are reported instead."""
         scales = self.fit.scales * self.fit.own
         persisting = replace(self.persistence, solved=self.persistence.reported)
-        problem = with_sigmas(self.problem, self.judgement.allowed) if self.judgement else self.problem
-        return replace(self, problem=problem, fit=replace(self.fit, scales=scales), persistence=persisting)
+        return replace(self, fit=replace(self.fit, scales=scales), persistence=persisting)
 
     @property
     def kept(self) -> ImageMeasurements:

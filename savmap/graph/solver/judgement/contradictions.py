@@ -6,7 +6,7 @@ which are compared with it and with one another (see `agreement`).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import orth
@@ -28,23 +28,19 @@ UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
-ODD, ODD_NAMED = 2.0, 2
-"""Standard deviations by which one of twenty right references deviates: too few to call one wrong, too many to rely on it alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
     contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user,
-    what remains doubtful, and errors of references that nothing would notice. `allowed`: by how much references, by name, are off what all
-    others say, m, without being wrong for certain: they are used as given, and the map's standard deviations allow for them being wrong."""
+    what remains doubtful, and errors of references that nothing would notice."""
 
     problem: Problem
     mistaken: Names = frozenset()
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     unchecked: tuple[str, ...] = ()
-    allowed: Mapping[str, float] = field(default_factory=dict)
 
 
 def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
@@ -80,9 +76,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
     explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
     if explained and not explained[0]:
-        return _with_allowed(
-            Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, frozenset()))), agreed, frozenset()
-        )
+        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, explained[0])))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
@@ -94,7 +88,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
         raise contradiction(problem, "; or ".join(lines[:NAMED]))
     if clear:
         found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
-        return _with_allowed(_with_mistaken(found, agreed, explained[0], mistaken, flat), agreed, explained[0])
+        return _with_mistaken(found, agreed, explained[0], mistaken, flat)
     return _uncertain(problem, agreed, suspects, lines)
 
 
@@ -163,21 +157,6 @@ def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Na
     ]
     doubts = tuple(Doubt("reference", line) for line in lines)
     return replace(found, mistaken=mistaken, notes=(*found.notes, *notes, *lines), doubts=(*found.doubts, *doubts))
-
-
-def _with_allowed(found: Judgement, agreed: Agreement, out: Names) -> Judgement:
-    """With references that deviate from all others but those that are `out`, but not so far that they are wrong for certain, and outweigh
-    these: an error would go into the map as it is."""
-    allowed = dict[str, float]()
-    deviations = agreed.deviations(out)
-    for name in sorted(deviations, key=lambda name: -deviations[name]):
-        use, (otherwise, sigma) = _given(agreed, name), agreed.rest(name, out)
-        known = sigma < max(KNOWN_M, SCALE_LIMIT * abs(use.value))
-        if deviations[name] > ODD and use.sigma < sigma and known:
-            allowed[name] = abs(otherwise - use.value)
-    lines = "; ".join(_line(agreed, name, out) for name in list(allowed)[:ODD_NAMED])
-    note = f"{lines}: too little to call it wrong; it is used, and the map's standard deviations allow for an error"
-    return replace(found, allowed=allowed, unchecked=(*found.unchecked, note) if allowed else found.unchecked)
 
 
 def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
