@@ -158,6 +158,31 @@ def seamed(picture: Image) -> Image:
     return np.clip(picture * gain[None, :, None], 0, 255).astype(np.uint8)
 
 
+def smeared_lens(centre_deg: float, wide_deg: float, sigma: float) -> Callable[[Image], Image]:
+    """A smear on a lens: a part of the panorama around a longitude is dull and blurred in all frames."""
+
+    def change(picture: Image) -> Image:
+        height, width = picture.shape[:2]
+        blurred = cv2.GaussianBlur(picture, (0, 0), sigma * height / 1000)
+        x, y = (np.arange(width) + 0.5) / width * 360 - 180, (np.arange(height) + 0.5) / height * 180 - 90
+        away = np.hypot((x[None, :] - centre_deg + 180) % 360 - 180, y[:, None]) / wide_deg
+        share = np.clip(2 - 2 * away, 0, 1)[..., None]
+        return np.clip((1 - share) * picture + share * (0.7 * blurred + 50), 0, 255).astype(np.uint8)
+
+    return change
+
+
+def cropped(share: float) -> Callable[[Image], Image]:
+    """Cut above and below by a share of the height, and stretched to 2:1 again."""
+
+    def change(picture: Image) -> Image:
+        height, width = picture.shape[:2]
+        cut = round(share * height)
+        return np.asarray(cv2.resize(picture[cut : height - cut], (width, height), interpolation=cv2.INTER_AREA))
+
+    return change
+
+
 def from_middle(change: Callable[[Image], Image]) -> Callable[[Frames, Frames], Frames]:
     """A change from the middle of the clip on."""
     return lambda frames, _: [
@@ -250,6 +275,14 @@ CASES = (
         "a cut|after a cut",
     ),
     Case("cut, camera turned round", from_middle(turned(180)), "a cut|after a cut"),
+    Case("turned by 90 degrees half-way", from_middle(turned(90)), "a cut|after a cut|turned away"),
+    Case("turned by 20 degrees half-way", from_middle(turned(20)), "a cut|after a cut|turned away", True),
+    Case("cropped and stretched", of(cropped(0.08)), "whole equirectangular|no panorama|contradict|rest says|fit"),
+    Case("smear on a lens, left", of(smeared_lens(-90, 50, 8.0)), "seen|measured|fit|support|part|sections", True),
+    Case("smear on a lens, right", of(smeared_lens(90, 50, 8.0)), "seen|measured|fit|support|part|sections", True),
+    Case(
+        "out of focus", of(lambda p: cv2.GaussianBlur(p, (0, 0), len(p) / 300)), "seen|measured|fit|part|sections", True
+    ),
     Case("one smeared frame", ordered(smeared)),
     Case("step of exposure", from_middle(lit(1.6))),
     Case("dark", of(lit(0.3, 3.0))),

@@ -1,4 +1,5 @@
-"""What of a mapped rack is implausible: elements out of proportion to their likes, and levels that one section alone has or lacks."""
+"""What of a mapped rack is implausible: elements out of proportion to their likes, levels that one section alone has or lacks, and a size that
+no rack has."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -18,18 +19,42 @@ LEVEL_M = 0.06
 FAR, LEAST_STEPS, EVEN, AMID = 1.6, 3, 1.5, 0.15
 """A step from beam to beam may hide one where it is so many times the usual of at least so many others of its section, the greatest of which is at most
 `EVEN` times the least, and the sections beside have beams in it, not within this share of it at its ends: 60 simulated rows have no such step."""
+PLAUSIBLE_M = {
+    "uprights are {} wide": (0.025, 0.22),
+    "beams are {} high": (0.02, 0.28),
+    "uprights stand {} apart": (0.4, 6.5),
+}
+"""What racks have, half of their elements at least: from light shelving to heavy racks for long goods. In feet, hardly any rack has all three."""
 
 
 def doubts_of(structures: Sequence[Structure]) -> list[Doubt]:
     """Doubts of kind `shape`, each with the ids of the elements that it is about."""
     by_id = {structure.id: structure for structure in structures}
-    found = [*_bays(structures), *_sizes(structures), *_levels(structures)]
+    found = [*_scale(structures), *_bays(structures), *_sizes(structures), *_levels(structures)]
     return [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
 
 
 def _place(structures: Sequence[Structure]) -> tuple[float, float, float]:
     x, y, z = np.mean([structure.vertices.mean(axis=0) for structure in structures], axis=0).tolist()
     return x, y, z
+
+
+def _scale(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Sizes that no rack has: what gives the scale is far off, whatever the pictures say. An error of all elements."""
+    uprights, beams = uprights_of(structures), [section.beams for section in sections_of(structures)]
+    sizes = (
+        np.diff(uprights.intervals, axis=1),
+        np.concatenate([np.zeros((0, 1)), *(np.diff(group.intervals, axis=1) for group in beams)]),
+        np.diff(uprights.intervals.mean(axis=1)),
+    )
+    usual = [float(np.median(own)) if own.size else None for own in sizes]
+    odd = [
+        text.format(f"{size:.2f} m")
+        for (text, (least, most)), size in zip(PLAUSIBLE_M.items(), usual, strict=True)
+        if size is not None and not least < size < most
+    ]
+    if odd:
+        yield f"{' and '.join(odd)}: are the references in another unit than metres?", uprights.ids[:1]
 
 
 def _bays(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -24,6 +24,27 @@ def test_a_right_map_is_plausible(row: Row) -> None:
     assert doubts_of(structures_of(row)) == []
 
 
+def scaled(row: Row, times: float) -> Row:
+    """The row, so many times as large."""
+    return {
+        "uprights": [[times * x for x in upright] for upright in row["uprights"]],
+        "sections": [
+            {"beams": [[times * y for y in beam] for beam in section["beams"]]} for section in row["sections"]
+        ],
+    }
+
+
+@pytest.mark.parametrize("times", [1 / 0.3048, 0.1])
+def test_sizes_that_no_rack_has_are_doubted(times: float) -> None:
+    (found,) = doubts_of(structures_of(scaled(regular_row(), times)))
+    assert "another unit than metres" in found.what
+
+
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_light_and_heavy_racks_are_plausible(times: float) -> None:
+    assert doubts_of(structures_of(scaled(regular_row(), times))) == []
+
+
 def lacking_uprights(row: Row) -> None:
     del row["uprights"][2:4]
     del row["sections"][2:4]
