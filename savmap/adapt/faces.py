@@ -64,7 +64,7 @@ def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list
 
     What all sides around are not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
     unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it. An outline
-    that is much thicker or thinner than those of its class usually are has a wrong side, and nobody knows which: both are unsure by
+    that is much thicker or thinner than the size most of its class agree on has a wrong side, and nobody knows which: both are unsure by
     half of the outline or of what is usual. Where fewer than half of a class agree, all are unsure by a third of their thickness: a row
     without one sure member of a class would teach that there is none.
     """
@@ -127,13 +127,25 @@ def _doubts(labels: Sequence[str], outlines: Sequence[_Sides]) -> list[Floats]:
     doubts: list[Floats] = []
     for label, sides in zip(labels, outlines, strict=True):
         own = thickness[names == label]
-        usual = float(np.median(own))
+        usual = most_common(own)
         alike = np.abs(own - usual) <= ODD * usual
         doubt = max(sides.thickness, usual) / 2 if abs(sides.thickness - usual) > ODD * usual else 0.0
         if alike.mean() < FEWEST_ALIKE:
             doubt = sides.thickness / 3
         doubts.append(np.where(sides.sizes < LONG * sides.thickness, doubt, 0.0))
     return doubts
+
+
+def most_common(sizes: Floats) -> float:
+    """The size that most of (n,) sizes agree on: the median of the half of them that are most alike.
+
+    What is wrong with a structure's edge mostly makes it thicker (a flank is taken for its face, a deck for its edge), so that the
+    median of all is too much where many are wrong.
+    """
+    ordered = np.sort(sizes)
+    count = (len(ordered) + 1) // 2
+    first = int(np.argmin(ordered[count - 1 :] - ordered[: len(ordered) - count + 1]))
+    return float(np.median(ordered[first : first + count]))
 
 
 def ring(edges: Ints, count: int) -> list[int] | None:

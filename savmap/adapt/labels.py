@@ -1,6 +1,6 @@
 """From a map to labelled views: data sets to learn from, to choose the best network by, and to measure on.
 
-Beside each view that is learned from stands a turned one; those to choose and to measure by are such as mapping looks at.
+Beside each view that is learned from stand turned ones; those to choose and to measure by are such as mapping looks at.
 """
 
 import shutil
@@ -26,9 +26,11 @@ from savmap.vision.evidence import gather
 VIEWS, CHOICE, HELD_OUT = SETS = "views", "choice", "held-out"
 PATTERN = (VIEWS, VIEWS, HELD_OUT, VIEWS, VIEWS, CHOICE, VIEWS, HELD_OUT, VIEWS, VIEWS)
 """Which set each of ten views that follow one another goes to."""
+TURNED = 2
+"""How many turned views stand beside each that is learned from: they are free, and show the members at other sizes and angles."""
 LEAST_SHOWN = 0.003
 """A view is worth learning from that shows labelled structures in such a share of its pixels."""
-LEAST_VIEWS = 20
+LEAST_VIEWS = 28
 RENDERER = "the site's own views"
 
 Labelled = tuple[str, Bytes, Bytes]
@@ -85,9 +87,10 @@ def labelled_views(
 
 
 def _shares(chosen: Mapping[int, Sequence[ViewSpec]], pattern: Iterator[str]) -> Shares:
-    """The sets of the chosen views, and of a turned one beside each that is learned from."""
+    """The sets of the chosen views, and of the turned ones beside each that is learned from."""
     own = {(frame, spec): next(pattern) for frame, specs in chosen.items() for spec in specs}
-    beside = {(frame, turned(spec, frame)): VIEWS for (frame, spec), name in own.items() if name == VIEWS}
+    learned = [one for one, name in own.items() if name == VIEWS]
+    beside = {(frame, turned(spec, frame, number)): VIEWS for frame, spec in learned for number in range(TURNED)}
     return own | beside
 
 

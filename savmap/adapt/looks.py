@@ -65,17 +65,17 @@ def evenly(found: Sequence[tuple[int, ViewSpec]], count: int) -> dict[int, list[
     return chosen
 
 
-def turned(spec: ViewSpec, frame: int) -> ViewSpec:
-    """A view of the same frame in another direction and of another width; always the same one.
+def turned(spec: ViewSpec, frame: int, number: int = 0) -> ViewSpec:
+    """A view of the same frame in another direction and of another width; always the same one for a number.
 
     The views that map a row all look straight at it from one distance: a network that learns from these alone forgets all others.
     """
-    rng = np.random.default_rng([frame, crc32(spec.name.encode())])
+    rng = np.random.default_rng([frame, crc32(spec.name.encode()), number])
     yaw, pitch = rng.uniform(-1, 1, 2) * (YAW_DEG, PITCH_DEG)
     hfov = spec.hfov_deg * rng.uniform(*ZOOMS)
     return replace(
         spec,
-        name=f"{spec.name} turned",
+        name=f"{spec.name} turned {number + 1}",
         yaw_deg=spec.yaw_deg + float(yaw),
         pitch_deg=spec.pitch_deg + float(pitch),
         hfov_deg=min(float(hfov), WIDEST_DEG),

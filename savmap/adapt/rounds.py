@@ -11,13 +11,14 @@ from typing import Any
 from savmap.adapt.labels import HELD_OUT, LabelSets, write_labels
 from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
-from savmap.files.atomic import read_json, write_text
+from savmap.files.atomic import read_json, sha256, write_text
 from savmap.jobs.map_site import SiteRun, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.map_file import read_map
 from savmap.site.job import Job, prepare
 from savmap.train import TrainingPlan, train
-from savmap.train.plan import minutes_of, trained_classes
+from savmap.train.data.sets import read_set
+from savmap.train.plan import float_model, minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
@@ -29,7 +30,8 @@ INTEGERS = ".int8.onnx"
 @dataclass(frozen=True, eq=False)
 class Adaptation:
     """A site that teaches a plugin's network: the job, the plugin's name and its network's classes, the options, data sets against
-    forgetting, where all is written, who is told, and a data set of other places that nothing learns from."""
+    forgetting, where all is written, who is told, a data set of other places that nothing learns from, and the networks that may be
+    taught in place of the one that made the first map (none where the user names one)."""
 
     job: Job
     plugin: str
@@ -40,6 +42,7 @@ class Adaptation:
     monitor: Monitor
     meter: Meter
     others: Path | None = None
+    candidates: Sequence[Path] = ()
 
     def mapped(self, model: Path, trainable: Path, folder: Path, named: bool = True) -> State:
         """The site's map with a network, made in a folder unless it is there; one that is not `named` is chosen row by row, as `savmap
@@ -74,11 +77,32 @@ def played(work: Adaptation, number: int, start: State) -> tuple[RoundResult, St
         return result, _state_of(work, folder, start) if result.kept else start
     job = job_with_network(work.job, work.plugin, start.model)
     sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
-    scores = _trained(work, folder, start, sets)
-    result, state = _judged(work, number, folder, start, scores)
+    taught = start if number > 1 else most_agreeing(work, start, sets)
+    scores = _trained(work, folder, taught, sets)
+    result, state = _judged(work, number, folder, taught, scores)
+    state = state if result.kept else start
     result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
     write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
     return result, state
+
+
+def most_agreeing(work: Adaptation, start: State, sets: LabelSets) -> State:
+    """The start with that of the candidates which agrees best with the map, on the views to choose by.
+
+    The network that sees most made the first map; another, which sees less, may tell better where a member ends. Raises ModelError."""
+    if len({*work.candidates, start.model}) < 2:
+        return start
+    from savmap.train.measure import score_file  # keeps `savmap --help` fast
+
+    samples = read_set(sets.choice, work.classes).samples
+    agreement = {
+        model: score_file(float_model(model), samples, work.classes).mean
+        for model in dict.fromkeys([start.model, *work.candidates])
+    }
+    best = max(agreement, key=lambda model: agreement[model])
+    told = ", ".join(f"{model.name} {share:.3f}" for model, share in agreement.items())
+    work.monitor.note(f"`{work.plugin}` is taught beginning with {best.name}, which agrees best with the map ({told})")
+    return replace(start, model=best, trainable=float_model(best))
 
 
 def _folder_for(work: Adaptation, number: int, start: State) -> Path:
@@ -95,6 +119,7 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
         replay,
         str(work.others),
         list(work.job.site.rows),
+        [sha256(model) for model in work.candidates],
     ]
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     known = folder / KEY

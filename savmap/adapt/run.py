@@ -17,7 +17,7 @@ from savmap.files.atomic import sha256, write_bytes, write_text
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
 from savmap.maps.map_file import read_map
-from savmap.pipeline.networks import best_for_pass
+from savmap.pipeline.networks import best_for_pass, further_models
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.overrides import Override
 from savmap.site.preflight import require_ready
@@ -75,7 +75,8 @@ def adapt(
         )
         replay = [*options.replay, *([own] if own else [])]
         others = practice_set(name, opened.classes, OTHERS, folder / OTHER_PLACES, shown, OTHER_SEED)
-        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter, others)
+        candidates = [opened.model, *further] if (further := further_models(opened)) else []
+        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter, others, candidates)
         first = first_state(work, model, opened.model_file, trainable, output / "map.json")
         results, state = _rounds(work, first)
         return _finished(work, first, state, results)
@@ -110,7 +111,7 @@ def require_one_network(job: Job, plugin: str) -> None:
 
 
 def used_network(job: Job, name: str, monitor: Monitor) -> Path:
-    """The network that looks at most rows: the one that is configured, or, of those that a plugin comes with, the one that sees more.
+    """The network that first looks at most rows: the one that is configured, or, of those that a plugin comes with, the one that sees more.
     A row whose footage cannot be looked at counts for none. Raises ModelError, PluginError."""
     chosen: Counter[Path] = Counter()
     for row, loaded in ((row, job.opened(row, name)) for row in job.site.rows):
@@ -119,7 +120,7 @@ def used_network(job: Job, name: str, monitor: Monitor) -> Path:
     own = job.opened(next(iter(job.site.rows)), name).model
     most = max(chosen, key=lambda model: (chosen[model], model == own), default=own)
     if most != own:
-        monitor.note(f"`{name}` is taught beginning with {most.name}, which sees more here")
+        monitor.note(f"`{name}` first looks with {most.name}, which sees more here")
     return most
 
 

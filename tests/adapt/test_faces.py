@@ -77,6 +77,13 @@ def test_sides_of_an_odd_thickness_are_unsure() -> None:
     assert np.allclose(sorted(odd.unsure_m), [0.0, 0.0, 0.075, 0.075])
 
 
+def test_what_is_too_thick_does_not_become_usual() -> None:
+    """Half of the sides are another thing's edge, each another: the median would call the thick ones usual."""
+    *right, thick, thicker, thickest = posts(0.0571, 0.0573, 0.0572, 0.0660, 0.0747, 0.1057)
+    assert all(np.allclose(one.unsure_m, 0.0) for one in right)
+    assert all(one.unsure_m.max() > 0.03 for one in (thick, thicker, thickest))
+
+
 def test_thicknesses_that_all_differ_teach_their_middles() -> None:
     widths = (0.046, 0.062, 0.069, 0.038, 0.044)
     unsure = [one.unsure_m.max() for one in posts(*widths)]

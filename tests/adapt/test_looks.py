@@ -74,9 +74,9 @@ def test_views_that_show_nothing_are_left_out(row: RowMap) -> None:
 def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
     sets = labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, tmp_path, SilentMonitor())
     names = [{sample.image.name for sample in read_set(one, CLASSES).samples} for one in vars(sets).values()]
-    assert [len(own) for own in names] == [35, 2, 5]
-    assert len(set().union(*names)) == 42
-    assert sum("turned" in name for name in names[0]) == 17
+    assert [len(own) for own in names] == [18 + 35, 2, 5]
+    assert len(set().union(*names)) == 60
+    assert sum("turned" in name for name in names[0]) == 18 * labels.TURNED - 1  # it shows too little
     mask = cv2.imread(str(next((tmp_path / "choice" / "masks").iterdir())), cv2.IMREAD_UNCHANGED)
     assert mask is not None
     assert mask[pixel(0.95, 0.7)] == 1
@@ -85,15 +85,16 @@ def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
 
 
 def test_too_few_views_are_refused(job: Any, row: RowMap, tmp_path: Path) -> None:
-    with pytest.raises(StructureError, match=r"site\.yaml: the map labels 13 views, fewer than 20"):
+    with pytest.raises(StructureError, match=r"site\.yaml: the map labels 18 views, fewer than 28"):
         labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 8, tmp_path, SilentMonitor())
     assert not (tmp_path / "views").exists()
 
 
 def test_turned_views_look_elsewhere_and_stay() -> None:
-    views = [looks.turned(SPEC, frame) for frame in range(9)]
-    assert views == [looks.turned(SPEC, frame) for frame in range(9)]
-    assert len({(view.yaw_deg, view.pitch_deg, view.hfov_deg) for view in views}) == 9
+    views = [looks.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
+    assert views == [looks.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
+    assert len({(view.yaw_deg, view.pitch_deg, view.hfov_deg) for view in views}) == 18
+    assert len({view.name for view in views}) == 2
     assert all(abs(view.yaw_deg) <= looks.YAW_DEG and abs(view.pitch_deg) <= looks.PITCH_DEG for view in views)
 
 

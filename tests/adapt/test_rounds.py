@@ -1,7 +1,7 @@
 """Rounds of training and mapping, with made-up networks and maps: what is kept, and what is not done again."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from savmap.errors import SavmapError, SiteError, StructureError
 from savmap.maps.map_file import write_map
 from savmap.site.job import Job
 from savmap.site.model import Row, Site
-from savmap.train import TrainedNetwork, TrainingPlan
+from savmap.train import TrainedNetwork, TrainingPlan, measure
 from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
 from savmap.types.progress import NoteCollector
 
@@ -77,7 +77,12 @@ def meter(doing: str) -> Iterator[Any]:
 
 
 def adapted(
-    works: Works, folder: Path, monkeypatch: pytest.MonkeyPatch, others: Path | None = None, **options: Any
+    works: Works,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    others: Path | None = None,
+    candidates: Sequence[Path] = (),
+    **options: Any,
 ) -> Adapted:
     monkeypatch.setattr(rounds, "train", works.train)
     monkeypatch.setattr(rounds, "map_job_into", works.map)
@@ -88,7 +93,16 @@ def adapted(
     site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
     job = Job(site, folder / "site.yaml", ["posts"], folder)
     work = Adaptation(
-        job, "posts", CLASSES, AdaptOptions(**options), (), folder / "adapted", NoteCollector(), meter, others
+        job,
+        "posts",
+        CLASSES,
+        AdaptOptions(**options),
+        (),
+        folder / "adapted",
+        NoteCollector(),
+        meter,
+        others,
+        candidates,
     )
     for name in ("first.onnx", "first.int8.onnx"):
         (folder / name).write_text(name)
@@ -185,3 +199,24 @@ def test_finished_rounds_are_not_played_again(
     assert len(again.trained) == len(again.jobs) == trainings
     assert [replace(one) for one in second.rounds] == list(first.rounds)
     assert second.structures_after == 3
+
+
+@pytest.mark.parametrize(
+    ("shares", "taught"), [((0.54, 0.56), "own"), ((0.56, 0.54), "first"), ((0.56, 0.56), "first")]
+)
+def test_network_that_agrees_best_is_taught(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shares: tuple[float, float], taught: str
+) -> None:
+    """The network that sees most makes the first map; that which says what the map says is taught."""
+    works = Works([0.6, 0.7], [2, 3])
+    by_name = dict(zip(("first.onnx", "own.onnx"), shares, strict=True))
+    monkeypatch.setattr(rounds, "read_set", lambda folder, classes: SimpleNamespace(samples=()))
+    monkeypatch.setattr(measure, "score_file", lambda model, *rest: SimpleNamespace(mean=by_name[model.name]))
+    for name in ("own.onnx", "own.int8.onnx"):
+        (tmp_path / name).write_text(name)
+    done = adapted(works, tmp_path, monkeypatch, candidates=[tmp_path / "own.int8.onnx"])
+    assert [plan.init for plan in works.trained] == [
+        tmp_path / f"{taught}.onnx",
+        tmp_path / "adapted" / "round-1" / "posts.onnx",
+    ]
+    assert done.kept is not None
