@@ -30,11 +30,13 @@ MOST_MB, MOST_S = 3.0, 2.0
 
 @dataclass(frozen=True)
 class Opened:
-    """Seconds until the page could be used, frames a second, milliseconds of each that its script takes, and what it said on the console."""
+    """Seconds until the page could be used, frames a second, milliseconds of each that its script takes, the canvas's pixels by pixels of the
+    page in the last of them (less than 1: drawn coarser while it moves), and what it said on the console."""
 
     open_s: float
     frames_s: float
     script_ms: float
+    ratio: float
     said: tuple[str, ...]
 
 
@@ -110,8 +112,9 @@ def opened(page: Page, file: Path) -> Opened:
     page.goto(file.resolve().as_uri())
     page.wait_for_selector("html[data-ready=yes]")
     open_s = time.perf_counter() - begin
-    frames_s, script_ms = page.evaluate("savmapViewer.stage.spin(40)")
-    return Opened(open_s, frames_s, script_ms, tuple(said))
+    turned = "savmapViewer.stage.spin(40).then((found) => [...found, savmapViewer.stage.renderer.getPixelRatio()])"
+    frames_s, script_ms, ratio = page.evaluate(turned)
+    return Opened(open_s, frames_s, script_ms, ratio, tuple(said))
 
 
 def main() -> int:
@@ -143,7 +146,7 @@ def main() -> int:
         browser.close()
     print(f"{len(site.rows)} rows, {count} elements: {size_mb:.2f} MB, written in {written_s:.1f} s")
     print(
-        f"opened in {result.open_s:.2f} s, {result.frames_s:.0f} frames a second at {arguments.size} without graphics, script {result.script_ms:.1f} ms a frame"
+        f"opened in {result.open_s:.2f} s, {result.frames_s:.0f} frames a second at {arguments.size} x {result.ratio:g} without graphics, script {result.script_ms:.1f} ms a frame"
     )
     print(*result.said, sep="\n")
     return int(size_mb > MOST_MB or result.open_s > MOST_S or bool(result.said))

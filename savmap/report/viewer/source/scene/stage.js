@@ -7,13 +7,15 @@ import { projected } from "./picking.js";
 const GROUND = new Color("#fbfcfd"),
   NIGHT = new Color("#eef1f4"),
   MOVING_MS = 300,
-  SLOW_MS = 45;
+  SLOW_MS = 45,
+  MOVING_RATIO = 0.5; // canvas pixels by pixels of the page while something moves on a slow machine
 
 export class Stage {
   constructor(viewer) {
     this.viewer = viewer;
     this.renderer = new WebGLRenderer({ canvas: byId("canvas"), antialias: true });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.sharp = Math.min(devicePixelRatio, 2);
+    this.renderer.setPixelRatio(this.sharp);
     this.renderer.setScissorTest(true);
     this.names = namesOf(viewer.site);
     this.labels = true;
@@ -24,6 +26,7 @@ export class Stage {
   start() {
     new ResizeObserver(() => this.resize()).observe(byId("stage"));
     addEventListener("beforeprint", () => {
+      this.drawn = 0; // as at rest: sharp
       this.draw();
       byId("printed").src = byId("canvas").toDataURL("image/png");
     });
@@ -68,8 +71,14 @@ export class Stage {
     this.slow ||= this.pace > SLOW_MS;
     if (!this.slow) return;
     this.viewer.model.setCoarse(moving);
+    this.setRatio(moving ? Math.min(MOVING_RATIO, this.sharp) : this.sharp);
     clearTimeout(this.rest);
     if (moving) this.rest = setTimeout(() => this.redraw(), MOVING_MS + 50);
+  }
+
+  // Each change makes the canvas anew, empty: only what draws at once may ask for it.
+  setRatio(ratio) {
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
   }
 
   // Of two dates whose orthophotos lie beside one another, each is drawn on its hand of the divider.
