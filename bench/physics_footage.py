@@ -167,9 +167,14 @@ def smeared_lens(centre_deg: float, wide_deg: float, sigma: float) -> Callable[[
         x, y = (np.arange(width) + 0.5) / width * 360 - 180, (np.arange(height) + 0.5) / height * 180 - 90
         away = np.hypot((x[None, :] - centre_deg + 180) % 360 - 180, y[:, None]) / wide_deg
         share = np.clip(2 - 2 * away, 0, 1)[..., None]
-        return np.clip((1 - share) * picture + share * (0.7 * blurred + 50), 0, 255).astype(np.uint8)
+        return np.asarray(np.clip((1 - share) * picture + share * (0.7 * blurred + 50), 0, 255), np.uint8)
 
     return change
+
+
+def out_of_focus(picture: Image) -> Image:
+    """The whole panorama blurred by a three hundredth of its height."""
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), len(picture) / 300), np.uint8)
 
 
 def cropped(share: float) -> Callable[[Image], Image]:
@@ -280,9 +285,7 @@ CASES = (
     Case("cropped and stretched", of(cropped(0.08)), "whole equirectangular|no panorama|contradict|rest says|fit"),
     Case("smear on a lens, left", of(smeared_lens(-90, 50, 8.0)), "seen|measured|fit|support|part|sections", True),
     Case("smear on a lens, right", of(smeared_lens(90, 50, 8.0)), "seen|measured|fit|support|part|sections", True),
-    Case(
-        "out of focus", of(lambda p: cv2.GaussianBlur(p, (0, 0), len(p) / 300)), "seen|measured|fit|part|sections", True
-    ),
+    Case("out of focus", of(out_of_focus), "seen|measured|fit|part|sections", True),
     Case("one smeared frame", ordered(smeared)),
     Case("step of exposure", from_middle(lit(1.6))),
     Case("dark", of(lit(0.3, 3.0))),
