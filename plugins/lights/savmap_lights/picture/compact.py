@@ -45,13 +45,13 @@ def compacts_of(grey: Singles, seed: Seed) -> list[Compact]:
     whole = compact_of(grey, seed)
     if whole is not None:
         return [whole]
-    found = [compact_of(grey, part) for part in seed.parts]
+    found = [compact_of(grey, part, joined=True) for part in seed.parts]
     return [lamp for lamp in found if lamp is not None and not lamp.covered]
 
 
-def compact_of(grey: Singles, seed: Seed) -> Compact | None:
-    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes, without what shines beside it and goes on
-    to both sides; None where it does not, or not well within the picture."""
+def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | None:
+    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; without what shines beside it and goes on
+    to both sides, where something joins it with others. None where it does not, or not well within the picture."""
     if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
         return None
     middle, sizes, hidden = seed.middle, [0.0, 0.0], [(False, False), (False, False)]
@@ -71,7 +71,7 @@ def compact_of(grey: Singles, seed: Seed) -> Compact | None:
         middle = middle + (low + high) / 2 * across
     if max(sizes) > STRIP_RATIO * min(sizes):
         return None
-    for number, axis in enumerate(VIEW_AXES):
+    for number, axis in enumerate(VIEW_AXES if joined else ()):
         low, high = without_bar(grey, middle, axis, sizes[number], sizes[1 - number], seed.level)
         first, last = hidden[number]
         hidden[number] = first and low <= -sizes[number] / 2, last and high >= sizes[number] / 2
