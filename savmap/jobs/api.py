@@ -15,10 +15,10 @@ from savmap.maps.imports import elements_of
 from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
 from savmap.maps.imports.survey import ImportedSurvey, survey_of
-from savmap.maps.map_file import read_map
+from savmap.maps.map_file import map_in, read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters, load_installed, open_plugin
-from savmap.report.site_report import evaluation_of, map_in, openings_of, plugins_of_map
+from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of

@@ -4,6 +4,7 @@ Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances
 """
 
 import json
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -47,6 +48,11 @@ UPPER = np.triu_indices(3)
 NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
 Entry = dict[str, Any]
+
+
+def map_in(source: Path) -> Path:
+    """A map file, or that of a folder."""
+    return source / "map.json" if os.path.isdir(source) else source  # no error for names that no file can have
 
 
 def write_map(site: SiteMap, path: Path) -> None:

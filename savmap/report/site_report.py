@@ -10,7 +10,7 @@ from urllib.parse import quote
 from savmap.errors import OutputError
 from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
-from savmap.maps.map_file import read_map
+from savmap.maps.map_file import map_in, read_map
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
 from savmap.maps.survey import read_survey
@@ -93,11 +93,6 @@ def viewed(
     photos = read_orthophotos(site_map.rows, map_file.parent)
     write_view(View(site_map, evaluation, _title_of(map_file), photos, origin=origin, before=before), page)
     return page, True
-
-
-def map_in(source: Path) -> Path:
-    """A map file, or that of a folder."""
-    return source / "map.json" if source.is_dir() else source
 
 
 def origin_of(map_file: Path, survey_file: Path | None, old_file: Path | None = None) -> Origin:

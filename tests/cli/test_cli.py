@@ -209,6 +209,22 @@ def test_names_that_no_file_can_have_are_one_line(
     assert line.startswith("savmap: ")
 
 
+@pytest.mark.parametrize(
+    "arguments", [["find", "upright 1"], ["export", "--format", "csv", "-o", "a.csv"], ["measure", "a", "b"]]
+)
+def test_a_map_is_named_by_its_folder_too(tmp_path: Path, arguments: list[str]) -> None:
+    (tmp_path / "out").mkdir()
+    write_map(_one_row(), tmp_path / "out" / "map.json")
+    by_file, by_folder = (savmap(*arguments, name, folder=tmp_path) for name in ("out/map.json", "out"))
+    assert (by_folder.stdout, by_folder.stderr, by_folder.returncode) == (
+        by_file.stdout,
+        by_file.stderr,
+        by_file.returncode,
+    )
+    missing = savmap(*arguments, ".", folder=tmp_path)
+    assert "map.json: cannot be read (no such file" in missing.stderr
+
+
 def test_align_writes_the_map_where_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

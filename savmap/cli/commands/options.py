@@ -21,6 +21,18 @@ Output = Annotated[
 ]
 
 
+def map_of(path: Path | None) -> Path | None:
+    """The map file that an argument names, itself or by its folder."""
+    from savmap.maps.map_file import map_in
+
+    return None if path is None else map_in(path)
+
+
+MapFile = Annotated[
+    Path, typer.Argument(metavar="MAP", callback=map_of, help="A map.json, or the folder that holds it.")
+]
+
+
 def names_of(text: str | None) -> list[str] | None:
     """The names between the commas of an option; None where it is not given."""
     return [name.strip() for name in text.split(",") if name.strip()] if text is not None else None

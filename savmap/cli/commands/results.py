@@ -6,11 +6,12 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.commands.options import MapFile
 from savmap.cli.speech import say, say_all
 
 
 def evaluate(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    map_file: MapFile,
     survey: Annotated[Path, typer.Argument(metavar="SURVEY", help="A survey file.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     box_plot: Annotated[Path | None, typer.Option(help="Write a box plot of the errors by class (PNG).")] = None,
@@ -27,7 +28,7 @@ def evaluate(
 
 
 def report(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    map_file: MapFile,
     run_file: Annotated[
         Path | None, typer.Option("--run", metavar="FILE", help="The run.json of the same run.")
     ] = None,
@@ -64,7 +65,8 @@ def compare(
     """Say what changed from one map of a place to a later one."""
     from savmap.errors import ChangedError
     from savmap.maps.comparison import comparison_lines
-    from savmap.report.site_report import VIEW, compare_files, map_in
+    from savmap.maps.map_file import map_in
+    from savmap.report.site_report import VIEW, compare_files
 
     comparison = compare_files(old, new, level, output, json_file, in_viewer)
     for line in comparison_lines(comparison):
@@ -111,7 +113,7 @@ def view(
 
 
 def export(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    map_file: MapFile,
     name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
@@ -136,7 +138,7 @@ def export(
 
 
 def align(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")],
+    map_file: MapFile,
     known: Annotated[
         Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
     ],
@@ -162,7 +164,7 @@ def find(
             metavar="NAME", help="What is written on it, such as A21-03, its id, or 'level 3 of section 2'."
         ),
     ],
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+    map_file: MapFile = Path("out/map.json"),
 ) -> None:
     """Say where in a map a structure is, or a place between structures."""
     from savmap.maps.map_file import read_map
@@ -177,7 +179,7 @@ def find(
 def measure(
     first: Annotated[str, typer.Argument(metavar="FROM", help="A vertex, such as 'upright 1 / right / bottom'.")],
     second: Annotated[str, typer.Argument(metavar="TO", help="Another; 'A: ...' says the row.")],
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map.json.")] = Path("out/map.json"),
+    map_file: MapFile = Path("out/map.json"),
 ) -> None:
     """Say how far two vertices of a map are apart, and how sure that is."""
     from savmap.maps.distance import vertex_distance

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from savmap.cli.commands.options import map_of
 from savmap.cli.speech import say
 
 if TYPE_CHECKING:
@@ -18,7 +19,10 @@ def import_(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="The survey file to write.")] = Path("survey.json"),
     map_file: Annotated[
-        Path | None, typer.Option("--map", metavar="MAP", help="A map.json, which says where rows stand.")
+        Path | None,
+        typer.Option(
+            "--map", metavar="MAP", callback=map_of, help="A map.json or its folder, which says where rows stand."
+        ),
     ] = None,
     known: Annotated[
         Path | None,
