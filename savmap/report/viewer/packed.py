@@ -12,8 +12,8 @@ Entry = dict[str, Any]
 Labels = dict[str, int]
 """What vertices are called, and the number that stands for it."""
 UNIT_M = 1e-5
-DIGITS = 5
-"""Of a variance: a standard deviation is shown with two."""
+DIGITS = 4
+"""Of a variance: a standard deviation, which is shown with two, is right to a 40,000th."""
 UPPER = np.triu_indices(3)
 
 
