@@ -19,7 +19,7 @@ FEWEST = 4
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
-OFTEN = 0.8
+OFTEN = 0.75
 LONGER = 1.3
 
 
@@ -27,7 +27,14 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
     """Doubts about the lamps of one row."""
     ordered = sorted(lamps, key=lambda lamp: float(lamp.vertices[:, 0].mean()))
     whole = [lamp for lamp in ordered if is_whole(lamp)]
-    return [*_heights(whole), *_lengths(whole), *_gaps(ordered), *_unexplained(ordered), *_open(ordered)]
+    return [
+        *_heights(whole),
+        *_lengths(whole),
+        *_gaps(ordered),
+        *_unexplained(ordered),
+        *_alone(ordered),
+        *_open(ordered),
+    ]
 
 
 def is_whole(lamp: Structure) -> bool:
@@ -91,6 +98,14 @@ def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
             _, y, z = _middle(before)
             what = f"something shines {place:.2f} m along the row, between {before.id} and {after.id}, and no lamp explains it: one may be missing"
             yield Doubt("shape", what, (before.id, after.id), (place, y, z))
+
+
+def _alone(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """Light beside the only lamp of a row that was seen about as often as that was."""
+    if len(lamps) == 1 and float(lamps[0].attributes.get(LIGHT_OFTEN, 0.0)) >= OFTEN:
+        (lamp,), place = lamps, float(lamps[0].attributes[LIGHT_BEYOND])
+        what = f"{lamp.id} is the only one, and something shines {place:.2f} m along the row that no lamp explains: others may be missing"
+        yield Doubt("shape", what, (lamp.id,), (place, *_middle(lamp)[1:]))
 
 
 def _are_regular(sizes: Floats) -> bool:

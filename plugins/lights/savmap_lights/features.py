@@ -56,7 +56,8 @@ Sure = tuple[int, Compact, float]
 
 def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
     """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what shines."""
-    compact = [(seed.number, lamp, seed) for seed in seeds for lamp in compacts_of(shine, seed)]
+    joined = any(len(seed.parts) > 1 for seed in seeds)
+    compact = [(seed.number, lamp, seed) for seed in seeds for lamp in compacts_of(shine, seed, joined)]
     own = {number for number, _, _ in compact}
     return compact, strips(shine, [seed for seed in seeds if seed.number not in own], varying)
 

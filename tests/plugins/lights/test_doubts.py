@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from savmap.types import Structure
 from savmap_lights.doubts import LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M, doubts_of
@@ -56,3 +57,9 @@ def test_a_strip_longer_than_its_likes_is_doubted() -> None:
 def test_an_end_never_seen_is_doubted_between_lamps_only() -> None:
     lamps = [lamp(k, 3.0 * k, sigma_x=UNKNOWN_M if k in (2, 4) else 0.003) for k in range(1, 5)]
     assert lines(lamps) == ["an end of light 2 was never seen: its length is not known"]
+
+
+@pytest.mark.parametrize(("share", "doubted"), [(0.9, True), (0.5, False)])
+def test_light_beside_the_only_lamp_is_doubted(share: float, doubted: bool) -> None:
+    only = replace(lamp(1, 1.5), attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: share})
+    assert ["no lamp explains" in doubt.what for doubt in doubts_of([only])] == [True] * doubted

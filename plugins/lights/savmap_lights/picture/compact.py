@@ -39,10 +39,10 @@ class Compact:
         return [self.middle + sign * half for half in halves for sign in (-1, 1)]
 
 
-def compacts_of(grey: Singles, seed: Seed) -> list[Compact]:
+def compacts_of(grey: Singles, seed: Seed, joined: bool = False) -> list[Compact]:
     """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in one mask;
-    a part that something hides may be one of a strip."""
-    whole = compact_of(grey, seed)
+    a part that something hides may be one of a strip. `joined`: whether something joins lamps anywhere in the picture."""
+    whole = compact_of(grey, seed, joined)
     if whole is not None:
         return [whole]
     found = [compact_of(grey, part, joined=True) for part in seed.parts]
