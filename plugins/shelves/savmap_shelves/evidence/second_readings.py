@@ -5,7 +5,7 @@ something else's, or is of another profile. Second readings (savmap_shelves.boun
 would have that edge: its own edge is at one height in all frames, to a few per cent of the profile; other things are at any.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,20 +39,24 @@ def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settl
         levels = np.array([np.nanmedian(first[which == k], axis=0) for k in range(len(section))])
         for level, heights in enumerate(_profiles(section, np.diff(levels, axis=1)[:, 0])):
             mine = np.flatnonzero(which == level)
-            votes = [
-                (
-                    edge,
-                    *_agreeing(
-                        first[mine, edge], second[mine, edge], float(levels[level, 1 - edge]) + side * height, height
-                    ),
-                )
-                for edge, side in ((0, -1.0), (1, 1.0))
-                for height in heights
-            ]
+            votes = [*_votes(levels[level], first[mine], second[mine], heights)]
             edge, same, anew = max(votes, key=lambda vote: len(vote[2]), default=(0, mine[:0], mine[:0]))
             if len(anew) >= LEAST_READINGS:
                 edges[level, edge], of_first[mine[same], edge], of_second[mine[anew], edge] = True, True, True
     return Settled(edges, of_first, of_second)
+
+
+def _votes(level: Floats, first: Floats, second: Floats, heights: Sequence[float]) -> Iterator[tuple[int, Ints, Ints]]:
+    """For either edge of a level at (2,), and each height that it may have, which first (n, 2) and second readings (n, 2) agree.
+
+    An edge is looked for from the other one: where a frame read that far off the level's, its second reading is of another place, and is
+    no reading that disagrees.
+    """
+    for edge, side in ((0, -1.0), (1, 1.0)):
+        other = float(level[1 - edge])
+        for height in heights:
+            there = np.abs(first[:, 1 - edge] - other) < NEAR * height
+            yield edge, *_agreeing(first[:, edge], second[:, edge], there, other + side * height, height)
 
 
 def _profiles(section: Ints, heights: Floats) -> Iterator[list[float]]:
@@ -72,9 +76,9 @@ def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> 
     return float(np.median(others)) if len(others) > 1 else usual
 
 
-def _agreeing(first: Floats, second: Floats, place: float, height: float) -> tuple[Ints, Ints]:
-    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings are of
-    several minds, or too few for how often the edge was read elsewhere."""
+def _agreeing(first: Floats, second: Floats, there: Bools, place: float, height: float) -> tuple[Ints, Ints]:
+    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings that were
+    looked for `there` (n,) are of several minds, or too few for how often the edge was read elsewhere."""
     both = np.concatenate([first, second])
     near = np.flatnonzero(np.abs(np.nan_to_num(both, nan=np.inf) - place) < NEAR * height)
     none = near[:0]
@@ -85,5 +89,7 @@ def _agreeing(first: Floats, second: Floats, place: float, height: float) -> tup
     same, anew = best[best < len(first)], best[best >= len(first)] - len(first)
     anew = np.setdiff1d(anew, same)
     elsewhere = np.isfinite(first).sum() - len(same)
-    few = len(anew) < max(LEAST_AGREEING * np.isfinite(np.delete(second, same)).sum(), LEAST_SHARE * elsewhere)
+    voices = np.isfinite(second) & there
+    voices[anew] = True
+    few = len(anew) < max(LEAST_AGREEING * np.delete(voices, same).sum(), LEAST_SHARE * elsewhere)
     return (none, none) if few else (same, anew)

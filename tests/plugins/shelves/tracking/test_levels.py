@@ -16,6 +16,7 @@ CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
 )
 SHORT = synth.Pass(rate=4, speed=0.9, distance=1.7)
+NONE = np.zeros(4, np.bool_)
 
 
 def footage_with(level: tuple[float, float]) -> synth.Footage:
@@ -95,8 +96,9 @@ def test_girders_and_goods_are_thicker_than_beams_wherever_they_are_seen() -> No
     thickness[which == 2] = 0.4
     thickness[which == 3] = [0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1, 0.1]
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
-    assert _unlike(levels, edges, which, support, -np.inf).tolist() == [False, False, True, False]
-    assert not _unlike(levels, edges, which, np.ones(4), -np.inf).any()
+    assert _unlike(levels, edges, which, support, -np.inf, NONE).tolist() == [False, False, True, False]
+    assert not _unlike(levels, edges, which, np.ones(4), -np.inf, NONE).any()
+    assert _unlike(levels, edges, which, support, -np.inf, np.ones(4, np.bool_)).tolist() == [False, False, True, False]
 
 
 @pytest.mark.parametrize(("lower", "doubted"), [(0.02, True), (0.12, False)])
@@ -105,4 +107,20 @@ def test_a_thin_level_that_lies_on_the_floor_is_no_beam_hidden_from_below(lower:
     which = np.repeat(np.arange(3), 10)
     thickness = np.where(which == 0, 0.06, 0.12)
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
-    assert _unlike(levels, edges, which, np.array([0.7, 1.0, 1.0]), 0.0).tolist() == [doubted, False, False]
+    support = np.array([0.7, 1.0, 1.0])
+    assert _unlike(levels, edges, which, support, 0.0, NONE[:3]).tolist() == [doubted, False, False]
+
+
+@pytest.mark.parametrize("expected", [False, True])
+def test_a_thin_level_that_all_frames_together_show_is_a_beam_hidden_in_part(expected: bool) -> None:
+    levels = np.array([[0, 0.0], [0, 1.0], [0, 2.0], [0, 3.0]])
+    which = np.repeat(np.arange(4), 10)
+    thickness = np.where(which == 2, 0.06, 0.1)
+    edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
+    support, told = np.array([1.0, 1.0, 0.85, 1.0]), np.arange(4) == 2
+    assert _unlike(levels, edges, which, support, -np.inf, told & expected).tolist() == [
+        False,
+        False,
+        not expected,
+        False,
+    ]

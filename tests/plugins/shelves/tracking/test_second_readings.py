@@ -1,6 +1,7 @@
 """Second readings of beams' edges: believed where all frames put them where the row's profile has them, and nowhere else."""
 
 import numpy as np
+import pytest
 
 from savmap.types import Floats, Ints
 from savmap_shelves.evidence.second_readings import Settled, believed
@@ -48,6 +49,17 @@ def test_frames_that_read_the_edge_itself_are_kept() -> None:
 def test_readings_of_several_minds_are_not_believed() -> None:
     second = HEIGHT + 0.03 * np.linspace(-1, 1, FRAMES)
     assert not settled(np.full(FRAMES, 0.07), second).edges.any()
+
+
+@pytest.mark.parametrize(("lower", "believed_of"), [(-0.08, True), (0.0, False)])
+def test_readings_that_were_looked_for_from_a_wrong_edge_are_no_other_minds(lower: float, believed_of: bool) -> None:
+    which, first = sighted(np.full(FRAMES, 0.05))
+    odd = np.flatnonzero(which == ODD)
+    again = np.full(first.shape, np.nan)
+    again[odd[:4], 1] = BOTTOMS[ODD] + HEIGHT
+    again[odd[4:7], 1] = BOTTOMS[ODD] - 0.08 + HEIGHT
+    first[odd[4:7], 0] = BOTTOMS[ODD] + lower
+    assert believed(np.zeros(len(BOTTOMS), np.int64), which, first, again).edges[ODD, 1] == believed_of
 
 
 def test_two_readings_are_too_few() -> None:
