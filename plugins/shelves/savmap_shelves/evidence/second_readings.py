@@ -5,7 +5,7 @@ something else's, or is of another profile. Second readings (savmap_shelves.boun
 would have that edge: its own edge is at one height in all frames, to a few per cent of the profile; other things are at any.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,34 +37,50 @@ def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settl
     edges, of_first, of_second = np.zeros((len(section), 2), np.bool_), *np.zeros((2, *second.shape), np.bool_)
     if len(section) >= LEAST_LEVELS and np.isfinite(second).any():
         levels = np.array([np.nanmedian(first[which == k], axis=0) for k in range(len(section))])
-        for level, heights in enumerate(_profiles(section, np.diff(levels, axis=1)[:, 0])):
+        for level, (heights, like) in enumerate(_profiles(section, np.diff(levels, axis=1)[:, 0])):
             mine = np.flatnonzero(which == level)
-            votes = [
-                (
-                    edge,
-                    *_agreeing(
-                        first[mine, edge], second[mine, edge], float(levels[level, 1 - edge]) + side * height, height
-                    ),
-                )
-                for edge, side in ((0, -1.0), (1, 1.0))
-                for height in heights
-            ]
+            votes = [*_votes(levels[level], first[mine], second[mine], heights, like)]
             edge, same, anew = max(votes, key=lambda vote: len(vote[2]), default=(0, mine[:0], mine[:0]))
             if len(anew) >= LEAST_READINGS:
                 edges[level, edge], of_first[mine[same], edge], of_second[mine[anew], edge] = True, True, True
     return Settled(edges, of_first, of_second)
 
 
-def _profiles(section: Ints, heights: Floats) -> Iterator[list[float]]:
-    """For each level of height (k,) the heights that it may have: that of most of the row, and that of the others of its section; only the one that it
-    has where it is like either, for a section may have a profile of its own. None where the row has no usual height."""
+def _votes(
+    level: Floats, first: Floats, second: Floats, heights: Sequence[float], like: bool
+) -> Iterator[tuple[int, Ints, Ints]]:
+    """For either edge of a level at (2,), and each height that it may have, which first (n, 2) and second readings (n, 2) agree. What is `like` a
+    profile of its row or section has another only where the first readings of that edge disagree among themselves.
+
+    An edge is looked for from the other one. Where a frame read that far off the level's, its second reading is of another place, and is
+    no reading that disagrees; elsewhere edges agree by their distance from it, for the frame's own error moves both.
+    """
+    for edge, side in ((0, -1.0), (1, 1.0)):
+        off = first[:, 1 - edge] - level[1 - edge]
+        for height in heights:
+            there = np.abs(np.nan_to_num(off, nan=np.inf)) < 2 * NEAR * height
+            own, again = (readings[:, edge] - np.where(there, off, 0.0) for readings in (first, second))
+            if height == heights[0] or not like or not _steady(own[there], height):
+                yield edge, *_agreeing(own, again, there, float(level[1 - edge]) + side * height, height)
+
+
+def _steady(readings: Floats, height: float) -> bool:
+    """Whether most of an edge's readings (n,) agree."""
+    known = readings[np.isfinite(readings)]
+    alike = np.abs(known[:, None] - known) < SAME * height
+    return bool(alike.mean(axis=1).max(initial=0.0) >= LEAST_AGREEING)
+
+
+def _profiles(section: Ints, heights: Floats) -> Iterator[tuple[list[float], bool]]:
+    """For each level of height (k,) the heights that it may have, the likelier first: that of most of the row, and that of the others of its section;
+    and whether it is like either, for a section may have a profile of its own. None where the row has no usual height."""
     usual = float(np.median(heights))
     beside = [_of_the_others(heights, section, level, usual) for level in range(len(heights))]
     off = np.minimum(np.abs(heights - usual), np.abs(heights - beside))
     regular = bool(np.mean(off < ALIKE * usual) >= MOSTLY)
     for height, own, apart in zip(beside, heights.tolist(), off.tolist(), strict=True):
         both = sorted({usual, height}, key=lambda likely: abs(likely - own))
-        yield (both[:1] if apart < NEAR * usual else both) if regular else []
+        yield (both if regular else []), bool(apart < NEAR * usual)
 
 
 def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> float:
@@ -72,9 +88,9 @@ def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> 
     return float(np.median(others)) if len(others) > 1 else usual
 
 
-def _agreeing(first: Floats, second: Floats, place: float, height: float) -> tuple[Ints, Ints]:
-    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings are of
-    several minds, or too few for how often the edge was read elsewhere."""
+def _agreeing(first: Floats, second: Floats, there: Bools, place: float, height: float) -> tuple[Ints, Ints]:
+    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings that were
+    looked for `there` (n,) are of several minds, or too few for how often the edge was read elsewhere."""
     both = np.concatenate([first, second])
     near = np.flatnonzero(np.abs(np.nan_to_num(both, nan=np.inf) - place) < NEAR * height)
     none = near[:0]
@@ -85,5 +101,7 @@ def _agreeing(first: Floats, second: Floats, place: float, height: float) -> tup
     same, anew = best[best < len(first)], best[best >= len(first)] - len(first)
     anew = np.setdiff1d(anew, same)
     elsewhere = np.isfinite(first).sum() - len(same)
-    few = len(anew) < max(LEAST_AGREEING * np.isfinite(np.delete(second, same)).sum(), LEAST_SHARE * elsewhere)
+    voices = np.isfinite(second) & there
+    voices[anew] = True
+    few = len(anew) < max(LEAST_AGREEING * np.delete(voices, same).sum(), LEAST_SHARE * elsewhere)
     return (none, none) if few else (same, anew)

@@ -81,13 +81,16 @@ def fit_grid(
     for frames in passes:
         odometry = pass_odometry(views, facts, frames, spacing)
         states[frames] = along_uprights(sightings, views, odometry, sizes)
-    fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings))
+    expected = bool(sightings.points.expected.any())
+    fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings), trusting=expected)
     if len(passes) > 1:
         states = _joined([fitter.grid(states, frames) for frames in passes], passes, facts.name)
     every = np.arange(len(facts.frames))
     grid = fitter.grid(states, every)
     settled = _settled(grid)
-    return replace(fitter, sightings=settled).grid(grid.fit.states, every) if settled else grid
+    if settled is None and not expected:
+        return grid
+    return replace(fitter, sightings=settled or sightings, trusting=False).grid(grid.fit.states, every)
 
 
 def _settled(grid: FaceGrid) -> FaceSightings | None:
@@ -153,13 +156,18 @@ def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floa
 
 @dataclass(frozen=True, eq=False)
 class GridFitter:
-    """Finds uprights and levels of a row and fits the grid, in turns that sharpen each other."""
+    """Finds uprights and levels of a row and fits the grid, in turns that sharpen each other.
+
+    `trusting`: whether levels are kept that are thin for beams and that all frames together show. A beam that goods hide in part has its
+    usual height once second readings of its edges are taken, one of a rack behind stays thin.
+    """
 
     row: str
     sightings: FaceSightings
     settings: TrackingSettings
     spacing: float
     feet: Feet
+    trusting: bool = False
 
     def grid(self, states: Floats, frames: Ints) -> FaceGrid:
         """The grid that `frames` show, from a rough path `states` (n, 6)."""
@@ -182,7 +190,7 @@ class GridFitter:
             )
         kernel = (height, self.settings.level_support)
         floor = self.feet.floor(states, uprights.x)
-        levels = find_levels(self.sightings, states, uprights, frames, kernel, floor)
+        levels = find_levels(self.sightings, states, uprights, frames, kernel, floor, self.trusting)
         if not len(levels.section):
             raise StructureError(f"row {self.row}: {len(uprights.x)} uprights but no beam between them were found")
         return uprights, levels

@@ -69,11 +69,12 @@ def find_levels(
     frames: Ints,
     sizes: tuple[float, float],
     floor: float = -np.inf,
+    trusting: bool = False,
 ) -> Levels:
     """Levels with enough support among the sightings of `frames`.
 
     sizes: the kernel's bandwidth as a share of a beam's height; the least support, as a share of the usual one. floor: the
-    height below which levels are doubted.
+    height below which levels are doubted. trusting: whether thin ones are kept that all frames together show.
     """
     section, ends = _sections(sightings, states, uprights)
     edges = filled(edges_of(np.where(ends[:, :, None], heights_of(sightings, sightings.corners, states), np.nan)))
@@ -94,9 +95,9 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
-            kept = ~_sunk(levels, edges, which, support, floor) | _expected(sightings, which, len(levels))
-        if kept.all():
-            kept = ~_unlike(levels, edges, which, support, floor)
+            expected = _expected(sightings, which, len(levels))
+            kept = ~_sunk(levels, edges, which, support, floor) | expected
+            kept = kept if not kept.all() else ~_unlike(levels, edges, which, support, floor, expected & trusting)
         if kept.all():
             break
         levels = levels[kept]
@@ -190,13 +191,14 @@ def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
     return np.array([bool(expected[which == k].mean() > 0.5) for k in range(count)], dtype=np.bool_)
 
 
-def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float) -> Bools:
+def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float, trusted: Bools) -> Bools:
     """Levels thinner, even where they seem thickest, or much thicker, even where they seem thinnest, than the sure ones of
     their section (or of the row, where it has less than two), and sighted less.
 
     Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
-    lowest one of a section may be hidden from below in all of them, but it is above the floor. Thick ones are girders of
+    lowest one of a section may be hidden from below in all of them, but it is above the floor; others may be beams that are
+    hidden in nearly all frames: which (k,) are to be `trusted` is told by more than this. Thick ones are girders of
     the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames.
     """
     leanest, usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.25, 0.5, 0.75))
@@ -207,7 +209,7 @@ def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: 
         peers = float(np.median(usual[sure_here if sure_here.sum() > 1 else sure])) if sure.any() else usual[k]
         thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
         thick[k] = leanest[k] > THICK * peers and not sure[k]
-    return thick | (thin & ~_stands(levels, levels[:, 1] - usual / 2, floor))
+    return thick | (thin & ~trusted & ~_stands(levels, levels[:, 1] - usual / 2, floor))
 
 
 def _stands(levels: Floats, lower: Floats, floor: float) -> Bools:

@@ -16,6 +16,8 @@ CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
 )
 SHORT = synth.Pass(rate=4, speed=0.9, distance=1.7)
+NONE = np.zeros(4, np.bool_)
+HIDDEN = (1, 1)
 
 
 def footage_with(level: tuple[float, float]) -> synth.Footage:
@@ -63,6 +65,35 @@ def test_what_all_frames_show_together_is_no_marking() -> None:
     assert levels_of(expected, *feet(footage)) == counts(footage, 0)
 
 
+def hidden_in_part(footage: synth.Footage, again: bool) -> list[Feature]:
+    """Its features, all expected; of a beam the upper two fifths are hidden and every sixth frame shows nothing. again: whether
+    second readings have its upper edge."""
+    found: list[Feature] = []
+    lower = {
+        (feature.frame, feature.part.split()[1]): feature.pixels
+        for feature in footage.features
+        if footage.truth[id(feature)] == HIDDEN and feature.part.startswith("lower ")
+    }
+    for feature in (replace(one, expected=True) for one in footage.features if footage.truth[id(one)] != HIDDEN):
+        found.append(feature)
+    for feature in (one for one in footage.features if footage.truth[id(one)] == HIDDEN and one.frame % 6):
+        seen = replace(feature, expected=True)
+        if feature.part.startswith("upper "):
+            below = lower[feature.frame, feature.part.split()[1]]
+            found += [replace(seen, part=f"second {feature.part}")] if again else []
+            seen = replace(seen, pixels=below + 0.6 * (feature.pixels - below))
+        found.append(seen)
+    return found
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_thin_beam_that_all_frames_show_is_kept_where_it_is_hidden_in_part(again: bool) -> None:
+    rng = np.random.default_rng(3)
+    footage = synth.footage(synth.random_rack(rng, 3, bridge=False), rng, (SHORT,), replace(CLEAN, noise_px=0.03))
+    found = counted(track_structures(hidden_in_part(footage, again), footage.facts, attitudes=footage.attitudes))[1]
+    assert found == counts(footage, 0 if again else 1)
+
+
 def test_nothing_says_where_the_floor_is() -> None:
     footage = footage_with(MARKINGS["far below"])
     assert levels_of(footage) == counts(footage, 0)
@@ -95,8 +126,9 @@ def test_girders_and_goods_are_thicker_than_beams_wherever_they_are_seen() -> No
     thickness[which == 2] = 0.4
     thickness[which == 3] = [0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1, 0.1]
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
-    assert _unlike(levels, edges, which, support, -np.inf).tolist() == [False, False, True, False]
-    assert not _unlike(levels, edges, which, np.ones(4), -np.inf).any()
+    assert _unlike(levels, edges, which, support, -np.inf, NONE).tolist() == [False, False, True, False]
+    assert not _unlike(levels, edges, which, np.ones(4), -np.inf, NONE).any()
+    assert _unlike(levels, edges, which, support, -np.inf, ~NONE).tolist() == [False, False, True, False]
 
 
 @pytest.mark.parametrize(("lower", "doubted"), [(0.02, True), (0.12, False)])
@@ -105,4 +137,5 @@ def test_a_thin_level_that_lies_on_the_floor_is_no_beam_hidden_from_below(lower:
     which = np.repeat(np.arange(3), 10)
     thickness = np.where(which == 0, 0.06, 0.12)
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
-    assert _unlike(levels, edges, which, np.array([0.7, 1.0, 1.0]), 0.0).tolist() == [doubted, False, False]
+    support = np.array([0.7, 1.0, 1.0])
+    assert _unlike(levels, edges, which, support, 0.0, NONE[:3]).tolist() == [doubted, False, False]

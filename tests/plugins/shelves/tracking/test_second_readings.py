@@ -1,6 +1,7 @@
 """Second readings of beams' edges: believed where all frames put them where the row's profile has them, and nowhere else."""
 
 import numpy as np
+import pytest
 
 from savmap.types import Floats, Ints
 from savmap_shelves.evidence.second_readings import Settled, believed
@@ -48,6 +49,39 @@ def test_frames_that_read_the_edge_itself_are_kept() -> None:
 def test_readings_of_several_minds_are_not_believed() -> None:
     second = HEIGHT + 0.03 * np.linspace(-1, 1, FRAMES)
     assert not settled(np.full(FRAMES, 0.07), second).edges.any()
+
+
+@pytest.mark.parametrize(("lower", "believed_of"), [(-0.08, True), (0.0, False)])
+def test_readings_that_were_looked_for_from_a_wrong_edge_are_no_other_minds(lower: float, believed_of: bool) -> None:
+    which, first = sighted(np.full(FRAMES, 0.05))
+    odd = np.flatnonzero(which == ODD)
+    again = np.full(first.shape, np.nan)
+    again[odd[:4], 1] = BOTTOMS[ODD] + HEIGHT
+    again[odd[4:7], 1] = BOTTOMS[ODD] - 0.08 + HEIGHT
+    first[odd[4:7], 0] = BOTTOMS[ODD] + lower
+    assert believed(np.zeros(len(BOTTOMS), np.int64), which, first, again).edges[ODD, 1] == believed_of
+
+
+def test_what_moves_a_whole_frame_does_not_part_readings() -> None:
+    which, first = sighted(np.full(FRAMES, 0.05))
+    again = np.full(first.shape, np.nan)
+    again[which == ODD, 1] = BOTTOMS[ODD] + HEIGHT
+    drift = 0.1 * HEIGHT * np.linspace(-1.0, 1.0, FRAMES).repeat(len(BOTTOMS))[:, None]
+    found = believed(np.zeros(len(BOTTOMS), np.int64), which, first + drift, again + drift)
+    assert found.edges[ODD, 1]
+    assert found.second[:, 1].sum() == FRAMES
+
+
+@pytest.mark.parametrize(("spread", "believed_of"), [(0.02, True), (0.0005, False)])
+def test_edges_that_are_at_any_height_are_no_profile_of_a_section(spread: float, believed_of: bool) -> None:
+    section = np.repeat([0, 1], [len(BOTTOMS), 3])
+    which = np.tile(np.arange(len(section)), FRAMES)
+    bottoms = np.array([*BOTTOMS, 0.0, 1.0, 2.0])
+    odd, off = section[which] == 1, np.linspace(-spread, spread, FRAMES).repeat(len(section))
+    first = np.stack([bottoms[which], bottoms[which] + np.where(odd, 2 * HEIGHT + off, HEIGHT)], axis=-1)
+    second = np.full(first.shape, np.nan)
+    second[odd, 1] = bottoms[which][odd] + HEIGHT
+    assert believed(section, which, first, second).edges[section == 1, 1].all() == believed_of
 
 
 def test_two_readings_are_too_few() -> None:
