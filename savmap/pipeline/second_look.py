@@ -13,7 +13,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
@@ -38,7 +40,16 @@ from savmap.types import (
 )
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import Look, LookSettings, depth_of, expected_detections, gather, inner_part, lies_behind
+from savmap.vision.evidence import (
+    Look,
+    LookSettings,
+    depth_of,
+    expected_detections,
+    gather,
+    inner_part,
+    lies_behind,
+    outline_in,
+)
 from savmap.vision.views import Renderer
 
 LOOKS = 2
@@ -47,7 +58,7 @@ LEAST_LANDMARKS = 2
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """The objects that a plugin expects, and the path of the camera, both in the unit of that path; the first positions (3,) of the
+    """The objects that a plugin expects, those that are absent too, and the path of the camera, both in the unit of that path; the first positions (3,) of the
     landmarks that were tracked instead, and the planes that the objects lie in."""
 
     objects: Sequence[Expected]
@@ -55,12 +66,17 @@ class Expectation:
     points: Mapping[str, Floats] = field(default_factory=dict)
     planes: Sequence[PlanePatch] = ()
 
+    @property
+    def there(self) -> list[Expected]:
+        """The objects without those that are absent."""
+        return [thing for thing in self.objects if not thing.absent]
+
     def untracked(self) -> Iterator[tuple[Expected, Doubt]]:
         """Each object at whose outline nothing was tracked, and a doubt about it."""
         if not self.points:
             return
         positions = np.array([*self.points.values()])
-        for thing in self.objects:
+        for thing in self.there:
             low, high = thing.outline.min(axis=0), thing.outline.max(axis=0)
             room = np.sort(high - low)[1] / 2
             if ((positions > low - room) & (positions < high + room)).all(axis=1).sum() < LEAST_LANDMARKS:
@@ -82,7 +98,7 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
             expectation = expect(alone, walked, measurements)
             if expectation is None:
                 break
-            monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.objects)} objects")
+            monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.there)} objects")
             features = measure_again(row.name, plugin, walked, expectation, monitor)
             anew = replace(measurements, features={**measurements.features, plugin.name: features})
             if alone.located(anew) is None:
@@ -207,7 +223,7 @@ class SecondLook:
     """Measures in single frames what is expected there."""
 
     def __init__(self, plugin: LoadedPlugin, expectation: Expectation) -> None:
-        self.plugin, self.objects = plugin, expectation.objects
+        self.plugin, self.expected = plugin, expectation
         self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), LookSettings()
         self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
 
@@ -220,13 +236,38 @@ class SecondLook:
         return shown
 
     def features(self, panorama: Panorama, views: Sequence[View]) -> list[Feature]:
-        """What the plugin extracts from the expected objects in a panorama's views."""
+        """What the plugin extracts from the expected objects in a panorama's views, but for what is absent."""
         return [
             replace(feature, expected=True)
             for view in views
-            for feature in self.plugin.extract_features(view, self._detections(view), panorama)
+            for feature in self._of_objects(view, self.plugin.extract_features(view, self._detections(view), panorama))
         ]
+
+    def _of_objects(self, view: View, features: Sequence[Feature]) -> list[Feature]:
+        """The features of those instances of a view that do not lie at an absent object's outline, farther inside of it than of any other's."""
+        if len(self.expected.there) == len(self.expected.objects):
+            return [*features]
+        outlines = [
+            (thing, outline.astype(np.float32))
+            for thing in self.expected.objects
+            if (outline := outline_in(view.spec, self.poses[view.frame], thing.outline)) is not None
+        ]
+        pixels: dict[tuple[str, int], list[Floats]] = {}
+        for feature in features:
+            pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
+        absent = {key for key, own in pixels.items() if _is_absent(key[0], np.concatenate(own).mean(axis=0), outlines)}
+        return [feature for feature in features if (feature.label, feature.instance) not in absent]
 
     def _detections(self, view: View) -> list[Detection]:
         segmentation = self.segmenters.predict(self.plugin, view)
-        return expected_detections(view, segmentation, self.poses[view.frame], self.objects, self.settings)
+        return expected_detections(view, segmentation, self.poses[view.frame], self.expected.there, self.settings)
+
+
+def _is_absent(label: str, place: Floats, outlines: Sequence[tuple[Expected, NDArray[np.float32]]]) -> bool:
+    """Whether a place (2,) px is nearer to an absent object of a class, to a pixel, than to all that are there."""
+    inside = {True: -np.inf, False: -np.inf}
+    for thing, outline in outlines:
+        if thing.label == label:
+            depth = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
+            inside[thing.absent] = max(inside[thing.absent], depth)
+    return inside[True] > max(inside[False], -1.0)

@@ -79,10 +79,14 @@ class PlaneEvidence:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Expected:
-    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the path."""
+    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the path.
+
+    `absent`: what was tracked there and is none. What is measured there again is left out.
+    """
 
     label: str
     outline: Floats
+    absent: bool = False
 
     def __post_init__(self) -> None:
         require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")

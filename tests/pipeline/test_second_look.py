@@ -1,6 +1,7 @@
 """The second look: which plugins take it, what frames are measured again with, and when nothing changes."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,17 @@ def test_at_most_two_looks_are_taken(walked: MeasuredPasses, monkeypatch: pytest
     assert len(notes) == 2
     assert len(left) == 1
     assert len(measured.features["one"]) == 2 * COUNT
+
+
+def test_what_is_absent_is_not_measured_beside_what_is_there(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What lies beside an object is measured with it, for borders are not known to the pixel."""
+    beside, absent = rectangle(-0.35), replace(rectangle(-0.8), absent=True)
+    for objects, count in (([beside], 1), ([beside, absent], 0), ([beside, rectangle(-0.8), absent], 1)):
+        measured, notes = looked(walked, watcher(), [Expectation(objects, PATH), None], monkeypatch)
+        assert len(measured.features["one"]) == count * COUNT
+        assert notes == [f"row A: `one` looks again for {len(objects) - (absent in objects)} objects"]
 
 
 def test_what_is_not_tracked_after_the_last_look_is_doubted(

@@ -100,11 +100,11 @@ class Shelves:
 
     @hookimpl
     def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
-        from savmap_shelves.evidence import expected_grid, outlines, tracked_grid
+        from savmap_shelves.evidence import absent_beams, expected_grid, outlines, tracked_grid
 
         tracked = tracked_grid(points)
         found = expected_grid(evidence[0], tracked) if tracked else None
-        return outlines(found) if found else []
+        return [*outlines(found), *absent_beams(tracked, found)] if tracked and found else []
 
     @hookimpl
     def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:

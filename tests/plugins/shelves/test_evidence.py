@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Floats, PlaneEvidence
-from savmap_shelves.evidence import Grid, expected_grid, face_patch, outlines, tracked_grid
+from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
 from savmap_shelves.evidence.paint import Paint
 
 POSTS = np.array([[0.0, 0.1], [2.7, 2.8], [5.4, 5.5], [8.1, 8.2]])
@@ -194,6 +194,30 @@ def test_half_a_level_painted_like_the_others_is_found() -> None:
     tracked = Grid(POSTS, [LEVELS[[0, 2]]] * 3)
     assert is_whole(expected_grid(painted(seen(*half)), tracked))
     assert expected_grid(painted(seen(*half), ((1.9, 2.02), WOOD)), tracked) is None
+
+
+def test_a_tracked_level_is_judged_by_the_paint_of_what_shows_of_it() -> None:
+    """Goods hide most of each bay's level, in the evidence and in the picture."""
+    hidden = [(left, left + 1.5) for left in (0.1, 2.8, 5.5)]
+    evidence = painted(seen(*[(1, span, (1.9, 2.02), 0.0) for span in hidden]))
+    picture, patch = evidence.picture.copy(), evidence.patch
+    x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+    for low, high in hidden:
+        picture[np.ix_((y > 1.9) & (y < 2.02), (x > low) & (x < high))] = WOOD
+    evidence = replace(evidence, picture=picture)
+    paint = Paint(evidence, WHOLE)
+    assert paint.likeness(0.1, 2.7, 1.96) < 0.6
+    assert paint.likeness(0.1, 2.7, 1.96, (x > 1.7).astype(float)) > 0.9
+    assert expected_grid(evidence, WHOLE) is None
+
+
+def test_beams_that_are_none_are_absent() -> None:
+    made_up = np.concatenate([[[1.1, 1.22]], LEVELS])
+    tracked = Grid(POSTS, [np.sort(made_up, axis=0), LEVELS, LEVELS])
+    (absent,) = absent_beams(tracked, WHOLE)
+    assert absent.absent
+    assert absent.outline[:, 1].tolist() == [1.1, 1.1, 1.22, 1.22]
+    assert absent_beams(tracked, Grid(POSTS[:3], [LEVELS] * 2)) == []
 
 
 @pytest.mark.parametrize(("colour", "believed"), [(RED, True), (GREY, False)])

@@ -109,6 +109,19 @@ def outlines(grid: Grid) -> list[Expected]:
     return [*uprights, *beams]
 
 
-def _rectangle(label: str, x: Floats, y: Floats) -> Expected:
+def absent_beams(tracked: Grid, found: Grid) -> list[Expected]:
+    """The beams of the tracked grid that overlap none of those found between the same posts."""
+    if len(tracked.posts) != len(found.posts) or not np.allclose(tracked.posts, found.posts):
+        return []
+    sections = zip(pairwise(tracked.posts), tracked.sections, found.sections, strict=True)
+    return [
+        _rectangle("beam", np.array([left[1], right[0]]), level, absent=True)
+        for (left, right), levels, others in sections
+        for level in levels
+        if not ((others[:, 0] < level[1]) & (others[:, 1] > level[0])).any()
+    ]
+
+
+def _rectangle(label: str, x: Floats, y: Floats, absent: bool = False) -> Expected:
     corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-    return Expected(label, np.array([[*corner, 0.0] for corner in corners], np.float64))
+    return Expected(label, np.array([[*corner, 0.0] for corner in corners], np.float64), absent)

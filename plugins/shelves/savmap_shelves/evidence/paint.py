@@ -62,13 +62,14 @@ class Paint:
         """Whether beams differ from the rest of the face by their paint, as far as several storeys show."""
         return len(self.tables) > LEAST_STOREYS and self.usual - self.elsewhere > TELLING
 
-    def likeness(self, left: float, right: float, centre: float) -> float:
-        """How like the others' a level's paint is between two posts: about 1 as like as theirs are one another's, 0 as the rest of the face."""
-        return (self.likely(left, right, centre) - self.elsewhere) / (self.usual - self.elsewhere)
+    def likeness(self, left: float, right: float, centre: float, where: Floats | None = None) -> float:
+        """How like the others' a level's paint is between two posts: about 1 as like as theirs are one another's, 0 as the rest of the face.
+        `where` (columns,): how much each column counts, all of them alike unless given."""
+        return (self.likely(left, right, centre, where) - self.elsewhere) / (self.usual - self.elsewhere)
 
-    def likely(self, left: float, right: float, centre: float) -> float:
+    def likely(self, left: float, right: float, centre: float, where: Floats | None = None) -> float:
         """The greatest mean probability of beams' paint along the rows beside a height, by the paint of the other storeys."""
-        rows = self._rows((left, right), self._table_at(centre))
+        rows = self._rows((left, right), self._table_at(centre), where)
         return float(rows[np.abs(self.y - centre) < BESIDE * self.thickness].max(initial=0.0))
 
     def extent(self, left: float, right: float, centre: float) -> Floats:
@@ -86,12 +87,12 @@ class Paint:
         own = abs(self.centres[near] - centre) < SAME * self.thickness
         return self.tables[self.storeys[near] if own else EVERY]
 
-    def _rows(self, span: Span, table: Table) -> Floats:
+    def _rows(self, span: Span, table: Table, where: Floats | None = None) -> Floats:
         """The mean probability (rows,) of beams' paint between two posts, over half a beam's thickness."""
         columns = (self.x > span[0]) & (self.x < span[1])
-        seen = self.seen[:, columns]
+        seen = self.seen[:, columns] * (np.ones(len(self.x)) if where is None else where)[columns]
         likely = table[tuple(np.moveaxis(self.colour[:, columns], -1, 0))] * seen
-        mean = likely.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        mean = likely.sum(axis=1) / np.maximum(seen.sum(axis=1), 1e-6)
         return np.asarray(uniform_filter1d(mean, max(1, round(self.thickness / 2 / self.cell))))
 
     def _counted(self, span: Span, centre: float, reach: float) -> Table:

@@ -151,9 +151,24 @@ class GridSearch:
 
     def _cover(self, seen: Singles, weight: Singles, size: float, around: float, limit: float) -> Floats:
         """The share of the cells in each row of `seen` (n, m) that stand out by a limit, for objects of some size."""
+        return _mean(self._standing_out(seen, weight, size, around, limit), weight, 1)
+
+    def _standing_out(self, seen: Singles, weight: Singles, size: float, around: float, limit: float) -> Singles:
+        """By how much, from 0 to 1, each cell of `seen` (n, m) stands out of what is usual in the rows around."""
         smooth = gaussian_filter1d(seen, size / 4 / self.cell, axis=0)
         usual = median_filter(_mean(smooth, weight, 1), max(3, round(0.7 * around / self.cell)))
-        return _mean(np.clip((smooth - usual[:, None]) / max(limit, self.settings.faint), 0.0, 1.0), weight, 1)
+        return np.asarray(np.clip((smooth - usual[:, None]) / max(limit, self.settings.faint), 0.0, 1.0), np.float32)
+
+    def _shown(self, left: float, right: float, level: Floats) -> Floats:
+        """Which columns (columns,), from 0 to 1, show a level between two posts: the others are hidden by goods, whose paint is their own."""
+        columns, thickness = self._inside(left, right), self.tracked.thickness
+        limit, where = self.settings.clear * self.usual_level, np.zeros(len(self.x))
+        seen, weight = self.beam[:, columns], self.weight[:, columns]
+        rows = (self.y > level[0]) & (self.y < level[1])
+        where[columns] = self._standing_out(seen, weight, thickness, 8 * thickness, limit)[rows].max(
+            axis=0, initial=0.0
+        )
+        return where
 
     def _posts(self) -> Floats:
         """x (k, 2) of the posts between the first and the last that were tracked: those that were and are not lost, new ones, and in
@@ -248,16 +263,22 @@ class GridSearch:
         return self.paint.likeness(left, right, centre) if self.paint.tells else NEITHER
 
     def _storey_likeness(self, left: float, right: float, level: Floats) -> float:
-        """How like the others' a level's paint is in its own section, or usually in those where one was tracked at its height: goods
-        shade a level in one of them."""
+        """How like the others' a level's paint is where it shows, in its own section, or usually in those where one was tracked at its height:
+        goods shade a level in one of them."""
         centre, thickness = float(level.mean()), self.tracked.thickness
         spans = [(float(before[1]), float(after[0])) for before, after in pairwise(self.tracked.posts)]
         alike = [
-            self._likeness(*span, centre)
+            self._shown_likeness(*span, level)
             for span, levels in zip(spans, self.tracked.sections, strict=True)
             if len(levels) and np.abs(levels.mean(axis=1) - centre).min() < thickness
         ]
-        return max(self._likeness(left, right, centre), float(np.median(alike)))
+        return max(self._shown_likeness(left, right, level), float(np.median(alike)))
+
+    def _shown_likeness(self, left: float, right: float, level: Floats) -> float:
+        """As `_likeness`, of the columns that show a level between two posts."""
+        if not self.paint.tells:
+            return NEITHER
+        return self.paint.likeness(left, right, float(level.mean()), self._shown(left, right, level))
 
     def _usual_likeness(self, centre: float) -> float:
         """How like the tracked beams' the paint at a height is in half of the sections at least."""
