@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.files.kinds import kind_of
 from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
@@ -255,7 +256,8 @@ def _plain(value: float | int | str) -> float | int | str:
 
 def _site_map(content: object, path: str) -> SiteMap:
     if not isinstance(content, dict) or content.get("format") != schema.FORMAT:
-        raise OutputError(f'{path}: is not a map (it has no "format": "{schema.FORMAT}")')
+        kind = kind_of(content)
+        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a map (it has no "format": "{schema.FORMAT}")')
     if content.get("version") != schema.VERSION:
         raise OutputError(
             f"{path}: is a map of version {content.get('version')}; this program reads version {schema.VERSION}"

@@ -32,6 +32,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
     ("arguments", "code", "words"),
     [
         (["map"], 3, "site.yaml: no such site file"),
+        (["map", EXAMPLE / "survey.json"], 3, "is a survey, not a site file; a site file names it as `survey:`"),
         (["map", "text.mp4"], 4, "not a video"),
         (["map", "empty.mp4"], 4, "empty"),
         (["map", "none.mp4"], 4, "no such file"),
@@ -45,7 +46,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "late.yaml"], 4, "late.yaml"),
         (["map", "model.yaml"], 6, "no such model file"),
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
-        (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
+        (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is a survey, not a map"),
         (["import", "none.csv"], 9, "none.csv: cannot be read"),
         (["import", "broken.yaml"], 9, "broken.yaml: surveys are read from .csv"),
         (["import", "points.csv", "-o", "out.json"], 9, "points.csv: line 2: x is far, not a number"),
