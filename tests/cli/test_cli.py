@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from importlib import metadata
 from pathlib import Path
 
@@ -105,6 +107,45 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
         main()
     assert end.value.code == 130
     assert capsys.readouterr().err == "savmap: interrupted\n"
+
+
+def test_terminated_ends_as_interrupted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    cleaned = []
+
+    def terminated(*_: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(10)
+        finally:
+            cleaned.append(True)
+
+    monkeypatch.setattr("savmap.cli.mapping.map_and_print", terminated)
+    monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, cleaned) == (143, [True])
+    assert capsys.readouterr().err == "savmap: terminated\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+@pytest.mark.slow
+def test_simulate_leaves_nothing_when_it_is_terminated(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 1024}\nrows: {A: {x: 0.0, z: 0.0}}\n"
+    bays = "structures: {shelves: {rows: {A: {bays: [{width: 2.0, beams: [0.2, 1.2]}], height: 3.0}}}}\n"
+    (tmp_path / "scene.yaml").write_text(scene + bays, encoding="utf-8")
+    command = [sys.executable, "-c", "from savmap.cli.app import main; main()", "simulate", "scene.yaml", "-o", "made"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(600):
+            if any(tmp_path.glob(".made-*/footage.mp4")):
+                break
+            time.sleep(0.1)
+        process.terminate()
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 143, said
+    assert said.splitlines()[-1] == "savmap: terminated"
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "made"}
+    assert {path.name for path in tmp_path.glob("made/*")} == {"savmap.log"}
 
 
 def _one_row() -> SiteMap:
