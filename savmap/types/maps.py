@@ -119,6 +119,10 @@ class JointCovariance:
         apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
         return apart
 
+    def solved(self, plugin: str, structure: Structure, vertex: int) -> tuple[bool, ...]:
+        """Whether each coordinate of a vertex was solved for; what was not is what the plugin takes it to be."""
+        return tuple(bool(number >= 0) for number in self._numbers(plugin, structure, vertex))
+
     def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
         known = self.coordinates.get(plugin, {}).get(structure.id)
         return np.full(3, -1) if known is None else known[vertex]
