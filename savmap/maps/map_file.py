@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,14 @@ Entry = dict[str, Any]
 def map_in(source: Path) -> Path:
     """A map file, or that of a folder."""
     return source / "map.json" if os.path.isdir(source) else source  # no error for names that no file can have
+
+
+def require_other(output: Path | None, *maps: Path) -> None:
+    """Raise OutputError where something else would be written over a map that is read."""
+    for path in maps if output is not None else ():
+        with suppress(OSError, ValueError):  # names that no file can have are told where they are written
+            if os.path.samefile(str(output), path):
+                raise OutputError(f"{output}: is the map itself; choose another file")
 
 
 def write_map(site: SiteMap, path: Path) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from savmap.errors import OutputError
 from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
-from savmap.maps.map_file import map_in, read_map
+from savmap.maps.map_file import map_in, read_map, require_other
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
 from savmap.maps.survey import read_survey
@@ -124,9 +124,11 @@ def compare_files(
     if page is not None and page.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
     old_file, new_file = map_in(old), map_in(new)
+    view = new_file.with_name(VIEW)
+    require_other(json_file, old_file, new_file)
+    _require_apart(page, json_file, view if in_viewer else None)
     site_map = read_map(new_file)
     before = _before(old_file, site_map, level)
-    view = new_file.with_name(VIEW)
     if json_file is not None:
         write_text(json_file, comparison_text(before.comparison))
     photos = read_orthophotos(site_map.rows, new_file.parent) if page or in_viewer else {}
@@ -138,6 +140,14 @@ def compare_files(
         origin = origin_of(new_file, None, old_file)
         write_view(View(site_map, None, _title_of(new_file), photos, origin=origin, before=before), view)
     return before.comparison
+
+
+def _require_apart(*outputs: Path | None) -> None:
+    """Raise OutputError where two things would be written into one file."""
+    names = [path.absolute() for path in outputs if path is not None]
+    for path in names:
+        if names.count(path) > 1:
+            raise OutputError(f"{path}: is named for two things that would be written; give each a file of its own")
 
 
 def address_from(page: Path, target: Path) -> str:

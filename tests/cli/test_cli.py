@@ -301,3 +301,46 @@ def test_pipes_are_refused_in_one_line(
     with pytest.raises(SystemExit):
         main()
     assert "is a device or a pipe, not a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "words"),
+    [
+        (["export", "map.json", "--format", "glb", "-o", "map.json"], 9, "map.json: is the map itself"),
+        (["export", ".", "--format", "csv", "-o", "link.csv"], 9, "link.csv: is the map itself"),
+        (["export", "map.json", "--format", "glb", "-o", "file/a.glb"], 9, "a.glb: cannot be written (what would be its folder"),
+        (["export", "map.json", "--format", "glb", "-o", "empty"], 9, "empty: cannot be written (is a directory)"),
+        (["compare", "map.json", ".", "--json", "map.json"], 9, "map.json: is the map itself"),
+        (["compare", "map.json", ".", "-o", "a.html", "--json", "a.html"], 9, "a.html: is named for two things"),
+        (["compare", "map.json", ".", "-o", "view.html", "--view"], 9, "view.html: is named for two things"),
+        (["compare", "map.json", ".", "-o", "file/a.html"], 9, "a.html: cannot be written (what would be its folder is a file)"),
+        (["compare", "empty", "."], 9, "empty/map.json: cannot be read (no such file or directory)"),
+        (["compare", "none.json", "--json", "map.json"], 2, "Missing argument 'NEW'"),
+        (["view", "empty.json", "--no-open"], 9, "empty.json: is not a map"),
+        (["view", ".", "--against", "survey.json", "--no-open"], 9, "survey.json: is a survey, not a map"),
+        (["align", "map.json", "survey.json", "-o", "made.json"], 3, "survey.json: is a survey, not a file with `align:`"),
+        (["align", "map.json", "map.json", "-o", "made.json"], 3, "map.json: is a map, not a file with `align:`"),
+        (["find", "map.json"], 9, "out/map.json: cannot be read"),
+        (["find", "", "map.json"], 3, "`` is not in the map"),
+        (["measure", "post 1 / 0", "post 1", "map.json"], 3, "`post 1` is no vertex of the map; nearest: post 1 / 0"),
+        (["measure", "post 1 / 0", "post 1 / 1", "survey.json"], 9, "survey.json: is a survey, not a map"),
+    ],
+)  # fmt: skip
+def test_wrong_uses_of_a_map_write_nothing(
+    command: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    write_map(_one_row(), tmp_path / "map.json")
+    (tmp_path / "link.csv").symlink_to("map.json")
+    (tmp_path / "survey.json").write_text('{"format": "savmap-survey", "rows": {}}')
+    (tmp_path / "empty.json").write_text("{}")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").touch()
+    before = {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", *command])
+    with pytest.raises(SystemExit) as end:
+        main()
+    said = capsys.readouterr().err
+    assert (end.value.code, words in said) == (code, True), said
+    assert len(said.splitlines()) == 1 or code == 2
+    assert {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
