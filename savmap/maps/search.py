@@ -50,7 +50,8 @@ class SearchHit:
         what = ", ".join((f"row {self.row}", f"{self.structure.id}{text}", *others, *filter(None, [self.part])))
         sigmas = ", ".join(map(_millimetres, self.sigma_m))
         elsewhere = {"site": self.site_position_m, "world": self.world_position_m}
-        more = (f"; in the {name} {_metres(place)}" for name, place in elsewhere.items() if place is not None)
+        more = [f"; in the {name} {_metres(place)}" for name, place in elsewhere.items() if place is not None]
+        more += [f"; {name} {value:.3f} m +- {1000 * sigma:.1f} mm" for name, value, sigma in self.structure.sizes()]
         return f"{what}: {_metres(self.position_m)} (+- {sigmas} mm){''.join(more)}"
 
 

@@ -1,5 +1,6 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, SavmapError
 from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
 from savmap.maps.map_file import map_in, read_map, require_other
@@ -19,12 +20,13 @@ from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.page.comparison import Dates, write_comparison
 from savmap.report.viewer import Before, Origin, View, write_view
-from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
+from savmap.types import Drawing, Evaluation, JointCovariance, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
 StructuresByRow = dict[str, dict[str, list[Structure]]]
 VIEW = "view.html"
+log = logging.getLogger("savmap")
 _NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
 
 
@@ -91,7 +93,8 @@ def viewed(
     evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
     before = _before(old_file, site_map, LEVEL) if old_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
-    write_view(View(site_map, evaluation, _title_of(map_file), photos, origin=origin, before=before), page)
+    view = View(site_map, evaluation, _title_of(map_file), photos, None, origin, before, shown_places(site_map))
+    write_view(view, page)
     return page, True
 
 
@@ -138,7 +141,8 @@ def compare_files(
         write_comparison(dates, page)
     if in_viewer:
         origin = origin_of(new_file, None, old_file)
-        write_view(View(site_map, None, _title_of(new_file), photos, origin=origin, before=before), view)
+        title, places = _title_of(new_file), shown_places(site_map)
+        write_view(View(site_map, None, title, photos, None, origin, before, places), view)
     return before.comparison
 
 
@@ -175,15 +179,26 @@ def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
 
 def openings_of(site_map: SiteMap) -> StructuresByRow:
     """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are not installed."""
-    return _asked(site_map, lambda plugin, structures: plugin.openings(structures))
+    return _asked(site_map, lambda plugin, structures, _: plugin.openings(structures))
 
 
 def places_of(site_map: SiteMap) -> StructuresByRow:
     """The places between structures that have a name, by row and plugin; none of plugins that are not installed."""
-    return _asked(site_map, lambda plugin, structures: plugin.places(structures))
+    return _asked(site_map, lambda plugin, structures, joint: plugin.places(structures, joint))
 
 
-def _asked(site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure]], list[Structure]]) -> StructuresByRow:
+def shown_places(site_map: SiteMap) -> StructuresByRow:
+    """The same for a page that is written without them where a plugin cannot give them, of which a warning tells."""
+    try:
+        return places_of(site_map)
+    except SavmapError as error:
+        log.warning("the viewer has no sizes of the places between structures: %s", error)
+        return {}
+
+
+def _asked(
+    site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure], JointCovariance | None], list[Structure]]
+) -> StructuresByRow:
     answers: StructuresByRow = {}
     opened: dict[str, LoadedPlugin | None] = {}
     for row in site_map.rows.values():
@@ -192,7 +207,7 @@ def _asked(site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure]],
                 opened[name] = open_plugin(name, {}) if name in load_installed().classes else None
             plugin = opened[name]
             if plugin is not None:
-                answers.setdefault(row.name, {})[name] = ask(plugin, structures)
+                answers.setdefault(row.name, {})[name] = ask(plugin, structures, row.joint)
     return answers
 
 
