@@ -6,6 +6,7 @@ from pathlib import Path
 FORMAT = re.compile(r'"format"\s*:\s*"(savmap-[a-z]+)"')
 KINDS = {
     "savmap-map": "a map",
+    "savmap-site": "a site file",
     "savmap-survey": "a survey",
     "savmap-run": "the record of a run",
     "savmap-comparison": "a comparison of two maps",

@@ -180,7 +180,7 @@ def _read(path: Path, what: str) -> str:
 
 def _require_no_other(path: Path, kind: str, what: str) -> None:
     """Raise SiteError for another file of savmap's."""
-    if kind:
+    if kind and kind != "a site file":
         advice = INSTEAD.get(kind, "") if what == SITE_FILE else ""
         raise SiteError(f"{path}: is {kind}, not a {what}{advice and '; '}{advice}")
 

@@ -226,6 +226,12 @@ def test_another_file_is_called_what_it_is(tmp_path: Path, name: str, text: str,
     assert "\n" not in message
 
 
+def test_a_resolved_site_is_a_site_file(tmp_path: Path) -> None:
+    path = tmp_path / "site.resolved.json"
+    path.write_text('{"format": "savmap-site", "rows": {"A": {"passes": [{"video": "a.mp4"}]}}}')
+    assert list(load_site(path).rows) == ["A"]
+
+
 def test_a_map_says_not_where_the_site_stands(tmp_path: Path) -> None:
     path = tmp_path / "map.json"
     path.write_text('{"format": "savmap-map"}')
