@@ -2,7 +2,9 @@
 
 import errno
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
@@ -10,17 +12,21 @@ from typing import NoReturn
 from savmap.cli.speech import say
 from savmap.errors import OutputError, SavmapError, SiteError
 
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 130, 143
 NO_NAMES = {errno.ENAMETOOLONG, errno.ELOOP}
 """What only the name of a file can have done that somebody gave."""
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+
+
+_terminated = threading.Event()
 
 
 @contextmanager
 def plain_endings() -> Iterator[None]:
     """End the program with one line where what is done in it ends with an expected error; all others keep their traceback."""
     try:
-        yield
+        with _terminated_as_interrupted():
+            yield
     except SavmapError as error:
         say(f"savmap: {error}", err=True)
         sys.exit(error.exit_code)
@@ -49,6 +55,30 @@ def _no_room(error: OSError) -> NoReturn:
     sys.exit(OutputError.exit_code)
 
 
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """While this lasts, let a SIGTERM end what is done as ctrl-C does, so that nothing half done is left; a second one ends the program at once."""
+    _terminated.clear()
+    if (
+        signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+        or threading.current_thread() is not threading.main_thread()
+    ):
+        yield
+        return
+
+    def end(number: int, _: object) -> NoReturn:
+        signal.signal(number, signal.SIG_DFL)
+        _terminated.set()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 def _interrupted() -> NoReturn:
-    say("savmap: interrupted", err=True)
-    sys.exit(INTERRUPTED)
+    terminated = _terminated.is_set()
+    say(f"savmap: {'terminated' if terminated else 'interrupted'}", err=True)
+    sys.exit(TERMINATED if terminated else INTERRUPTED)

@@ -1,5 +1,6 @@
 """Files written whole or not at all; errors of reading and writing as one line."""
 
+import errno
 import hashlib
 import json
 import os
@@ -13,6 +14,8 @@ from savmap.errors import OutputError
 from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
 from savmap.files.texts import MOST_MB, bounded_text, json_of
 from savmap.files.urls import is_url
+
+FOLDER_IS_FILE = "what would be its folder is a file"
 
 
 def write_text(path: Path, text: str) -> None:
@@ -108,8 +111,8 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case."""
-    return (error.strerror or str(error)).lower()
+    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place meets, in words."""
+    return FOLDER_IS_FILE if error.errno == errno.EEXIST else (error.strerror or str(error)).lower()
 
 
 def _put(path: Path, content: bytes) -> None:

@@ -22,7 +22,7 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for, shown_places
 from savmap.report.viewer import View, write_view
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
@@ -190,7 +190,8 @@ def _write_results(
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
     origin = origin_of(job.output / "map.json", job.site.survey)
-    view = View(site_map, report.evaluation, report.title, mapped.orthophotos, mapped.stills, origin)
+    title, places = report.title, shown_places(site_map)
+    view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
     write_view(view, job.output / VIEW)
     files += [job.output / "report.html", job.output / VIEW]
     if survey is None:

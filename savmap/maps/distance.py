@@ -12,6 +12,8 @@ from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
 
 NOT_JOINT = "errors that both share count twice, for this map does not say which they are"
 PLACES = "the rows' places are taken for independent"
+ASSUMED_M = 0.03
+"""A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption, such as where a post ends that goods hide."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,8 @@ class MapVertex:
 @array_record
 class VertexDistance:
     """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's, with its covariance
-    (3, 3) m^2. `remark`: what it does not know; empty where the errors that both share are left out of it."""
+    (3, 3) m^2. `remark`: what it does not know, and which coordinates are assumed; empty where the errors that both share are left out of it and
+    all was measured."""
 
     first: MapVertex
     second: MapVertex
@@ -81,7 +84,7 @@ def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
         covariance = a.structure.covariances[a.number] + b.structure.covariances[b.number]
         return VertexDistance(a, b, apart, covariance, NOT_JOINT)
     ends = ((one.plugin, one.structure, one.number) for one in (a, b))
-    return VertexDistance(a, b, apart, row.joint.of_difference(*ends))
+    return VertexDistance(a, b, apart, row.joint.of_difference(*ends), _assumptions(site, a, b))
 
 
 def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
@@ -90,7 +93,28 @@ def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
         raise SiteError(f"row {apart[0]} has no place in the site's frame: distances to other rows are not known")
     first, second = (in_site(one.structure, site.placements[one.row]) for one in (a, b))
     covariance = first.covariances[a.number] + second.covariances[b.number]
-    return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, PLACES)
+    remark = "; ".join(filter(None, (PLACES, _assumptions(site, a, b))))
+    return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, remark)
+
+
+def _assumptions(site: SiteMap, *ends: MapVertex) -> str:
+    """Which coordinates of vertices nothing measured, in the axes of their rows, as far as the map knows what was solved for."""
+    said = (
+        f"{axis} of `{one.label}` was not measured, it is assumed to +- {1000 * sigma:.0f} mm"
+        for one in ends
+        for axis, sigma in _assumed(site, one)
+    )
+    return "; ".join(said)
+
+
+def _assumed(site: SiteMap, one: MapVertex) -> Iterator[tuple[str, float]]:
+    joint = site.rows[one.row].joint
+    if joint is None:
+        return
+    sigmas = np.sqrt(np.maximum(np.diag(one.structure.covariances[one.number]), 0.0))
+    for axis, sigma, solved in zip("xyz", sigmas, joint.solved(one.plugin, one.structure, one.number), strict=True):
+        if not solved and sigma > ASSUMED_M:
+            yield axis, float(sigma)
 
 
 def _vertex(site: SiteMap, name: str) -> MapVertex:

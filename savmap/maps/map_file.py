@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.files.kinds import kind_of
 from savmap.files.texts import json_of, json_visible
 from savmap.files.validation import checked
 from savmap.maps import schema
@@ -53,6 +55,14 @@ Entry = dict[str, Any]
 def map_in(source: Path) -> Path:
     """A map file, or that of a folder."""
     return source / "map.json" if os.path.isdir(source) else source  # no error for names that no file can have
+
+
+def require_other(output: Path | None, *maps: Path) -> None:
+    """Raise OutputError where something else would be written over a map that is read."""
+    for path in maps if output is not None else ():
+        with suppress(OSError, ValueError):  # names that no file can have are told where they are written
+            if os.path.samefile(str(output), path):
+                raise OutputError(f"{output}: is the map itself; choose another file")
 
 
 def write_map(site: SiteMap, path: Path) -> None:
@@ -255,7 +265,8 @@ def _plain(value: float | int | str) -> float | int | str:
 
 def _site_map(content: object, path: str) -> SiteMap:
     if not isinstance(content, dict) or content.get("format") != schema.FORMAT:
-        raise OutputError(f'{path}: is not a map (it has no "format": "{schema.FORMAT}")')
+        kind = kind_of(content)
+        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a map (it has no "format": "{schema.FORMAT}")')
     if content.get("version") != schema.VERSION:
         raise OutputError(
             f"{path}: is a map of version {content.get('version')}; this program reads version {schema.VERSION}"

@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ PART = " / "
 """Between the parts of an id."""
 PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
 NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
-LONGEST_NAME = 500
+LONGEST_NAME, MOST_LABELS = 500, 8
 GUESSED_M, TIMES_WORSE = 0.1, 3.0
 """A vertex of which a coordinate has a larger standard deviation than this, m, and so many times that of a vertex of the same structure, is a guess,
 such as the top of a post that no picture shows: where its structure is, it does not tell."""
@@ -49,7 +50,8 @@ class SearchHit:
         what = ", ".join((f"row {self.row}", f"{self.structure.id}{text}", *others, *filter(None, [self.part])))
         sigmas = ", ".join(map(_millimetres, self.sigma_m))
         elsewhere = {"site": self.site_position_m, "world": self.world_position_m}
-        more = (f"; in the {name} {_metres(place)}" for name, place in elsewhere.items() if place is not None)
+        more = [f"; in the {name} {_metres(place)}" for name, place in elsewhere.items() if place is not None]
+        more += [f"; {name} {value:.3f} m +- {1000 * sigma:.1f} mm" for name, value, sigma in self.structure.sizes()]
         return f"{what}: {_metres(self.position_m)} (+- {sigmas} mm){''.join(more)}"
 
 
@@ -67,8 +69,19 @@ def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dic
     if not hits:
         known = sorted({key for _, structure in mapped for key in names(structure)})
         near = difflib.get_close_matches(name[:LONGEST_NAME], known, 3)
-        raise SiteError(f"`{name}` is not in the map" + (f"; nearest: {', '.join(near)}" if near else ""))
+        more = f"; nearest: {', '.join(near)}" if near else _without_texts(site)
+        raise SiteError(f"`{name}` is not in the map{more}")
     return [_hit(site, row, structure) for row, structure in hits]
+
+
+def _without_texts(site: SiteMap) -> str:
+    """What a map has instead, where nothing was read in it; nothing where something was."""
+    every = [own for row in site.rows.values() for group in row.structures.values() for own in group]
+    if any(own.attributes.get(key) for own in every for key in WRITTEN):
+        return ""
+    counted = Counter(own.label for own in every).most_common(MOST_LABELS)
+    has = ", ".join(f"{label} ({count})" for label, count in counted) or "nothing"
+    return f": no text was read in it, which takes a plugin that reads them; it has {has}"
 
 
 def _vertices(structure: Structure) -> Iterator[Structure]:

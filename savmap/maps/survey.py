@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.files.kinds import kind_of
 from savmap.files.validation import checked
 from savmap.maps.schema import FARTHEST_M
 from savmap.types import Survey
@@ -56,7 +57,8 @@ def read_survey(path: Path) -> Survey:
     """A survey file. Raises OutputError with one line: file, place, problem."""
     content = read_json(path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise OutputError(f'{path}: is not a survey (it has no "format": "{FORMAT}")')
+        kind = kind_of(content)
+        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a survey (it has no "format": "{FORMAT}")')
     if content.get("version") != VERSION:
         version = content.get("version")
         raise OutputError(f"{path}: is a survey of version {version}; this program reads version {VERSION}")

@@ -19,6 +19,7 @@ from savmap.types import (
     Feature,
     FlatParts,
     Floats,
+    JointCovariance,
     Panorama,
     PlaneEvidence,
     PlanePatch,
@@ -138,9 +139,10 @@ def openings(structures: Sequence[Structure]) -> list[Structure]:
 
 
 @hookspec(firstresult=True)
-def places(structures: Sequence[Structure]) -> list[Structure]:
-    """Search: the places of a row that have a name and are no structure, such as what lies between two of them, as structures with an id and a
-    label of their own, and attributes that number them. Default: none."""
+def places(structures: Sequence[Structure], joint: JointCovariance | None) -> list[Structure]:
+    """Search and viewer: the places of a row that have a name and are no structure, such as what lies between two of them, as structures with an id
+    and a label of their own, and attributes that number them, or say how large they are (`Measured`). `joint`: what the errors of the structures'
+    vertices share; None where that is not known. Default: none."""
 
 
 @hookspec(firstresult=True)

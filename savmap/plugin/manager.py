@@ -23,6 +23,7 @@ from savmap.types import (
     Feature,
     FlatParts,
     Floats,
+    JointCovariance,
     Panorama,
     PlaneEvidence,
     PlanePatch,
@@ -317,9 +318,9 @@ class LoadedPlugin:
         """The spaces between the structures whose clear width and height matter."""
         return self._ask_list("openings", Structure, checks.check_structures, structures=structures)
 
-    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+    def places(self, structures: Sequence[Structure], joint: JointCovariance | None = None) -> list[Structure]:
         """The places between the structures that have a name."""
-        return self._ask_list("places", Structure, checks.check_structures, structures=structures)
+        return self._ask_list("places", Structure, checks.check_structures, structures=structures, joint=joint)
 
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:
         """Which of the structures other rows may have mapped too."""

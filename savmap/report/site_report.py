@@ -1,5 +1,6 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -7,10 +8,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, SavmapError
 from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
-from savmap.maps.map_file import map_in, read_map
+from savmap.maps.map_file import map_in, read_map, require_other
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import RunLog, read_log
 from savmap.maps.survey import read_survey
@@ -19,12 +20,13 @@ from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
 from savmap.report.page.comparison import Dates, write_comparison
 from savmap.report.viewer import Before, Origin, View, write_view
-from savmap.types import Drawing, Evaluation, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
+from savmap.types import Drawing, Evaluation, JointCovariance, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
 StructuresByRow = dict[str, dict[str, list[Structure]]]
 VIEW = "view.html"
+log = logging.getLogger("savmap")
 _NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
 
 
@@ -91,7 +93,8 @@ def viewed(
     evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
     before = _before(old_file, site_map, LEVEL) if old_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
-    write_view(View(site_map, evaluation, _title_of(map_file), photos, origin=origin, before=before), page)
+    view = View(site_map, evaluation, _title_of(map_file), photos, None, origin, before, shown_places(site_map))
+    write_view(view, page)
     return page, True
 
 
@@ -124,9 +127,11 @@ def compare_files(
     if page is not None and page.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
     old_file, new_file = map_in(old), map_in(new)
+    view = new_file.with_name(VIEW)
+    require_other(json_file, old_file, new_file)
+    _require_apart(page, json_file, view if in_viewer else None)
     site_map = read_map(new_file)
     before = _before(old_file, site_map, level)
-    view = new_file.with_name(VIEW)
     if json_file is not None:
         write_text(json_file, comparison_text(before.comparison))
     photos = read_orthophotos(site_map.rows, new_file.parent) if page or in_viewer else {}
@@ -136,8 +141,17 @@ def compare_files(
         write_comparison(dates, page)
     if in_viewer:
         origin = origin_of(new_file, None, old_file)
-        write_view(View(site_map, None, _title_of(new_file), photos, origin=origin, before=before), view)
+        title, places = _title_of(new_file), shown_places(site_map)
+        write_view(View(site_map, None, title, photos, None, origin, before, places), view)
     return before.comparison
+
+
+def _require_apart(*outputs: Path | None) -> None:
+    """Raise OutputError where two things would be written into one file."""
+    names = [path.absolute() for path in outputs if path is not None]
+    for path in names:
+        if names.count(path) > 1:
+            raise OutputError(f"{path}: is named for two things that would be written; give each a file of its own")
 
 
 def address_from(page: Path, target: Path) -> str:
@@ -165,15 +179,26 @@ def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
 
 def openings_of(site_map: SiteMap) -> StructuresByRow:
     """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are not installed."""
-    return _asked(site_map, lambda plugin, structures: plugin.openings(structures))
+    return _asked(site_map, lambda plugin, structures, _: plugin.openings(structures))
 
 
 def places_of(site_map: SiteMap) -> StructuresByRow:
     """The places between structures that have a name, by row and plugin; none of plugins that are not installed."""
-    return _asked(site_map, lambda plugin, structures: plugin.places(structures))
+    return _asked(site_map, lambda plugin, structures, joint: plugin.places(structures, joint))
 
 
-def _asked(site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure]], list[Structure]]) -> StructuresByRow:
+def shown_places(site_map: SiteMap) -> StructuresByRow:
+    """The same for a page that is written without them where a plugin cannot give them, of which a warning tells."""
+    try:
+        return places_of(site_map)
+    except SavmapError as error:
+        log.warning("the viewer has no sizes of the places between structures: %s", error)
+        return {}
+
+
+def _asked(
+    site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure], JointCovariance | None], list[Structure]]
+) -> StructuresByRow:
     answers: StructuresByRow = {}
     opened: dict[str, LoadedPlugin | None] = {}
     for row in site_map.rows.values():
@@ -182,7 +207,7 @@ def _asked(site_map: SiteMap, ask: Callable[[LoadedPlugin, Sequence[Structure]],
                 opened[name] = open_plugin(name, {}) if name in load_installed().classes else None
             plugin = opened[name]
             if plugin is not None:
-                answers.setdefault(row.name, {})[name] = ask(plugin, structures)
+                answers.setdefault(row.name, {})[name] = ask(plugin, structures, row.joint)
     return answers
 
 

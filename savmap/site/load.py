@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
+from savmap.files.kinds import kind_of_file, kind_of_text
 from savmap.files.texts import bounded_text
 from savmap.files.urls import beside
 from savmap.files.validation import Location, path_of
@@ -21,6 +22,14 @@ from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
 
 Problems = Sequence[tuple[Location, str]]
+SITE_FILE = "site file"
+SITE_SUFFIXES = (".yaml", ".yml")
+INSTEAD = {
+    "a map": "did you mean `savmap view`, `savmap report` or `savmap export`?",
+    "a survey": "a site file names it as `survey:`",
+}
+"""What to do with another file of savmap's than a site file."""
+NEITHER = "is neither a site file (YAML, see docs/site-file.md) nor a video"
 
 
 @dataclass(frozen=True)
@@ -71,18 +80,23 @@ def load_alignment(path: Path) -> KnownAlignment:
         raise SiteError(next(iter(problems.values()))) from None
 
 
-def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = "site file") -> Draft:
-    """The content of a site file. Raises SiteError where it is no YAML, or where an override does not fit it."""
+def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_FILE) -> Draft:
+    """The content of a site file. Raises SiteError where it is no YAML or another file, or where an override does not fit it."""
     text = _read(path, what)
+    _require_no_other(path, kind_of_text(text), what)
     try:
         node = yaml_text.compose(text)
         content = yaml_text.load(text)
     except yaml.YAMLError as error:
         problem, line = yaml_text.problem_of(error)
+        if _may_be_anything(path, what):
+            raise SiteError(f"{path}: {NEITHER} (line {line or 1}: {problem})") from None
         where = f"{path}:{line}" if line else str(path)
         raise SiteError(f"{where}: not valid YAML: {problem}") from None
     if not isinstance(content, dict):
-        least = " with at least `rows:`" if what == "site file" else ""
+        if _may_be_anything(path, what):
+            raise SiteError(f"{path}: {NEITHER} (a site file is a mapping with at least `rows:`)")
+        least = " with at least `rows:`" if what == SITE_FILE else ""
         raise SiteError(f"{path}: a {what} is a mapping{least} (see docs/site-file.md)")
     doubles = tuple(
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
@@ -153,12 +167,27 @@ def _read(path: Path, what: str) -> str:
     try:
         return bounded_text(path, yaml_text.MOST_MB)
     except FileNotFoundError:
-        advice = " (give one, or run in a folder that has a site.yaml)" if what == "site file" else ""
+        advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
         raise SiteError(f"{path}: no such {what}{advice}") from None
     except OSError as error:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
+        _require_no_other(path, kind_of_file(path), what)
+        if _may_be_anything(path, what):
+            raise SiteError(f"{path}: {NEITHER} (it {error})") from None
         raise SiteError(f"{path}: cannot be read as a {what}: it {error}") from None
+
+
+def _require_no_other(path: Path, kind: str, what: str) -> None:
+    """Raise SiteError for another file of savmap's."""
+    if kind and kind != "a site file":
+        advice = INSTEAD.get(kind, "") if what == SITE_FILE else ""
+        raise SiteError(f"{path}: is {kind}, not a {what}{advice and '; '}{advice}")
+
+
+def _may_be_anything(path: Path, what: str) -> bool:
+    """Whether a file that is no site file does not even have the name of one."""
+    return what == SITE_FILE and path.suffix.lower() not in SITE_SUFFIXES
 
 
 def _resolve(site: Site, folder: Path) -> Site:

@@ -15,6 +15,8 @@ from savmap.types.verdicts import Verdict
 if TYPE_CHECKING:
     import pandas
 
+SIGMA, METRES = "_sigma_m", "_m"
+
 
 @dataclass(frozen=True, eq=False)
 @array_record
@@ -57,6 +59,16 @@ class Structure:
             "vertices (n, 3), covariances (n, 3, 3)",
         )
         require(len(self.vertex_labels) == count, self, "vertices and vertex_labels differ in number")
+
+    def sizes(self) -> Iterator[tuple[str, float, float]]:
+        """Lengths among its attributes that have a standard deviation: name in words, such as "clear width", m, m. One is `Measured`, or "width_m"
+        goes with "width_sigma_m"."""
+        for key, given in self.attributes.items():
+            if key.endswith(METRES) and isinstance(given, Measured):
+                yield key.removesuffix(METRES).replace("_", " "), given.value, given.sigma
+            value = self.attributes.get(key.removesuffix(SIGMA) + METRES)
+            if key.endswith(SIGMA) and isinstance(given, float | int) and isinstance(value, float | int):
+                yield key.removesuffix(SIGMA).replace("_", " "), float(value), float(given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +130,10 @@ class JointCovariance:
         whole[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
         apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
         return apart
+
+    def solved(self, plugin: str, structure: Structure, vertex: int) -> tuple[bool, ...]:
+        """Whether each coordinate of a vertex was solved for; what was not is what the plugin takes it to be."""
+        return tuple(bool(number >= 0) for number in self._numbers(plugin, structure, vertex))
 
     def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
         known = self.coordinates.get(plugin, {}).get(structure.id)

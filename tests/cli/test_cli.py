@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from importlib import metadata
 from pathlib import Path
 
@@ -32,6 +34,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
     ("arguments", "code", "words"),
     [
         (["map"], 3, "site.yaml: no such site file"),
+        (["map", EXAMPLE / "survey.json"], 3, "is a survey, not a site file; a site file names it as `survey:`"),
         (["map", "text.mp4"], 4, "not a video"),
         (["map", "empty.mp4"], 4, "empty"),
         (["map", "none.mp4"], 4, "no such file"),
@@ -45,7 +48,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "late.yaml"], 4, "late.yaml"),
         (["map", "model.yaml"], 6, "no such model file"),
         (["evaluate", "none.json", EXAMPLE / "survey.json"], 9, "none.json"),
-        (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is not a map"),
+        (["evaluate", EXAMPLE / "survey.json", EXAMPLE / "survey.json"], 9, "is a survey, not a map"),
         (["import", "none.csv"], 9, "none.csv: cannot be read"),
         (["import", "broken.yaml"], 9, "broken.yaml: surveys are read from .csv"),
         (["import", "points.csv", "-o", "out.json"], 9, "points.csv: line 2: x is far, not a number"),
@@ -104,6 +107,45 @@ def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys:
         main()
     assert end.value.code == 130
     assert capsys.readouterr().err == "savmap: interrupted\n"
+
+
+def test_terminated_ends_as_interrupted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    cleaned = []
+
+    def terminated(*_: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(10)
+        finally:
+            cleaned.append(True)
+
+    monkeypatch.setattr("savmap.cli.mapping.map_and_print", terminated)
+    monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, cleaned) == (143, [True])
+    assert capsys.readouterr().err == "savmap: terminated\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+@pytest.mark.slow
+def test_simulate_leaves_nothing_when_it_is_terminated(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 1024}\nrows: {A: {x: 0.0, z: 0.0}}\n"
+    bays = "structures: {shelves: {rows: {A: {bays: [{width: 2.0, beams: [0.2, 1.2]}], height: 3.0}}}}\n"
+    (tmp_path / "scene.yaml").write_text(scene + bays, encoding="utf-8")
+    command = [sys.executable, "-c", "from savmap.cli.app import main; main()", "simulate", "scene.yaml", "-o", "made"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(600):
+            if any(tmp_path.glob(".made-*/footage.mp4")):
+                break
+            time.sleep(0.1)
+        process.terminate()
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 143, said
+    assert said.splitlines()[-1] == "savmap: terminated"
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "made"}
+    assert {path.name for path in tmp_path.glob("made/*")} == {"savmap.log"}
 
 
 def _one_row() -> SiteMap:
@@ -259,3 +301,46 @@ def test_pipes_are_refused_in_one_line(
     with pytest.raises(SystemExit):
         main()
     assert "is a device or a pipe, not a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "words"),
+    [
+        (["export", "map.json", "--format", "glb", "-o", "map.json"], 9, "map.json: is the map itself"),
+        (["export", ".", "--format", "csv", "-o", "link.csv"], 9, "link.csv: is the map itself"),
+        (["export", "map.json", "--format", "glb", "-o", "file/a.glb"], 9, "a.glb: cannot be written (what would be its folder"),
+        (["export", "map.json", "--format", "glb", "-o", "empty"], 9, "empty: cannot be written (is a directory)"),
+        (["compare", "map.json", ".", "--json", "map.json"], 9, "map.json: is the map itself"),
+        (["compare", "map.json", ".", "-o", "a.html", "--json", "a.html"], 9, "a.html: is named for two things"),
+        (["compare", "map.json", ".", "-o", "view.html", "--view"], 9, "view.html: is named for two things"),
+        (["compare", "map.json", ".", "-o", "file/a.html"], 9, "a.html: cannot be written (what would be its folder is a file)"),
+        (["compare", "empty", "."], 9, "empty/map.json: cannot be read (no such file or directory)"),
+        (["compare", "none.json", "--json", "map.json"], 2, "Missing argument 'NEW'"),
+        (["view", "empty.json", "--no-open"], 9, "empty.json: is not a map"),
+        (["view", ".", "--against", "survey.json", "--no-open"], 9, "survey.json: is a survey, not a map"),
+        (["align", "map.json", "survey.json", "-o", "made.json"], 3, "survey.json: is a survey, not a file with `align:`"),
+        (["align", "map.json", "map.json", "-o", "made.json"], 3, "map.json: is a map, not a file with `align:`"),
+        (["find", "map.json"], 9, "out/map.json: cannot be read"),
+        (["find", "", "map.json"], 3, "`` is not in the map"),
+        (["measure", "post 1 / 0", "post 1", "map.json"], 3, "`post 1` is no vertex of the map; nearest: post 1 / 0"),
+        (["measure", "post 1 / 0", "post 1 / 1", "survey.json"], 9, "survey.json: is a survey, not a map"),
+    ],
+)  # fmt: skip
+def test_wrong_uses_of_a_map_write_nothing(
+    command: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    write_map(_one_row(), tmp_path / "map.json")
+    (tmp_path / "link.csv").symlink_to("map.json")
+    (tmp_path / "survey.json").write_text('{"format": "savmap-survey", "rows": {}}')
+    (tmp_path / "empty.json").write_text("{}")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").touch()
+    before = {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", *command])
+    with pytest.raises(SystemExit) as end:
+        main()
+    said = capsys.readouterr().err
+    assert (end.value.code, words in said) == (code, True), said
+    assert len(said.splitlines()) == 1 or code == 2
+    assert {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before

@@ -1,6 +1,7 @@
 """Distances in a map, and how sure they are."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,3 +63,17 @@ def test_rows_are_told_apart_and_need_a_common_frame() -> None:
 def test_vertex_is_where_it_is(joint: bool) -> None:
     found = vertex_distance(SiteMap({"A": row("A", joint)}, {}), "post 1 / top", "post 1 / top")
     assert (found.length_m, found.sigma_m) == (0.0, 0.0)
+
+
+def test_what_nothing_measured_is_said() -> None:
+    whole = row("A")
+    guess = np.diag([COMMON + OWN, 0.05**2, OWN])[None]
+    posts = tuple(replace(own, covariances=guess) for own in whole.structures["posts"])
+    site = SiteMap({"A": replace(whole, structures={"posts": (posts[0], whole.structures["posts"][1])})}, {})
+    found = str(vertex_distance(site, "post 1 / top", "post 2 / top"))
+    assert "y 0.000 m +- 50.0 mm" in found
+    assert found.endswith("; y of `post 1 / top` was not measured, it is assumed to +- 50 mm")
+    both = str(
+        vertex_distance(SiteMap({"A": replace(whole, structures={"posts": posts})}, {}), "post 1 / top", "post 2 / top")
+    )
+    assert both.count("was not measured") == 2

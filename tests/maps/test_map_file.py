@@ -254,7 +254,7 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
     [
         (_drop_rows, "rows: Field required"),
         (_other_version, "version 7; this program reads version 1"),
-        (_other_format, "is not a map"),
+        (_other_format, "is a survey, not a map"),
         (_short_vertex, r"rows\.A\.structures\.things\[0\]\.vertices\[2\]\.position_m\[2\]: Field required"),
         (_no_vertex, r"structures\.things\[0\]\.vertices: List should have at least 1 item"),
         (_loose_edge, "thing 1: an edge joins a vertex that is not there"),

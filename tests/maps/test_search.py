@@ -97,6 +97,17 @@ def test_what_is_not_there_is_told_with_what_is_near(site: SiteMap) -> None:
         find_structures(site, "A21-08")
 
 
+def test_where_nothing_was_read_the_map_says_so(site: SiteMap) -> None:
+    with pytest.raises(SiteError) as caught:
+        find_structures(post(0.3), "A21-08")
+    assert str(caught.value).startswith("`A21-08` is not in the map: no text was read in it")
+    assert str(caught.value).endswith("; it has post (1)")
+    with pytest.raises(SiteError, match=r"`zzz` is not in the map$"):
+        find_structures(site, "zzz")
+    with pytest.raises(SiteError, match="it has nothing"):
+        find_structures(SiteMap({}, {}), "A21-08")
+
+
 def numbered(name: str, label: str, x: float, **numbers: int) -> Structure:
     return replace(plate(1, x, numbers), id=name, label=label)
 

@@ -26,7 +26,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "savmap-map"}, "is not a survey"),
+        ({"format": "savmap-map"}, "is a map, not a survey"),
+        ({"format": "savmap-run"}, "is the record of a run, not a survey"),
+        ({"format": ["savmap-map"]}, "is not a survey"),
         ({"format": None}, "is not a survey"),
         ({"version": 2}, "version 2; this program reads version 1"),
         ({"units": "ft"}, "units: Input should be 'm'"),

@@ -26,6 +26,7 @@ from savmap.types import (
     Expected,
     Feature,
     FlatParts,
+    JointCovariance,
     PlaneEvidence,
     PlanePatch,
     Score,
@@ -150,7 +151,8 @@ def ask_openings() -> dict[str, Any]:
 
 def ask_places() -> dict[str, Any]:
     plugin, given = asked("places", [THING])
-    assert plugin.places([THING]) == [THING]
+    assert plugin.places([THING], JointCovariance({}, np.eye(1))) == [THING]
+    assert loaded(places=lambda self, structures: structures).places([THING]) == [THING]  # as before there was `joint`
     assert asked("describe", [])[0].places([THING]) == []
     return given
 

@@ -1,5 +1,7 @@
 """Rows for the viewer's tests: posts and bars with edges, a text, doubts, solids, a joint covariance, a camera's path."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
@@ -8,6 +10,7 @@ from savmap.types import (
     Floats,
     FrameTable,
     JointCovariance,
+    Measured,
     Orthophoto,
     Placement,
     RowMap,
@@ -30,6 +33,15 @@ def thing(name: str, label: str, low: tuple[float, float], high: tuple[float, fl
     labels = tuple(f"{name} / {corner}" for corner in ("a", "b", "c", "d"))
     solid = Solid(corners, np.array([0, 0, -1.0]), assumed=True)
     return Structure(name, label, corners, covariance, labels, RING, {"support": 0.8, **attributes}, solid)
+
+
+def places(row: str = "A") -> dict[str, dict[str, list[Structure]]]:
+    """The section between the posts, and the spaces of it, of which the topmost is open above."""
+    width = {"clear_width_m": Measured(2.7, 0.0042), "section": 1}
+    heights = {0: {"clear_height_m": Measured(2.0, 0.0014)}, 1: {"clear_height_m": Measured(1.9, 0.002)}, 2: {}}
+    section = thing("section 1", "section", (0.1, 0), (2.8, 4.1))
+    parts = [replace(section, id=f"section 1 / space {k}", attributes=width | own) for k, own in heights.items()]
+    return {row: {"things": [replace(section, attributes=width), *parts]}}
 
 
 def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMap:

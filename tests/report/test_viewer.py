@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_map import EVIL, photo, row, site, stills
+from made_up_map import EVIL, photo, places, row, site, stills
 
 from savmap.report.viewer import View, write_view
 from savmap.report.viewer import beside as beside_module
@@ -67,6 +67,16 @@ def test_coordinates_are_those_of_the_map(tmp_path: Path) -> None:
     assert found["covariances"][:6] == [9e-6, 0, 0, 1.6e-5, 0, 1e-6]
     assert [entry["id"] for entry in found["structures"]] == [shape.id for shape in shapes]
     assert found["grade"] == "check"
+
+
+def test_a_part_of_a_place_has_the_sizes_that_the_whole_has_not(tmp_path: Path) -> None:
+    (found,) = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}), places=places())))["rows"]
+    assert found["places"] == [
+        {"id": "section 1", "sizes": {"clear width": [2.7, 0.0042]}},
+        {"id": "section 1 / space 0", "sizes": {"clear height": [2.0, 0.0014]}},
+        {"id": "section 1 / space 1", "sizes": {"clear height": [1.9, 0.002]}},
+    ]
+    assert data_of(written(tmp_path, View(SiteMap({"B": row("B")}, {}), places=places())))["rows"][0]["places"] == []
 
 
 def test_errors_are_shown_where_there_is_a_survey(tmp_path: Path) -> None:

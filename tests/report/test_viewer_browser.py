@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_map import EVIL, photo, row, site, stills, thing
+from made_up_map import EVIL, photo, places, row, site, stills, thing
 from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.distance import vertex_distance
@@ -37,6 +37,34 @@ def said_by_python(site_map: SiteMap, first: str, second: str) -> str:
     """The distance as the viewer should show it."""
     found = vertex_distance(site_map, first, second)
     return f"{found.length_m:.3f} m \u00b1 {1000 * found.sigma_m:.0f} mm"
+
+
+def test_a_section_tells_its_clear_sizes(opened: Open) -> None:
+    page = opened(replace(one_row(), places=places()), "#A/section 1")
+    told = page.inner_text("#selection dl").replace("\u00a0", " ").split("\n")
+    assert told == [
+        "clear width",
+        "2.700 m \u00b1 4 mm",
+        "space 0, clear height",
+        "2.000 m \u00b1 1 mm",
+        "space 1, clear height",
+        "1.900 m \u00b1 2 mm",
+    ]
+    page.click("#selection li button >> nth=0")
+    assert selected(page) == "section 1 / bar 1"
+    page.click("#selection dd button")
+    assert selected(page) == "section 1"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/section 1"
+    bare = opened(one_row(), "#A/section 1")
+    assert (selected(bare), bare.locator("#selection dl").count()) == ("section 1", 0)
+
+
+def test_a_section_of_one_element_tells_its_sizes_too(opened: Open) -> None:
+    whole = row()
+    alone = replace(whole, structures={"things": whole.structures["things"][:3]})
+    page = opened(View(SiteMap({"A": alone}, {}), places=places()), "#A/section 1")
+    assert selected(page) == "section 1"
+    assert "clear width" in page.inner_text("#selection dl")
 
 
 def test_shows_all_elements(opened: Open) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.graph import Calibration, KnownMarker, Shutter, Stitching
-from savmap.site.load import load_site
+from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
 from savmap.site.references import calibration_of, references_of
 
@@ -200,3 +200,40 @@ def test_what_is_wrong_is_shown_in_short(tmp_path: Path) -> None:
             )
         )
     assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("map.json", '{"aligned": {}, "format": "savmap-map", "t": "' + 12880 * "A" + '"}', "is a map, not a site file; did you mean `savmap view`"),
+        ("map.json", '{"format": "savmap-map", "t": "' + 3_000_000 * "A" + '"}', "is a map, not a site file; did you mean `savmap view`"),
+        ("map.yaml", '{"format": "savmap-map"}', "is a map, not a site file"),
+        ("run.json", '{"format": "savmap-run"}', "is the record of a run, not a site file"),
+        ("README.md", "# Title\n\n> words: `a`: b\n* [x](y): {z\n", "is neither a site file (YAML, see docs/site-file.md) nor a video (line "),
+        ("README.md", "Just words.\n", "nor a video (a site file is a mapping with at least `rows:`)"),
+        ("photo.jpg", "\udcff\udcd8", "nor a video (it is not a text file (byte 0 is not UTF-8))"),
+        ("site.yaml", "Just words.\n", "a site file is a mapping with at least `rows:`"),
+    ],
+)  # fmt: skip
+def test_another_file_is_called_what_it_is(tmp_path: Path, name: str, text: str, says: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(SiteError) as caught:
+        load_site(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert says in message
+    assert "\n" not in message
+
+
+def test_a_resolved_site_is_a_site_file(tmp_path: Path) -> None:
+    path = tmp_path / "site.resolved.json"
+    path.write_text('{"format": "savmap-site", "rows": {"A": {"passes": [{"video": "a.mp4"}]}}}')
+    assert list(load_site(path).rows) == ["A"]
+
+
+def test_a_map_says_not_where_the_site_stands(tmp_path: Path) -> None:
+    path = tmp_path / "map.json"
+    path.write_text('{"format": "savmap-map"}')
+    with pytest.raises(SiteError, match=r"is a map, not a file with `align:`$"):
+        load_alignment(path)

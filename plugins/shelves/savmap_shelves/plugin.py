@@ -19,6 +19,7 @@ from savmap.types import (
     Feature,
     FlatParts,
     Floats,
+    JointCovariance,
     Panorama,
     PlaneEvidence,
     PlanePatch,
@@ -137,10 +138,10 @@ class Shelves:
         return openings(structures, self.name)
 
     @hookimpl
-    def places(self, structures: Sequence[Structure]) -> list[Structure]:
+    def places(self, structures: Sequence[Structure], joint: JointCovariance | None) -> list[Structure]:
         from savmap_shelves.report.openings import places
 
-        return places(structures, self.name)
+        return places(structures, self.name, joint)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

@@ -122,10 +122,11 @@ def export(
     from savmap.errors import SiteError
     from savmap.maps.exports import export_map
     from savmap.maps.exports.frames import only_row
-    from savmap.maps.map_file import read_map
+    from savmap.maps.map_file import read_map, require_other
     from savmap.plugin.manager import exporters, load_installed
 
     site_map = read_map(map_file)
+    require_other(output, map_file)
     if row is not None:
         if row not in site_map.rows:
             raise SiteError(f"--row {row}: {map_file} has {', '.join(site_map.rows)}")

@@ -1,15 +1,14 @@
 """Standard deviations: in the hint of a structure, and over the whole site."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from savmap.report.numbers import centimetres, fixed
 from savmap.report.page.summary import Summary
 from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads
-from savmap.types import Floats, Measured, Structure
+from savmap.types import Floats, Structure
 
-_SIGMA, _METRES = "_sigma_m", "_m"
 _FIRST_M, _LAST_M, _BINS = 1e-4, 1.0, 32
 
 
@@ -41,17 +40,6 @@ def histogram(values_m: Floats) -> tuple[float, ...]:
     return tuple(float(count) for count in np.round(counts / max(1, counts.max()), 3))
 
 
-def _sizes(structure: Structure) -> Iterator[tuple[str, float, float]]:
-    """Sizes among its attributes with their standard deviations: name, m, m. A size is `Measured`, or "width_m" goes with
-    "width_sigma_m"."""
-    for key, sigma in structure.attributes.items():
-        if key.endswith(_METRES) and isinstance(sigma, Measured):
-            yield key.removesuffix(_METRES).replace("_", " "), sigma.value, sigma.sigma
-        value = structure.attributes.get(key.removesuffix(_SIGMA) + _METRES)
-        if key.endswith(_SIGMA) and isinstance(sigma, float | int) and isinstance(value, float | int):
-            yield key.removesuffix(_SIGMA).replace("_", " "), float(value), float(sigma)
-
-
 def _vertex_sigmas(structure: Structure) -> Floats:
     """Standard deviations of its vertices (n, 3), m."""
     variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
@@ -59,7 +47,7 @@ def _vertex_sigmas(structure: Structure) -> Floats:
 
 
 def _hint(structure: Structure, off_m: float | None) -> str:
-    sizes = [f"{name} {fixed(value, 3)} \u00b1 {fixed(sigma, 3)} m" for name, value, sigma in _sizes(structure)]
+    sizes = [f"{name} {fixed(value, 3)} \u00b1 {fixed(sigma, 3)} m" for name, value, sigma in structure.sizes()]
     largest = _vertex_sigmas(structure).max(axis=0, initial=0.0)
     axes = ", ".join(f"{axis} {fixed(value, 3)}" for axis, value in zip("xyz", largest, strict=True))
     words = [*sizes, f"vertices \u03c3 up to {axes} m"]
@@ -69,7 +57,7 @@ def _hint(structure: Structure, off_m: float | None) -> str:
 
 
 def _named_sigmas(structure: Structure) -> list[tuple[str, float]]:
-    sizes = [(f"{structure.label}: {name}", sigma) for name, _, sigma in _sizes(structure)]
+    sizes = [(f"{structure.label}: {name}", sigma) for name, _, sigma in structure.sizes()]
     return sizes or [
         (f"{structure.label}: {axis} of a vertex", float(sigma))
         for vertex in _vertex_sigmas(structure)

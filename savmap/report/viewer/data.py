@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,7 +10,17 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import visible
 from savmap.maps.exports.frames import alignment_of
 from savmap.report.viewer.dates import Before, row_entry, site_entry
-from savmap.report.viewer.packed import UPPER, Entry, Labels, digits, structure_entries, units, vertex_entry
+from savmap.report.viewer.packed import (
+    UPPER,
+    Entry,
+    Labels,
+    Places,
+    digits,
+    place_entries,
+    structure_entries,
+    units,
+    vertex_entry,
+)
 from savmap.types import Alignment, Doubt, Evaluation, JointCovariance, Placement, RowMap, SiteMap
 
 TURN = 6
@@ -22,9 +33,10 @@ def page_data(
     evaluation: Evaluation | None,
     beside: Mapping[str, Entry],
     before: Before | None = None,
+    places: Places = MappingProxyType({}),
 ) -> Entry:
     """All that the page shows, for JSON. `beside`: by row, what lies beside the page:
-    "face", "old face", "stills" and "joint". `before`: an earlier date."""
+    "face", "old face", "stills" and "joint". `before`: an earlier date. `places`: whose sizes are shown."""
     labels: Labels = {}
     rows = []
     for name, row in site_map.rows.items():
@@ -32,6 +44,7 @@ def page_data(
         entry = _row(row, site_map.placements.get(name), lies.get("joint", ""))
         entry["structures"] = structure_entries(row.structures, labels, _deviations(evaluation, name))
         entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": _is_aligned(site_map, name)}
+        entry["places"] = place_entries(places.get(name, {}))
         entry["before"] = row_entry(before, row, labels, lies.get("old face")) if before else None
         rows.append(entry)
     return {

@@ -9,9 +9,13 @@ from savmap.errors import visible
 from savmap.types import Attribute, Floats, Measured, Structure
 
 Entry = dict[str, Any]
+Places = Mapping[str, Mapping[str, Sequence[Structure]]]
+"""Places between structures, by row and plugin."""
 Labels = dict[str, int]
 """What vertices are called, and the number that stands for it."""
 UNIT_M = 1e-5
+PART = " / "
+"""Between the parts of an id."""
 DIGITS = 4
 """Of a variance: a standard deviation, which is shown with two, is right to a 40,000th."""
 UPPER = np.triu_indices(3)
@@ -37,6 +41,22 @@ def structure_entries(
         for plugin, group in structures.items()
         for structure in group
     ]
+
+
+def place_entries(places: Mapping[str, Sequence[Structure]]) -> list[Entry]:
+    """The sizes of a row's places: of a part of a place, such as "section 2 / level 1", those that the whole has not."""
+    known = {(plugin, place.id): _sizes(place) for plugin, group in places.items() for place in group}
+    entries = []
+    for (plugin, name), sizes in known.items():
+        of_whole = known.get((plugin, name.rpartition(PART)[0]), {})
+        own = {what: size for what, size in sizes.items() if what not in of_whole}
+        if own:
+            entries.append({"id": visible(name), "sizes": own})
+    return entries
+
+
+def _sizes(place: Structure) -> Entry:
+    return {visible(name): [round(value, 5), *digits(np.array([sigma]))] for name, value, sigma in place.sizes()}
 
 
 def _structure(plugin: str, structure: Structure, labels: Labels, deviations: Mapping[str, float]) -> Entry:

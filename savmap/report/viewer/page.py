@@ -17,7 +17,7 @@ from savmap.files.atomic import write_text
 from savmap.report.viewer.beside import Beside, joints_apart, remove_others, script_names, written_beside
 from savmap.report.viewer.data import page_data
 from savmap.report.viewer.dates import Before
-from savmap.report.viewer.packed import Entry
+from savmap.report.viewer.packed import Entry, Places
 from savmap.types import Evaluation, Orthophoto, SiteMap, Still
 
 POLICY = "default-src 'none'; script-src 'sha256-{script}' 'self' file:; style-src 'sha256-{style}'; img-src data: blob:; base-uri 'none'; form-action 'none'"
@@ -57,7 +57,8 @@ class Origin:
 @dataclass(frozen=True, eq=False)
 class View:
     """What the viewer shows: a map, its scores where there is a survey, and by row its orthophoto and stills, where there are any; None for
-    the stills that lie where the page is written. `before`: an earlier date to show with it."""
+    the stills that lie where the page is written. `before`: an earlier date to show with it. `places`: by row and plugin, places between structures that
+    have a name, such as what lies between two of them, whose sizes are shown."""
 
     site_map: SiteMap
     evaluation: Evaluation | None = None
@@ -66,6 +67,7 @@ class View:
     stills: Mapping[str, Sequence[Still]] | None = None
     origin: Origin = Origin()
     before: Before | None = None
+    places: Places = field(default_factory=dict)
 
 
 def write_view(view: View, path: Path) -> None:
@@ -92,7 +94,7 @@ def write_view(view: View, path: Path) -> None:
 def page_text(view: View, beside: Mapping[str, Entry]) -> str:
     """The page. Texts of the map are in it packed, as base64: none of them can be taken for HTML or script."""
     style, script = _resource("viewer.css"), _resource("viewer.js")
-    data = page_data(view.site_map, view.title, view.evaluation, beside, view.before)
+    data = page_data(view.site_map, view.title, view.evaluation, beside, view.before, view.places)
     packed = gzip.compress(json.dumps(data, separators=(",", ":"), allow_nan=False).encode(), mtime=0)
     return Template(_resource("page.html")).substitute(
         policy=POLICY.format(script=_digest(script), style=_digest(style)),

@@ -1,5 +1,6 @@
 """Equirectangular pictures of a built scene, the classes that views cut from them would see, and a drive's video."""
 
+import signal
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -86,12 +87,15 @@ def frames(scene: Renderer, path: Drive, workers: int) -> Iterator[Image]:
     task = _Task(scene, path, _exposed(scene, path))
     with _one_opencv_thread(), ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
         pending: deque[Future[Image]] = deque()
-        for index in range(len(path.origins)):
-            pending.append(pool.submit(_frame, index))
-            if len(pending) > 2 * workers:
+        try:
+            for index in range(len(path.origins)):
+                pending.append(pool.submit(_frame, index))
+                if len(pending) > 2 * workers:
+                    yield pending.popleft().result()
+            while pending:
                 yield pending.popleft().result()
-        while pending:
-            yield pending.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)  # whoever is interrupted does not wait for frames that nobody wants
 
 
 @contextmanager
@@ -127,6 +131,7 @@ def _exposed(scene: Renderer, path: Drive) -> Look:
 
 
 def _prepare(task: _Task) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # what the program does then is not for its workers
     _prepared[:] = [task]
 
 

@@ -1,5 +1,6 @@
 """The clear space between beams, as structures for the comparison of two dates."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from savmap.errors import OutputError
 from savmap.maps.comparison import compare_maps
 from savmap.maps.search import find_structures
 from savmap.plugin.manager import open_plugin
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.report.site_report import places_of
+from savmap.types import FrameTable, JointCovariance, Measured, RowMap, SiteMap, Structure, Trajectory
 from savmap_shelves.report.openings import openings, places
 from savmap_shelves.report.slots import slots_of
 
@@ -91,6 +93,34 @@ def test_a_raised_beam_changes_the_openings_beside_it() -> None:
         "section 2 / opening 3": -0.08,
     }
     assert {one.what for one in changed.values()} == {"size y"}
+
+
+def test_places_have_the_clear_sizes_of_the_slots() -> None:
+    row = site_of(structures_of(surveyed_row())).rows["A"]
+    numbers = {own.id: np.full((len(own.vertices), 3), k) for k, own in enumerate(row.structures["shelves"])}
+    errors = np.random.default_rng(3).normal(0, 0.002, (len(numbers), 2)) + 0.01
+    joint = JointCovariance({"shelves": numbers}, errors @ errors.T)
+    site = SiteMap({"A": replace(row, joint=joint)}, {})
+    slots = {(slot.bay, slot.level): slot for slot in slots_of(site, "shelves")}
+    found = {one.id: one for one in places(row.structures["shelves"], "shelves", joint)}
+    for (bay, level), slot in slots.items():
+        sizes = found[f"section {bay} / level {level}"].attributes
+        assert sizes["clear_width_m"] == found[f"section {bay}"].attributes["clear_width_m"] == slot.clear_width
+        assert sizes.get("clear_height_m") == slot.clear_height
+    own, shared = (places(row.structures["shelves"], "shelves", one)[0].attributes for one in (None, joint))
+    assert isinstance(own["clear_width_m"], Measured)
+    assert isinstance(shared["clear_width_m"], Measured)
+    assert own["clear_width_m"].sigma != shared["clear_width_m"].sigma
+    part = [one for one in row.structures["shelves"] if one.id != "upright 2"]
+    assert "clear_width_m" not in places(part)[0].attributes
+
+
+def test_a_section_is_found_with_its_clear_width() -> None:
+    site = site_of(structures_of(surveyed_row()))
+    (hit,) = find_structures(site, "section 1", lambda: places_of(site))
+    assert re.search(r"; clear width 3\.600 m \+- \d+\.\d mm$", str(hit))
+    (level,) = find_structures(site, "level 1 of section 1", lambda: places_of(site))
+    assert re.search(r"; clear width 3\.600 m .*; clear height 0\.800 m \+- \d+\.\d mm$", str(level))
 
 
 def test_sections_and_levels_are_places_at_the_slots_centres() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from savmap.types import Measured, Structure
+from savmap.types import Attribute, JointCovariance, Measured, Structure
 from savmap_shelves.report.slots import FLOOR, Bay, Opening, bays_of, edge, openings_of
 
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
@@ -26,24 +26,34 @@ def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[S
     ]
 
 
-def places(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
+def places(
+    structures: Sequence[Structure], plugin: str = "shelves", joint: JointCovariance | None = None
+) -> list[Structure]:
     """The sections, "section 3", from the floor to their topmost beam, and their levels, "section 3 / level 2", which are the slots of the export: the
-    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A section is also called a bay."""
-    return [place for bay in bays_of(structures, None, plugin) for place in (_section(bay), *_levels(bay, plugin))]
+    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A section is also called a bay. Clear
+    widths and heights are among the attributes, as the slots have them; what is not known is not there."""
+    bays = bays_of(structures, joint, plugin)
+    return [place for bay in bays for place in (_section(bay), *_levels(bay, joint, plugin))]
 
 
 def _section(bay: Bay) -> Structure:
     return _between(f"section {bay.number}", "section", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
 
 
-def _levels(bay: Bay, plugin: str) -> Iterator[Structure]:
-    for opening in openings_of(bay, None, plugin):
+def _levels(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Structure]:
+    for opening in openings_of(bay, joint, plugin):
         name = f"section {bay.number} / level {opening.level}"
-        yield _between(name, "level", bay, opening.floor, opening.roof or opening.floor, {"level": opening.level})
+        more: dict[str, Attribute] = {"level": opening.level}
+        if opening.clear_height:
+            more["clear_height_m"] = opening.clear_height
+        yield _between(name, "level", bay, opening.floor, opening.roof or opening.floor, more)
 
 
-def _between(name: str, label: str, bay: Bay, low: Measured, high: Measured, more: Mapping[str, int]) -> Structure:
+def _between(
+    name: str, label: str, bay: Bay, low: Measured, high: Measured, more: Mapping[str, Attribute]
+) -> Structure:
     """The rectangle of a bay between two heights."""
+    width = {"clear_width_m": bay.clear_width} if bay.clear_width else {}
     corners = [(x, y, bay.face) for y in (low, high) for x in bay.extent]
     return Structure(
         name,
@@ -52,7 +62,7 @@ def _between(name: str, label: str, bay: Bay, low: Measured, high: Measured, mor
         np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
         tuple(f"{name} / {corner}" for corner in CORNERS),
         RING,
-        {"section": bay.number, "bay": bay.number, **more},
+        {"section": bay.number, "bay": bay.number, **width, **more},
     )
 
 

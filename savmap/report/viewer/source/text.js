@@ -43,6 +43,7 @@ export const text = {
   largestSigma: "sigma, at most",
   off: "off the survey",
   link: "Link to it",
+  partOf: "part of",
   measureFirst: "Pick a corner. The pointer snaps to corners.",
   measureSecond: "Pick the other corner.",
   notComparable: "Where one of these rows stands is not known: distances between them are not known either.",

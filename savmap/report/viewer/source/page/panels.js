@@ -6,12 +6,14 @@ import { metres, millimetres } from "../site/measure.js";
 import { text } from "../text.js";
 
 const MOST_LISTED = 40;
+const PART = " / "; // between the parts of an id
 
 // `place` tells where an element is: lines of a name and a value.
 export function showSelection(elements, name, place, open) {
   const panel = byId("selection");
   if (!elements.length) return fill(panel, element("p", { className: "hint" }, text.nothing));
-  if (elements.length > 1) {
+  const sizes = sizeLines(elements, name);
+  if (elements.length > 1 || sizes.length) {
     const lines = elements.slice(0, MOST_LISTED).map((one) =>
       element(
         "li",
@@ -21,7 +23,12 @@ export function showSelection(elements, name, place, open) {
     );
     const twice = elements.length === 2 && elements[0].pair?.includes(elements[1]);
     if (!twice)
-      return fill(panel, heading(name, text.elements(elements.length)), element("ul", { className: "list" }, ...lines));
+      return fill(
+        panel,
+        heading(name, text.elements(elements.length)),
+        sizes.length ? table(sizes) : null,
+        element("ul", { className: "list" }, ...lines),
+      );
   }
   const [one] = elements;
   const address = element("a", { href: `#${encodeURI(one.key)}` }, text.link);
@@ -34,7 +41,7 @@ export function showSelection(elements, name, place, open) {
         .join(", "),
     ),
     ...sinceThen(one),
-    table([...place(one), ...facts(one)]),
+    table([...place(one), ...facts(one), ...whole(one, open)]),
     element("p", {}, address),
   );
 }
@@ -60,6 +67,28 @@ function facts(one) {
   if (typeof one.off === "number") lines.push([text.off, millimetres(one.off)]);
   if (one.off === "spurious") lines.push([text.off, text.spurious]);
   return [...lines, ...attributeLines(one.attributes)];
+}
+
+// The sizes of the place by whose name elements are selected, such as a section, and of its parts.
+function sizeLines(elements, name) {
+  const [{ row }] = elements;
+  if (elements.some((one) => one.row !== row || one.group !== name || one.date !== "new")) return [];
+  return row.places
+    .filter(({ id }) => id === name || id.startsWith(name + PART))
+    .flatMap(({ id, sizes }) =>
+      Object.entries(sizes).map(([what, [value, sigma]]) => [
+        [...id.slice(name.length + PART.length).split(PART), what].filter(Boolean).join(", "),
+        `${metres(value)} \u00b1 ${millimetres(sigma)}`,
+      ]),
+    );
+}
+
+// A link to the place whose part an element is, where that has sizes.
+function whole(one, open) {
+  const { row, group } = one;
+  if (one.date !== "new" || !row.places.some(({ id }) => id === group)) return [];
+  const all = row.elements.filter((other) => other.group === group && other.date === "new");
+  return [[text.partOf, link(group, () => open(all, `${row.name}/${group}`, group))]];
 }
 
 // What a comparison says of an element.

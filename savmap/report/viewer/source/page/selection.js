@@ -36,7 +36,7 @@ export class Selection {
       this.elements,
       this.name,
       (one) => frame.lines(one),
-      (found, key) => this.open(found, key),
+      (found, key, name) => this.open(found, key, name),
     );
   }
 

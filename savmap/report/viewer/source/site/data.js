@@ -42,6 +42,7 @@ function rowOf(site, entry, names) {
     path: pathOf(entry.frames),
     face: entry.face,
     stills: entry.stills,
+    places: entry.places,
     elements: [],
   };
   let first = 0;

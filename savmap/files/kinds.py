@@ -1,0 +1,43 @@
+"""What a file that savmap writes is, by the `format` that it names: for errors where one is given in place of another."""
+
+import re
+from pathlib import Path
+
+FORMAT = re.compile(r'"format"\s*:\s*"(savmap-[a-z]+)"')
+KINDS = {
+    "savmap-map": "a map",
+    "savmap-site": "a site file",
+    "savmap-survey": "a survey",
+    "savmap-run": "the record of a run",
+    "savmap-comparison": "a comparison of two maps",
+}
+HEAD = 1 << 16
+"""Characters of a file in which its format stands."""
+
+
+def kind_of(content: object) -> str:
+    """What the content of a JSON file is, such as "a survey"; empty where it names no format of savmap's."""
+    return _said(content.get("format")) if isinstance(content, dict) else ""
+
+
+def kind_of_text(text: str) -> str:
+    """The same of the text of a JSON file, of which the beginning will do."""
+    found = FORMAT.search(text, 0, HEAD) if text[:HEAD].lstrip().startswith("{") else None
+    return _said(found[1]) if found else ""
+
+
+def kind_of_file(path: Path) -> str:
+    """The same of a file, however large; empty where it cannot be read."""
+    try:
+        if not path.is_file():  # reading a pipe would wait
+            return ""
+        with path.open("rb") as stream:
+            return kind_of_text(stream.read(HEAD).decode(errors="replace"))
+    except OSError:
+        return ""
+
+
+def _said(name: object) -> str:
+    return (
+        KINDS.get(name, f"a file of the format {name}") if isinstance(name, str) and name.startswith("savmap-") else ""
+    )
