@@ -111,7 +111,7 @@ def main() -> None:
     print(f"goal on dark-test: {GOAL}")
     for name, figures in maps_figures.items():
         print(f"{name}: missing {figures['missing']}, spurious {figures['spurious']}, {100 * figures['mae_m']:.2f} cm")
-    write_text(given.output, json.dumps({"iou": iou, "maps": maps_figures, **adapted.as_json()}, indent=2) + "\n")
+    write_text(given.output, json.dumps({"dark_test": iou, "maps": maps_figures, **adapted.as_json()}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

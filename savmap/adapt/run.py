@@ -28,8 +28,8 @@ from savmap.types.progress import Monitor, SilentMonitor
 from savmap.vision.views import Renderer
 
 FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
-SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png")
-VIEWED = ("view.html", "face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
+SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png", "view.html")
+VIEWED = ("face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
 """What of the new map is copied beside the network; the viewer keeps its scripts in folders."""
 
 
@@ -188,13 +188,16 @@ def _agreement(work: Adaptation, model: Path, number: int) -> dict[str, float]:
 
 
 def _copied(work: Adaptation, state: State) -> Iterator[Path]:
-    """The best network's files and its map's, copied to where they are looked for."""
+    """The best network's files and its map's, copied to where they are looked for; those that the viewer loads are not told."""
     for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
         yield _copy(source, work.folder)
     shown = state.map_file.parent
-    for pattern in (*SHOWN, *VIEWED):
+    for pattern in SHOWN:
         for source in sorted(shown.glob(pattern)):
-            yield _copy(source, work.folder / source.parent.relative_to(shown))
+            yield _copy(source, work.folder)
+    for pattern in VIEWED:
+        for source in sorted(shown.glob(pattern)):
+            _copy(source, work.folder / source.parent.relative_to(shown))
 
 
 def _copy(source: Path, folder: Path) -> Path:
