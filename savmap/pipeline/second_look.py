@@ -165,11 +165,29 @@ def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) 
 
 def unexplained(left: Expectation, looks: Sequence[Look], views: Mapping[str, ViewSpec]) -> Iterator[Doubt]:
     """A doubt about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
-    structure is level, too, and goes on in the evidence of its front."""
+    structure is level, too, and goes on in the evidence of its front. Of what stands across the camera's way no picture tells that; where all
+    that meets it lies behind, so does it."""
+    behind: set[int] = set()
+    across: list[tuple[Expected, Doubt]] = []
     for thing, doubt in left.untracked():
         part = inner_part(thing.outline, left.planes)
-        if part is None or not lies_behind(part, looks, views, left.path):
+        if part is None:
+            across.append((thing, doubt))
+        elif lies_behind(part, looks, views, left.path):
+            behind.add(id(thing))
+        else:
             yield doubt
+    for thing, doubt in across:
+        met = [other for other in left.objects if other is not thing and meets(thing, other)]
+        if not met or any(id(other) not in behind for other in met):
+            yield doubt
+
+
+def meets(one: Expected, other: Expected) -> bool:
+    """Whether two objects' outlines touch, to half of the lesser thickness of either."""
+    (low, high), (first, last) = ((thing.outline.min(axis=0), thing.outline.max(axis=0)) for thing in (one, other))
+    room = min(float(np.sort(size)[1]) for size in (high - low, last - first)) / 2
+    return bool((low < last + room).all() and (first < high + room).all())
 
 
 def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:

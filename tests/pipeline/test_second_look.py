@@ -14,11 +14,22 @@ from savmap.graph import References
 from savmap.pipeline import second_look
 from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.second_look import Expectation, look_again
+from savmap.pipeline.second_look import Expectation, look_again, unexplained
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Detection, Expected, Feature, FrameTable, RowFacts, Trajectory, View, ViewPlan, ViewSpec
+from savmap.types import (
+    Detection,
+    Expected,
+    Feature,
+    FrameTable,
+    PlanePatch,
+    RowFacts,
+    Trajectory,
+    View,
+    ViewPlan,
+    ViewSpec,
+)
 from savmap.types.progress import NoteCollector
 from savmap.video.reader import Clip
 from savmap.vision.markers import MarkerTracks
@@ -190,3 +201,24 @@ def test_tracking_that_is_not_used_warns_nobody(walked: MeasuredPasses, caplog: 
     logging.getLogger("savmap_one").warning("row A: seen only in part, and used")
     assert tracked
     assert [record.getMessage() for record in caplog.records] == ["row A: seen only in part, and used"]
+
+
+@pytest.mark.parametrize(("in_plane", "doubted"), [([], 0), ([0.8], 2)])
+def test_what_meets_only_what_lies_behind_lies_behind_itself(
+    monkeypatch: pytest.MonkeyPatch, in_plane: list[float], doubted: int
+) -> None:
+    def box(x: tuple[float, float], y: tuple[float, float]) -> Expected:
+        return Expected(
+            "thing", np.array([[a, b, 0.0] for a, b in ((x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1]))])
+        )
+
+    def behind(part: PlanePatch, *others: object) -> bool:
+        return not any(abs(part.origin[1] - y) < 0.1 for y in in_plane)
+
+    monkeypatch.setattr(second_look, "lies_behind", behind)
+    plane = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.array([4.0, 2.0]), 0.02)
+    across = [box((-0.1, 0.0), (-1.0, 2.0)), box((3.0, 3.1), (-1.0, 2.0))]
+    along = [box((0.0, 3.0), (y, y + 0.1)) for y in (0.2, 0.8)]
+    tracked = {f"thing 1 / {end}": np.array([-0.05, y, 0.0]) for end, y in (("top", 2.0), ("bottom", -1.0))}
+    left = Expectation([*across, *along], PATH, tracked, [plane])
+    assert len([*unexplained(left, [], {})]) == doubted

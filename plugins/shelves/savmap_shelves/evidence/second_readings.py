@@ -49,8 +49,8 @@ def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settl
 def _votes(
     level: Floats, first: Floats, second: Floats, heights: Sequence[float], like: bool
 ) -> Iterator[tuple[int, Ints, Ints]]:
-    """For either edge of a level at (2,), and each height that it may have, which first (n, 2) and second readings (n, 2) agree. What is `like` a
-    profile of its row or section has another only where the first readings of that edge disagree among themselves.
+    """For either edge of a level at (2,), and each height that it may have, which first (n, 2) and second readings (n, 2) agree. What is `like` the
+    others of its section has the row's height only where the first readings of that edge disagree among themselves.
 
     An edge is looked for from the other one. Where a frame read that far off the level's, its second reading is of another place, and is
     no reading that disagrees; elsewhere edges agree by their distance from it, for the frame's own error moves both.
@@ -73,14 +73,18 @@ def _steady(readings: Floats, height: float) -> bool:
 
 def _profiles(section: Ints, heights: Floats) -> Iterator[tuple[list[float], bool]]:
     """For each level of height (k,) the heights that it may have, the likelier first: that of most of the row, and that of the others of its section;
-    and whether it is like either, for a section may have a profile of its own. None where the row has no usual height."""
+    and whether it is like these. A section may have a profile of its own: what is like either has no other, but where its section has beams of the
+    row's height, too. None where the row has no usual height."""
     usual = float(np.median(heights))
     beside = [_of_the_others(heights, section, level, usual) for level in range(len(heights))]
     off = np.minimum(np.abs(heights - usual), np.abs(heights - beside))
     regular = bool(np.mean(off < ALIKE * usual) >= MOSTLY)
-    for height, own, apart in zip(beside, heights.tolist(), off.tolist(), strict=True):
+    common = set(section[np.abs(heights - usual) < ALIKE * usual].tolist())
+    for number, height, own, apart in zip(section.tolist(), beside, heights.tolist(), off.tolist(), strict=True):
         both = sorted({usual, height}, key=lambda likely: abs(likely - own))
-        yield (both if regular else []), bool(apart < NEAR * usual)
+        like = bool(apart < NEAR * usual)
+        alone = like and (number not in common or abs(own - usual) < NEAR * usual)
+        yield (both[:1] if alone else both) if regular else [], like
 
 
 def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> float:

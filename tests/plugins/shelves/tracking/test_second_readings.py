@@ -72,16 +72,23 @@ def test_what_moves_a_whole_frame_does_not_part_readings() -> None:
     assert found.second[:, 1].sum() == FRAMES
 
 
-@pytest.mark.parametrize(("spread", "believed_of"), [(0.02, True), (0.0005, False)])
-def test_edges_that_are_at_any_height_are_no_profile_of_a_section(spread: float, believed_of: bool) -> None:
-    section = np.repeat([0, 1], [len(BOTTOMS), 3])
+@pytest.mark.parametrize(
+    ("spread", "common", "believed_of"), [(0.02, True, True), (0.0005, True, False), (0.02, False, False)]
+)
+def test_edges_that_are_at_any_height_are_no_profile_of_a_section(
+    spread: float, common: bool, believed_of: bool
+) -> None:
+    section = np.repeat([0, 1], [len(BOTTOMS), 4])
     which = np.tile(np.arange(len(section)), FRAMES)
-    bottoms = np.array([*BOTTOMS, 0.0, 1.0, 2.0])
+    bottoms = np.array([*BOTTOMS, 0.0, 1.0, 2.0, 3.0])
     odd, off = section[which] == 1, np.linspace(-spread, spread, FRAMES).repeat(len(section))
+    if common:
+        odd &= which < len(section) - 1
     first = np.stack([bottoms[which], bottoms[which] + np.where(odd, 2 * HEIGHT + off, HEIGHT)], axis=-1)
     second = np.full(first.shape, np.nan)
     second[odd, 1] = bottoms[which][odd] + HEIGHT
-    assert believed(section, which, first, second).edges[section == 1, 1].all() == believed_of
+    found = believed(section, which, first, second).edges
+    assert found[len(BOTTOMS) : len(BOTTOMS) + 3, 1].tolist() == [believed_of] * 3
 
 
 def test_two_readings_are_too_few() -> None:
