@@ -14,7 +14,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.pipeline.trust.footage import require_panoramas
-from savmap.pipeline.view_plans import PassPlan, plan_views, preview_of
+from savmap.pipeline.view_plans import PassPlan, face_first, plan_views, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
@@ -40,22 +40,21 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
 def with_best_networks(
     name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], renderer: Renderer, attitude: Floats | None
 ) -> tuple[Sequence[LoadedPlugin], PassPlan]:
-    """The plugins with the networks that see most in a pass, the first, and the views that they want of it. The attitude that one
-    finds is given to those after it (`attitude`: world_from_rig (3, 3) of the first frame, where it is known).
+    """The plugins with the networks that see most in a pass, the first, and the views that they want of it, asked in the order of `face_first`. The
+    attitude that one finds is given to those after it (`attitude`: world_from_rig (3, 3) of the first frame, where it is known).
 
     Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are no panoramas.
     """
     preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, preview.keys)
-    chosen: list[LoadedPlugin] = []
-    plans: dict[str, ViewPlan] = {}
-    for plugin in plugins:
-        best, plans[plugin.name] = with_best_network(
+    found: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
+    for plugin in face_first(plugins):
+        found[plugin.name] = with_best_network(
             plugin, preview, partial(_views_of, row_pass=row_pass, preview=preview, attitude=attitude)
         )
-        chosen.append(best)
-        attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
-    return chosen, PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
+        attitude = found[plugin.name][1].world_from_rig if attitude is None else attitude
+    plans = {plugin.name: found[plugin.name][1] for plugin in plugins}
+    return [found[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:

@@ -68,17 +68,23 @@ def plan_pass(
     renderer: Renderer,
     attitude: Floats | None,
 ) -> tuple[PassPlan, PassPreview]:
-    """Ask every plugin for its views of a pass. The attitude that one finds is given to those after it.
+    """Ask every plugin for its views of a pass, in the order of `face_first`. The attitude that one finds is given to those after it.
 
     `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no panoramas.
     """
     pass_preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
-    for plugin in plugins:
+    for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
+    plans = {plugin.name: plans[plugin.name] for plugin in plugins}
     return PassPlan(name, row_pass.clip, plans, row_pass.side, doubts), pass_preview
+
+
+def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:
+    """The plugins, those first that may find the face, in whatever order they are named: the others' views are turned along it."""
+    return sorted(plugins, key=lambda plugin: plugin.needs_path)
 
 
 def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:

@@ -113,7 +113,10 @@ def test_plugin_that_wants_no_views_keeps_its_own(shares: dict[Path, float]) -> 
     assert (best.network, planned.views) == (None, ())
 
 
-def test_first_attitude_is_told_to_later_plugins(monkeypatch: pytest.MonkeyPatch, shares: dict[Path, float]) -> None:
+@pytest.mark.parametrize("face_comes_first", [True, False])
+def test_attitude_of_the_face_is_told_to_other_plugins_in_any_order(
+    face_comes_first: bool, monkeypatch: pytest.MonkeyPatch, shares: dict[Path, float]
+) -> None:
     turned, told = np.diag([1.0, -1.0, -1.0]), list[Any]()
 
     def plan_views(plugin: LoadedPlugin, row_pass: object, pool: object, preview: object, attitude: object) -> ViewPlan:
@@ -122,12 +125,14 @@ def test_first_attitude_is_told_to_later_plugins(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(networks, "preview_of", lambda clip, renderer: SimpleNamespace(keys=[]))
     monkeypatch.setattr(networks, "plan_views", plan_views)
-    plugins = [plugin_with(), loaded_plugin("two", plugin_class(), Config())]
+    plugins = [plugin_with(), loaded_plugin("two", plugin_class(needs_path=True), Config())]
+    plugins = plugins if face_comes_first else plugins[::-1]
     chosen, plan = with_best_networks("pass 1", Pass(video=Path("a.mp4")), plugins, Renderer(), None)
     assert chosen == plugins
     assert told[0] is None
     assert np.array_equal(told[1], turned)
     assert plan.locators() == {"one"}
+    assert [*plan.plans] == [plugin.name for plugin in plugins]
 
 
 def test_network_that_the_user_names_stays() -> None:
