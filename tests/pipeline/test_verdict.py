@@ -17,7 +17,7 @@ from savmap.pipeline.trust.support import Support, supports
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.types import Doubt, RowMap, SiteMap, Structure, Track, Verdict
+from savmap.types import Doubt, Feature, RowMap, SiteMap, Structure, Track, Verdict
 from savmap.types.progress import SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
@@ -144,6 +144,22 @@ def test_a_structure_that_few_frames_measured_is_doubted() -> None:
     assert structures["wall"][4].attributes["support"] < 0.2
     assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("support", ("post 4",))]
     assert verdict.grade == "check"
+
+
+@pytest.mark.parametrize(("frames", "doubted"), [(1.0, True), (0.3, False)])
+def test_what_was_seen_in_most_frames_and_not_mapped_is_doubted(frames: float, doubted: bool) -> None:
+    row = mapped(Wall)
+    pixel, covariance = np.zeros((1, 2)), np.eye(2)[None]
+    seen = [
+        Feature(frame, made.VIEW, "lamp", "centre", 1, pixel, covariance) for frame in range(int(frames * made.FRAMES))
+    ]
+    lamps: LoadedPlugin = loaded_plugin("lamps", made.Wall, made.Config())
+    request = replace(row.request, plugins=[*row.request.plugins, lamps])
+    measurements = replace(row.measurements, features={**row.measurements.features, "lamps": seen})
+    row = replace(row, request=request, measurements=measurements, structures={**row.structures, "lamps": ()})
+    _, verdict = judge(row)
+    told = f"nothing of `lamps` is mapped, but {len(seen)} of {made.FRAMES} frames show something like it: all of it may be missing"
+    assert [doubt.what for doubt in verdict.doubts] == [told] * doubted
 
 
 def test_what_a_plugin_the_footage_and_the_solve_doubt_is_kept() -> None:

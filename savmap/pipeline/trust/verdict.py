@@ -17,6 +17,7 @@ OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
 MOST_REJECTED = 0.4
+OFTEN_SEEN = 0.5
 AXES = "xyz"
 
 
@@ -29,7 +30,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
         found[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
         solution = row.solution, plugin.name
-        doubts += [*plugin.doubt(structures), *_weak(structures, support)]
+        doubts += [*_unmapped(row, plugin.name), *plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
     kept, beyond = without_beyond(doubts, found, row.measurements.locators)
     notes = (*row.solution.unchecked, *row.notes, *beyond)
@@ -38,6 +39,22 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
 
 def _with_support(structure: Structure, support: Support) -> Structure:
     return replace(structure, attributes={**structure.attributes, "support": round(support.share, 3)})
+
+
+def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
+    """A doubt where a plugin measured something in most of the frames it looked at, and mapped nothing of it."""
+    features, facts = row.measurements.features.get(plugin, ()), row.measurements.facts
+    if row.structures.get(plugin) or plugin in row.measurements.locators:
+        return
+    views = {feature.view for feature in features}
+    seen = len({feature.frame for feature in features})
+    looked = sum(
+        any(name.startswith(f"{of} / ") and facts.views[name].shows(frame) for name in views)
+        for frame, of in enumerate(facts.frames.passes)
+    )
+    if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
+        what = f"nothing of `{plugin}` is mapped, but {seen} of {looked} frames show something like it: all of it may be missing"
+        yield Doubt("support", what)
 
 
 def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:

@@ -100,7 +100,7 @@ def test_a_line_without_an_end_in_sight_is_unknown_along() -> None:
 
 
 def test_a_line_without_any_end_is_said() -> None:
-    with pytest.raises(StructureError, match="no lamp"):
+    with pytest.raises(StructureError, match="no three frames show a lamp"):
         track_lamps(drawn.features_of([drawn.strip(-40.0, 40.0)]), drawn.facts(), drawn.path())
 
 

@@ -44,3 +44,20 @@ def test_whole_lamps_stay_as_they_are() -> None:
     whole = completed(features, seen, drawn.HEIGHT_M, drawn.LINE_Z_M)
     assert [f.part for f in whole] == [f.part for f in features]
     assert np.array_equal([f.pixels[0] for f in whole], [f.pixels[0] for f in features])
+
+
+def test_what_shines_beside_a_lamp_along_the_line_is_no_part_of_it() -> None:
+    features = []
+    for frame, pose in enumerate(drawn.path().world_from_rig):
+        lamps = [drawn.strip(x - HALF, x + HALF) for x in (1.0, 2.5, 4.0)]
+        if frame < 6:
+            lamps[1][2:, 2] += 0.05
+        grey = drawn.picture(lamps, pose)
+        features += drawn.extract_features(drawn.view_of(grey, frame), drawn.seen(grey, False))
+    seen = sightings(features, drawn.facts(), drawn.path(), upwards=True, max_slope=MAX_SLOPE)
+    whole = completed(features, seen, drawn.HEIGHT_M, drawn.LINE_Z_M)
+    again = sightings(whole, drawn.facts(), drawn.path(), upwards=True, max_slope=MAX_SLOPE)
+    at = again.at(drawn.HEIGHT_M)[again.of_part("centre") & (again.frames < 6)]
+    joined = at[np.abs(at[:, 0] - 2.5) < 0.3]
+    assert len(joined) == 6
+    np.testing.assert_allclose(joined, np.tile([2.5, drawn.LINE_Z_M], (6, 1)), atol=0.01)

@@ -126,5 +126,5 @@ def _partners(marks: Marks, places: Floats, width_m: float) -> Ints:
 def no_lamp() -> StructureError:
     """What is said where no lamps are found."""
     return StructureError(
-        "no lamp was seen in three frames or more: does the ceiling view show lamps, and was the network trained on such?"
+        "no three frames show a lamp in one place: does the ceiling view show lamps, and was the network trained on such?"
     )

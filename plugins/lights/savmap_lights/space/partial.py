@@ -15,7 +15,7 @@ import numpy as np
 from savmap.plugin import Feature, Floats, Sightings
 
 ALIKE, ALIKE_M = 0.06, 0.03
-LEAST_SHOWN = 0.4
+LEAST_SHOWN, MOST_JOINED = 0.4, 1.4
 SAME_LINE_M = 0.4
 FEWEST, ENOUGH = 3, 5
 THINNEST_M, THICKEST_M = 0.02, 0.3
@@ -50,8 +50,9 @@ class Sides:
 
 def completed(features: Sequence[Feature], seen: Sightings, level_m: float, line_z: float) -> list[Feature]:
     """The features with those of compact lamps, centres and glimpses, made whole: at the lamp's middle where they have the usual size,
-    at both places that this may have where a part is missing, left out where they are larger. The usual size is that of those on the
-    line at `line_z`, if possible of those that nothing hides; it grows aslant, where a lamp's flank shows."""
+    at both places that this may have where a part is missing, at the one nearer to the line where something as bright that runs beside
+    them along the line makes them wider, left out where they are larger otherwise. The usual size is that of those on the line at
+    `line_z`, if possible of those that nothing hides; it grows aslant, where a lamp's flank shows."""
     sides = _sides(seen, level_m)
     near = {name: own for name, own in sides.items() if abs(own.places[:, 1].mean() - line_z) < SAME_LINE_M}
     shown = [
@@ -68,7 +69,7 @@ def completed(features: Sequence[Feature], seen: Sightings, level_m: float, line
         if own is None or feature.part not in ("centre", "glimpse"):
             whole.append(feature)
         else:
-            whole += _candidates(feature, own, np.array(usual))
+            whole += _candidates(feature, own, np.array(usual), line_z)
     return whole
 
 
@@ -105,12 +106,13 @@ def _sides(seen: Sightings, level_m: float) -> dict[Instance, Sides]:
     }
 
 
-def _candidates(feature: Feature, sides: Sides, usual: Floats) -> Iterator[Feature]:
+def _candidates(feature: Feature, sides: Sides, usual: Floats, line_z: float) -> Iterator[Feature]:
     """Where the centre may be of a lamp that has these sizes along x and z seen from below, and grows so much (2, 2) aslant."""
     size, expected = sides.size, usual[:, 0] + usual[:, 1] * sides.aslant
     missing = expected - size
     alike = np.abs(missing) <= ALIKE * expected + ALIKE_M
-    if (size[~alike] > expected[~alike]).any() or (size < LEAST_SHOWN * expected).any():
+    most = np.where(alike, np.inf, expected * (1.0, MOST_JOINED))
+    if (size > most).any() or (size < LEAST_SHOWN * expected).any():
         return
     thickness = usual[0, 1] if usual[0, 1] >= THINNEST_M else 0.0
     outward = sides.outward(usual[:, 0], thickness)
@@ -120,6 +122,8 @@ def _candidates(feature: Feature, sides: Sides, usual: Floats) -> Iterator[Featu
         axis = int(np.argmax(np.abs(apart)))
         across = (sides.pixels[other] - sides.pixels[one]) / apart[axis]
         steps = [0.0] if alike[axis] else [-missing[axis] / 2, missing[axis] / 2]
+        if missing[axis] < 0 and len(steps) > 1:
+            steps = [min(steps, key=lambda step: abs(sides.places[:, axis].mean() + step - line_z))]
         shifts.append([(step - outward[axis]) * across for step in steps])
     for first, second in product(*shifts):
         yield replace(feature, part="centre", pixels=feature.pixels + first + second)
