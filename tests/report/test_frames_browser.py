@@ -19,6 +19,9 @@ ALIGNED = replace(site("A", "B"), alignment=ALIGNMENT)
 VALUES = """(frame) => { const v = savmapViewer; v.frame.tellIn(frame); v.selection.show();
     return [...document.querySelectorAll("#selection dd")].slice(0, 2).map((cell) => cell.textContent); }"""
 
+NAMED = "{}[...document.querySelectorAll('#compass text')].some((one) => one.textContent === 'z')"
+"""Whether the compass names z; with a "!", whether it does not, as where z points at the viewer."""
+
 
 def told(page: Any, frame: str) -> tuple[list[float], float]:
     """The centre of what is selected, and its largest standard deviation in mm."""
@@ -70,14 +73,14 @@ def test_picked_corners_are_told_in_the_frame(opened: Open) -> None:
 def test_plan_shows_north_and_axes(opened: Open) -> None:
     page = opened(View(ALIGNED))
     page.keyboard.press("2")
-    page.wait_for_timeout(200)
+    until(page, NAMED.format("!"))
     north, x = (np.array(axes(page)[name]) for name in ("y, N", "x"))
     # row A lies along the site's x, which points 33 degrees to the left of the world's x: that is 33 degrees to the right in the plan
     assert np.degrees(np.arctan2(x[1], x[0])) == pytest.approx(33, abs=0.1)
     assert np.degrees(np.arctan2(north[1], north[0])) == pytest.approx(33 - 90, abs=0.1)
     assert "z" not in axes(page)  # it points at the viewer
     page.select_option("#frame", "row")
-    page.wait_for_timeout(200)
+    until(page, NAMED.format(""))
     assert axes(page)["x"][1] == pytest.approx(0, abs=1e-6)
     assert axes(page)["N"][0] > 0
     assert axes(page)["z"][1] > 0  # out of the face
