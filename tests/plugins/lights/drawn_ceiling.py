@@ -49,14 +49,15 @@ def picture(lamps: Sequence[Floats], pose: Floats, beams: Sequence[float] = ()) 
     """Grey levels (480, 640) of lamps, and of beams across at these places along x, below them, 20 cm wide."""
     canvas = np.full((480, 640), DIM, np.uint8)
     for corners in lamps:
-        _fill(canvas, corners, pose, BRIGHT)
+        fill(canvas, corners, pose, BRIGHT)
     for x in beams:
         beam = np.array([[x, 5.5, -4], [x + 0.2, 5.5, -4], [x + 0.2, 5.5, 6], [x, 5.5, 6]])
-        _fill(canvas, beam, pose, DIM // 3)
+        fill(canvas, beam, pose, DIM // 3)
     return cv2.GaussianBlur(canvas, (0, 0), 0.7)
 
 
-def _fill(canvas: np.ndarray, corners: Floats, pose: Floats, value: int) -> None:
+def fill(canvas: np.ndarray, corners: Floats, pose: Floats, value: int) -> None:
+    """Paint what lies within corners (4, 3) in one grey level."""
     in_view = (corners - pose[:3, 3]) @ pose[:3, :3] @ CEILING.rig_from_view
     pixels = np.round(np.clip(project(in_view, CEILING.camera), -5000, 5000) * 256).astype(np.int32)
     cv2.fillPoly(canvas, [pixels], value, cv2.LINE_AA, 8)

@@ -47,6 +47,20 @@ def test_what_a_beam_hides_of_a_strip_is_no_end() -> None:
     assert np.abs(ends - [pixel(X - 1.5), pixel(X + 1.5)]).max() < 0.6
 
 
+def test_a_purlin_behind_a_lamps_housing_hides_no_end() -> None:
+    grey = drawn.picture([], POSE)
+    purlin = np.array([[X + 1.41, 6, -4], [X + 1.49, 6, -4], [X + 1.49, 6, 6], [X + 1.41, 6, 6]])
+    for corners, value in (
+        (purlin, 130),
+        (drawn.strip(X - 1.4, X + 1.7), 175),
+        (drawn.strip(X - 1.2, X + 1.4), drawn.BRIGHT),
+    ):
+        drawn.fill(grey, corners, POSE, value)
+    ends = ends_of(extract_features(drawn.view_of(grey), drawn.seen(grey)))
+    assert len(ends) == 2
+    assert np.abs(ends - [pixel(X - 1.2), pixel(X + 1.4)]).max() < 1.0
+
+
 def places_of(features: list[Feature]) -> list[str]:
     return [feature.part for feature in features if feature.part != "side"]
 

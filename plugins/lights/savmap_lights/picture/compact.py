@@ -66,7 +66,7 @@ def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | Non
             return None
         low, high = (float(np.median(side[both])) for side in (left, right))
         sizes[1 - number] = high - low
-        first, last = (is_covered(grey, middle, across, seed.width, at) for at in (low, high))
+        first, last = (is_covered(grey, middle, across, seed.width, *end) for end in ((low, -1), (high, 1)))
         hidden[1 - number] = first, last
         middle = middle + (low + high) / 2 * across
     if max(sizes) > STRIP_RATIO * min(sizes):

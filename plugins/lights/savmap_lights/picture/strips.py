@@ -136,7 +136,10 @@ def _body(
     inside = {other.number for other in seeds if _within(other.middle - middle, axis, width, run.low, run.high)}
     numbers = tuple(sorted(inside)) or (seed.number,)
     sharp = [(low, run.low, run.low_sharp), (high, run.high, run.high_sharp)]
-    hidden = [is_sharp and is_covered(grey, middle, axis, width, at) for _, at, is_sharp in sharp]
+    hidden = [
+        is_sharp and is_covered(grey, middle, axis, width, at, outward)
+        for (_, at, is_sharp), outward in zip(sharp, (-1, 1), strict=True)
+    ]
     ends = [
         pixel if is_sharp and not hides else None for (pixel, _, is_sharp), hides in zip(sharp, hidden, strict=True)
     ]
