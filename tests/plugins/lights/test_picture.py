@@ -52,7 +52,7 @@ def test_a_purlin_behind_a_lamps_housing_hides_no_end() -> None:
     purlin = np.array([[X + 1.41, 6, -4], [X + 1.49, 6, -4], [X + 1.49, 6, 6], [X + 1.41, 6, 6]])
     for corners, value in (
         (purlin, 130),
-        (drawn.strip(X - 1.4, X + 1.7), 175),
+        (drawn.strip(X - 1.4, X + 1.7), 165),
         (drawn.strip(X - 1.2, X + 1.4), drawn.BRIGHT),
     ):
         drawn.fill(grey, corners, POSE, value)
