@@ -243,3 +243,15 @@ def test_a_plan_that_counts_looks_where_it_is_told(pass_preview: PassPreview) ->
     assert (plan.views[0].name, plan.views[0].every, plan.notes) == ("floor", 2, ())
     np.testing.assert_allclose(LEVEL @ plan.views[0].rig_from_view, DOWNWARDS, atol=1e-9)
     assert "fewer than 3" in count_view_plan(pass_preview, two_posts, {}, LEVEL, "floor", DOWNWARDS, 3).notes[0]
+
+
+def test_a_line_that_no_view_shows_whole_is_seen_from_as_near_as_may_be(pass_preview: PassPreview) -> None:
+    def line(view: View) -> list[Detection]:
+        mask = mask_of(slice(200, 220), slice(0, view.spec.width))
+        return [Detection("post", 0.9, mask, mask.astype(np.float32))]
+
+    plan = count_view_plan(pass_preview, line, {}, LEVEL, "floor", DOWNWARDS)
+    assert plan.views[0].hfov_deg < 70
+    assert "fewer than 2" in plan.notes[0]
+    nothing = count_view_plan(pass_preview, lambda view: [], {}, LEVEL, "floor", DOWNWARDS)
+    assert nothing.views[0].hfov_deg > 150

@@ -1,6 +1,7 @@
 """Which way a plugin of points looks, and which points of a mask are points of an object."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -57,7 +58,8 @@ def count_view_plan(
     at_least: int = 2,
     every: int = 1,
 ) -> ViewPlan:
-    """One view in a fixed direction of the building, as narrow as shows `at_least` masks whole in nearly all key frames.
+    """One view in a fixed direction of the building, as narrow as shows `at_least` masks whole in nearly all key frames; where no width
+    does, as of a line of light from end to end, as narrow as shows a part of one.
 
     world_from_view (3, 3): `UPWARDS` at the ceiling, `DOWNWARDS` at the floor; its x axis is the row's where the attitude is known, else
     one of the building's. every: it is cut from each so many of the frames.
@@ -69,7 +71,11 @@ def count_view_plan(
     def whole(view: View) -> int:
         return sum(not touches_border(detection.mask) for detection in predict(view))
 
-    fitted = fit_count(pass_preview, spec, whole, at_least, manual=manual.get(name, Manual()))
+    own = manual.get(name, Manual())
+    fitted = fit_count(pass_preview, spec, whole, at_least, manual=own)
+    if fitted.warning:
+        part = fit_count(pass_preview, spec, lambda view: len(predict(view)), 1, manual=own)
+        fitted = fitted if part.warning else replace(fitted, spec=part.spec)
     return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
 
 
