@@ -1,5 +1,6 @@
 """All plugins' constraints and the user's references in one problem: names resolved, arrays laid out."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -15,6 +16,8 @@ from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
 from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
+
+NUMBER = re.compile(r"\d+")
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +231,19 @@ def _named_coordinate(name: str, parts: tuple[Constraints, ...], row: str) -> tu
             return part.coordinates[name]
         if name in part.keys:
             return None, part.keys[name]
-    names = [known for part in parts for known in (*part.coordinates, *part.keys)]
-    near = get_close_matches(name, names, 1, 0.0)
-    hint = f"; the nearest name is '{near[0]}'" if near else ""
+    hint = _nearest_name(name, [known for part in parts for known in (*part.coordinates, *part.keys)])
     raise SiteError(f"row {row}: reference to '{name}', but no such thing was found in the video{hint}")
+
+
+def _nearest_name(name: str, names: Sequence[str]) -> str:
+    """A hint at the name that was meant: of those that differ by numbers alone the one with the nearest, else the one most alike."""
+    alike = [known for known in names if NUMBER.split(known) == NUMBER.split(name)]
+    if alike:
+        wanted = np.array(NUMBER.findall(name), dtype=np.float64)
+        near = min(alike, key=lambda known: float(np.abs(np.array(NUMBER.findall(known), np.float64) - wanted).sum()))
+        return f"; the nearest name is '{near}': is all of the row in the video?"
+    close = get_close_matches(name, names, 1, 0.0)
+    return f"; the nearest name is '{close[0]}'" if close else ""
 
 
 def _free_axis(a: int, b: int, structure: tuple[Relation, ...]) -> Axis | None:

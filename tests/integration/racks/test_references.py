@@ -105,7 +105,9 @@ def test_all_references_are_reported(small: made.World) -> None:
 
 def test_unknown_name_suggests_the_nearest(small: made.World) -> None:
     given = References((), (KnownLength("upright 1 / left", "upright 9 / right", 10.0, 0.003),))
-    with pytest.raises(SiteError, match=r"upright 9 / right.*nearest name is 'upright 4 / right'"):
+    with pytest.raises(
+        SiteError, match=r"upright 9 / right.*nearest name is 'upright 4 / right': is all of the row in the video"
+    ):
         made.problem(small, made.begin(small), given)
 
 
