@@ -119,7 +119,14 @@ def test_a_step_of_exposure_is_no_cut() -> None:
 def test_turning_away_is_doubted() -> None:
     turning = [corridor(30 * PACE_M, turned) for turned in range(0, 91, 6)]
     found = course([*drive(0, 30), *turning])
-    assert any("turned away from the row" in line for line in what(found))
+    (line,) = [line for line in what(found) if "turned away from the row" in line]
+    assert "end the pass before that (`end_s`), at 2.5 s or earlier" in line
+
+
+def test_turning_to_the_row_at_the_beginning_is_to_be_left_out() -> None:
+    turning = [corridor(0.0, turned) for turned in range(96, 0, -6)]
+    (line,) = [line for line in what(course([*turning, *drive(0, 40)])) if "turned away from the row" in line]
+    assert "begin the pass after that (`start_s`), at 0.5 s or later" in line
 
 
 def test_standing_most_of_the_time_is_doubted() -> None:

@@ -115,17 +115,23 @@ def _cut(course: Course, step: int) -> str:
 
 
 def _cuts(course: Course, first: int, last: int) -> str:
-    """In words, that steps from `first` to `last` belong to no drive, and what to do where they begin or end the pass."""
+    """In words, that steps from `first` to `last` belong to no drive, and what to do."""
+    what = f"the picture changes all at once again and again {_span(course, first, last)}, as of a camera that is carried or covered"
+    return f"{what}: {_without(course, first, last) or BETWEEN}"
+
+
+def _span(course: Course, first: int, last: int) -> str:
+    return f"from {course.seconds(first)} to {course.seconds(last + 1)}"
+
+
+def _without(course: Course, first: int, last: int) -> str:
+    """How to leave out steps that begin or end the pass; "" where they lie amid it, or are all of it."""
     begins, ends = first <= CUTS_APART, last >= len(course.broken) - 1 - CUTS_APART
-    advice = BETWEEN
     if begins and not ends:
-        advice = f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
-    elif ends and not begins:
-        advice = f"end the pass before that (`end_s`), at {course.seconds(first)} or earlier"
-    span = f"from {course.seconds(first)} to {course.seconds(last + 1)}"
-    return (
-        f"the picture changes all at once again and again {span}, as of a camera that is carried or covered: {advice}"
-    )
+        return f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
+    if ends and not begins:
+        return f"end the pass before that (`end_s`), at {course.seconds(first)} or earlier"
+    return ""
 
 
 def _close(flags: Bools, apart: int) -> list[tuple[int, int]]:
@@ -155,16 +161,10 @@ def _turns(course: Course) -> Iterator[Doubt]:
     """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
     heading = course.steps.heading_deg
     turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
-    for first, _ in _runs(turned, BACK_STEPS)[:1]:
-        yield Doubt(
-            "motion",
-            f"the camera is turned away from the row at {course.seconds(first)}: end the pass before, or begin it after",
-        )
-    for first, _ in _runs(_astray(course), BACK_STEPS)[:1]:
-        yield Doubt(
-            "motion",
-            f"the camera leaves the row's direction at {course.seconds(first)}: end the pass before, or begin it after",
-        )
+    for what, away in (("is turned away from the row", turned), ("leaves the row's direction", _astray(course))):
+        for first, last in _runs(away, BACK_STEPS)[:1]:
+            advice = _without(course, first, last) or SPLIT
+            yield Doubt("motion", f"the camera {what} {_span(course, first, last)}: {advice}")
 
 
 def _astray(course: Course) -> Bools:
