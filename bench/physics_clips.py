@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from physics_cases import ROW, Case, Content, Filmed
-from physics_footage import other_hand, read, without, write
+from physics_videos import read, write
+from physics_ways import other_hand, without
 
 from savmap.sim.drive.cart import drive
 from savmap.sim.render.panorama import encode, frames

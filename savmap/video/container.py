@@ -17,7 +17,7 @@ from av.video.stream import VideoStream
 from savmap.errors import VideoError
 from savmap.files.urls import is_url
 from savmap.types import Floats
-from savmap.video.clip import MOST_PIXELS, VideoInfo, check_shape
+from savmap.video.clip import END_TOLERANCE_S, MOST_PIXELS, VideoInfo, check_shape
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
 """FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists do."""
@@ -88,8 +88,18 @@ def probe_file(path: Path) -> VideoInfo:
 def _duration_s(container: InputContainer, stream: VideoStream) -> float:
     if stream.duration and stream.time_base:
         return float(stream.duration * stream.time_base)
-    if container.duration:
-        return container.duration / av.time_base
+    said = container.duration / av.time_base if container.duration else 0.0
+    begins = container.start_time / av.time_base if container.start_time else 0.0
+    if said and begins <= END_TOLERANCE_S:
+        return said
+    return _last_time(container, stream, said) or said
+
+
+def _last_time(container: InputContainer, stream: VideoStream, near_s: float) -> float:
+    """The end of a stream, s from its first time, of its last packets: a header may count its length from 0, though the stream begins
+    hours later, or give none (`near_s` is 0 then, and all packets are read)."""
+    if near_s:
+        seek(container, stream, near_s)
     last = 0.0
     with suppress(av.error.FFmpegError):
         for packet in container.demux(stream):

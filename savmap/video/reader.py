@@ -106,8 +106,8 @@ def preview_frames(
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for planning views.
 
     They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Where the camera stands
-    in all pairs, or frames are repeated, pairs further apart are taken. Pictures higher than `max_height` are shrunk by a whole
-    factor. Raises VideoError as `panoramas` does.
+    in all pairs, or frames are repeated, or fewer than the header says, pairs further apart are taken. Pictures higher than `max_height`
+    are shrunk by a whole factor. Raises VideoError as `panoramas` does.
     """
     info = probe(clip.path, clip.images_fps)
     step = 1 / min(clip.fps, info.rate_fps or clip.fps)
@@ -155,8 +155,8 @@ def _look(
 
 
 def _moves(pairs: Pairs) -> bool:
-    """Whether anything moves in a pair, or there is none to see it in."""
-    return not pairs or any(_differ(*pair) for pair in pairs)
+    """Whether anything moves in a pair."""
+    return any(_differ(*pair) for pair in pairs)
 
 
 def _differ(first: Panorama, second: Panorama) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.geometry.vanishing import RIG_UP, facing, manhattan_from_segments
+from savmap.geometry.vanishing import RIG_FORWARD, RIG_UP, facing, manhattan_from_segments
 from savmap.types import Floats, Panorama, View, ViewSpec, array_record
 from savmap.vision.travel import travel_directions
 from savmap.vision.views import Renderer
@@ -24,7 +24,9 @@ SEARCH_VIEWS = [
     *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
 ]
 SHORTEST_PX = 25.0
-LEAST_SUPPORT = 0.25
+LEAST_SUPPORT, CLEAR_SUPPORT, CLEARER = 0.25, 0.5, 1.4
+"""Of the building's axes: least support; where all frames together have less than the second, each is asked alone, and counts where it shows
+axes so many times as clearly."""
 Side = Literal["left", "right"]
 Score = Callable[[ViewSpec, Panorama], float]
 # world_from_view of a level view straight at the face, and of one straight up
@@ -195,12 +197,28 @@ def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
     edges = [segments(panorama, renderer) for panorama in panoramas]
     rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
     coarse = manhattan_from_segments(rays_a, rays_b)
+    if coarse is None or coarse.support < CLEAR_SUPPORT:
+        clear = _clear_alone(edges, LEAST_SUPPORT if coarse is None else max(LEAST_SUPPORT, CLEARER * coarse.support))
+        if 2 * len(clear) > len(edges):
+            return facing(_mean(clear), RIG_UP, -RIG_FORWARD)
     if coarse is None or coarse.support < LEAST_SUPPORT:
         raise StructureError(
             "no building directions stand out in the pictures; give the views' angles in the site file"
         )
     refined = [manhattan_from_segments(*pair, coarse.rig_from_manhattan) for pair in edges]
     return _mean([frame.rig_from_manhattan for frame in refined if frame is not None])
+
+
+def _clear_alone(edges: Sequence[tuple[Floats, Floats]], least: float) -> list[Floats]:
+    """The axes (3, 3) of the frames whose own segments show them with this support, named alike: a rig that turns from frame to frame
+    has none that fit all frames together, or wrong ones."""
+    found = [manhattan_from_segments(*pair) for pair in edges]
+    axes: list[Floats] = []
+    for frame in found:
+        if frame is not None and frame.support >= least:
+            like = axes[-1] if axes else frame.rig_from_manhattan
+            axes.append(facing(frame.rig_from_manhattan, like[:, 1], like[:, 2]))
+    return axes
 
 
 def _mean(rotations: Sequence[Floats]) -> Floats:

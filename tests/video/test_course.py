@@ -80,6 +80,24 @@ def test_a_cut_to_another_place_is_doubted() -> None:
     assert "changes all at once at 1.3 s" in what(found)[0]
 
 
+def carried(count: int) -> list[np.ndarray]:
+    """A camera in somebody's hands: each picture is of another place, turned another way."""
+    return [corridor(300 * PACE_M + 7.0 * step, 77.0 * step, hall=step % 2) for step in range(count)]
+
+
+def test_a_camera_in_the_hand_before_and_after_the_drive_is_told_once_at_each_end() -> None:
+    before, after = what(course([*carried(8), *drive(0, 40), *carried(9)]))
+    assert "again and again from 0.0 s to 0.5 s" in before
+    assert "begin the pass after that (`start_s`), at 0.5 s or later" in before
+    assert "end the pass before that (`end_s`), at 3.1 s or earlier" in after
+
+
+def test_a_camera_covered_amid_the_drive_is_told_once() -> None:
+    (only,) = what(course([*drive(0, 25), *carried(6), *drive(31, 25)]))
+    assert "again and again from 1.6 s to 2.1 s" in only
+    assert "start_s, end_s" in only
+
+
 def test_missing_frames_are_doubted() -> None:
     stamps = [STEP_S * step for step in (*range(20), *range(50, 70))]
     found = course([*drive(0, 20), *drive(50, 20)], stamps)
@@ -101,7 +119,14 @@ def test_a_step_of_exposure_is_no_cut() -> None:
 def test_turning_away_is_doubted() -> None:
     turning = [corridor(30 * PACE_M, turned) for turned in range(0, 91, 6)]
     found = course([*drive(0, 30), *turning])
-    assert any("turned away from the row" in line for line in what(found))
+    (line,) = [line for line in what(found) if "turned away from the row" in line]
+    assert "end the pass before that (`end_s`), at 2.5 s or earlier" in line
+
+
+def test_turning_to_the_row_at_the_beginning_is_to_be_left_out() -> None:
+    turning = [corridor(0.0, turned) for turned in range(96, 0, -6)]
+    (line,) = [line for line in what(course([*turning, *drive(0, 40)])) if "turned away from the row" in line]
+    assert "begin the pass after that (`start_s`), at 0.5 s or later" in line
 
 
 def test_standing_most_of_the_time_is_doubted() -> None:

@@ -268,3 +268,26 @@ def test_frames_that_never_differ_are_previewed_all_the_same(tmp_path: Path) -> 
     keys, pairs = preview_frames(Clip(folder, images_fps=15.0))
     assert len(keys) == 9
     assert len(pairs) == 3
+
+
+def test_fewer_frames_than_the_header_says_are_paired_all_the_same(tmp_path: Path) -> None:
+    """The header says 30 Hz, and a frame comes every sixth of a second."""
+    path = write_video(tmp_path / "a.mkv", evenly(24, 6))
+    assert probe(path).rate_fps == pytest.approx(30.0)
+    keys, pairs = preview_frames(Clip(path))
+    assert len(keys) == 9
+    assert [b.stamp_s - a.stamp_s for a, b in pairs] == pytest.approx([1 / 6] * 3, abs=0.01)
+
+
+@pytest.mark.parametrize("suffix", ["mkv", "mov", "ts"])
+def test_a_recording_that_begins_at_one_hour(tmp_path: Path, suffix: str) -> None:
+    """As editing programs and streams write them: times count from the first frame, and so does the length."""
+    path = write_video(tmp_path / f"a.{suffix}", [3600 + stamp for stamp in evenly(60, 30)])
+    assert probe(path).duration_s == pytest.approx(2.0, abs=0.1)
+    report = DecodeReport()
+    stamps = [panorama.stamp_s for panorama in panoramas(Clip(path, 1.0, fps=30), report=report)]
+    assert np.allclose(stamps, 1 + np.arange(30) / 30, atol=2e-3)
+    assert report.complete
+    keys, pairs = preview_frames(Clip(path))
+    assert len(keys) == 9
+    assert len(pairs) == 3

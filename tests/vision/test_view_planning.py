@@ -82,6 +82,14 @@ def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side:
     assert other.travel == -travel
 
 
+@pytest.mark.parametrize("drift", [0.0, 9.0])
+def test_axes_are_found_where_the_heading_drifts(drift: float) -> None:
+    """A stabiliser's heading, or a cart that is not pushed straight: each key frame is turned by so much more than the last."""
+    keys = [hall(2 + 2 * i, turned(20 + drift * (i - 2), 12, -8), i) for i in range(5)]
+    axes = PassPreview.of_frames(keys).rig_from_manhattan
+    assert degrees_between(axes, turned(20, 12, -8)) < 1.0
+
+
 def test_only_directions_that_may_be_the_face_are_looked_at() -> None:
     looked = []
 

@@ -19,7 +19,9 @@ ONE_WAY = 0.5
 TURNED_DEG, ASTRAY_DEG, ASTRAY_PACE, ASTRAY_MISFIT = 45.0, 50.0, 0.4, 0.25
 STILL_PACE, STILL_SHARE, PAUSE_STEPS = 0.05, 0.5, 5
 HANDS = {"left": 1, "right": -1}
+CUTS_APART = 6
 SPLIT = "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)"
+BETWEEN = f"what lies between may be missing, or counted wrongly; {SPLIT}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,16 +98,47 @@ def doubts(course: Course) -> Iterator[Doubt]:
 
 
 def _breaks(course: Course) -> Iterator[Doubt]:
-    """Cuts, and frames that are missing."""
+    """Cuts, and frames that are missing. Cuts soon after one another are told as one: a camera in somebody's hands, or covered."""
     spans = course.steps.spans_s
     long = spans > GAP_STEPS * float(np.median(spans))
     far = spans * course.usual > GAP_DEG
-    for step in np.flatnonzero(course.broken | (long & far)).tolist():
-        if long[step]:
-            what = f"frames are missing from {course.seconds(step)} to {course.seconds(step + 1)}"
-        else:
-            what = f"the picture changes all at once at {course.seconds(step + 1)}: a cut to another place, or frames are missing"
-        yield Doubt("motion", f"{what}: what lies between may be missing, or counted wrongly; {SPLIT}")
+    missing = long & (course.broken | far)
+    for step in np.flatnonzero(missing).tolist():
+        what = f"frames are missing from {course.seconds(step)} to {course.seconds(step + 1)}"
+        yield Doubt("motion", f"{what}: {BETWEEN}")
+    for first, last in _close(course.broken & ~missing, CUTS_APART):
+        yield Doubt("motion", _cut(course, first) if first == last else _cuts(course, first, last))
+
+
+def _cut(course: Course, step: int) -> str:
+    return f"the picture changes all at once at {course.seconds(step + 1)}: a cut to another place, or frames are missing: {BETWEEN}"
+
+
+def _cuts(course: Course, first: int, last: int) -> str:
+    """In words, that steps from `first` to `last` belong to no drive, and what to do."""
+    what = f"the picture changes all at once again and again {_span(course, first, last)}, as of a camera that is carried or covered"
+    return f"{what}: {_without(course, first, last) or BETWEEN}"
+
+
+def _span(course: Course, first: int, last: int) -> str:
+    return f"from {course.seconds(first)} to {course.seconds(last + 1)}"
+
+
+def _without(course: Course, first: int, last: int) -> str:
+    """How to leave out steps that begin or end the pass; "" where they lie amid it, or are all of it."""
+    begins, ends = first <= CUTS_APART, last >= len(course.broken) - 1 - CUTS_APART
+    if begins and not ends:
+        return f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
+    if ends and not begins:
+        return f"end the pass before that (`end_s`), at {course.seconds(first)} or earlier"
+    return ""
+
+
+def _close(flags: Bools, apart: int) -> list[tuple[int, int]]:
+    """First and last index of each group of true flags (n,) that are at most so many steps from one to the next."""
+    steps = np.flatnonzero(flags)
+    groups = np.split(steps, np.flatnonzero(np.diff(steps) > apart) + 1)
+    return [(int(group[0]), int(group[-1])) for group in groups if len(group)]
 
 
 def _back(course: Course) -> list[tuple[int, float]]:
@@ -128,16 +161,10 @@ def _turns(course: Course) -> Iterator[Doubt]:
     """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
     heading = course.steps.heading_deg
     turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
-    for first, _ in _runs(turned, BACK_STEPS)[:1]:
-        yield Doubt(
-            "motion",
-            f"the camera is turned away from the row at {course.seconds(first)}: end the pass before, or begin it after",
-        )
-    for first, _ in _runs(_astray(course), BACK_STEPS)[:1]:
-        yield Doubt(
-            "motion",
-            f"the camera leaves the row's direction at {course.seconds(first)}: end the pass before, or begin it after",
-        )
+    for what, away in (("is turned away from the row", turned), ("leaves the row's direction", _astray(course))):
+        for first, last in _runs(away, BACK_STEPS)[:1]:
+            advice = _without(course, first, last) or SPLIT
+            yield Doubt("motion", f"the camera {what} {_span(course, first, last)}: {advice}")
 
 
 def _astray(course: Course) -> Bools:

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from savmap.errors import SolveError
-from savmap.graph import CameraHeight, Problem, References, Solution, camera_priors, merge, solve
+from savmap.graph import (
+    Calibration,
+    CameraHeight,
+    Problem,
+    References,
+    Solution,
+    Stitching,
+    camera_priors,
+    merge,
+    solve,
+)
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -18,10 +28,12 @@ def four() -> made.World:
     return made.world(11, sections=4, frames=50, bridge=None)
 
 
-def problem(world: made.World, heights: list[float] | float, given: References) -> Problem:
+def problem(
+    world: made.World, heights: list[float] | float, given: References, calibration: Calibration | None = None
+) -> Problem:
     begin = made.begin(world)
     own = constrain(world.tracks, world.facts, begin, settings=GridSettings(heights))
-    return merge(camera_priors(world.facts, begin, given), own)
+    return merge(camera_priors(world.facts, begin, given, calibration=calibration), own)
 
 
 def typed(world: made.World, off: float, wanted: str = "check") -> Problem:
@@ -74,6 +86,10 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
     [doubt] = solve(problem(level, 0.3, given)).doubts
     assert "camera height" in doubt.what
     assert "length upright 1 / left to upright 4 / right" in doubt.what
+    assert "try `calibration: {panorama: true}`" in doubt.what
+    asked = solve(problem(level, 0.3, given, Calibration(Stitching())))
+    assert asked.doubts
+    assert not any("panorama: true" in doubt.what for doubt in asked.doubts)
     far = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.9, 0.02),))
     with pytest.raises(
         SolveError, match=r"contradict.*length upright 1.*camera height|contradict.*camera height.*length upright 1"

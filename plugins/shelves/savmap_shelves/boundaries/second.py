@@ -17,6 +17,8 @@ from savmap_shelves.boundaries.strips import Strips
 
 LEAST_BEAMS, UNLIKE = 3, 0.06
 """A beam of so many is unlike the others of its picture by more than this share of their usual height."""
+LEAST_AHEAD = 0.03
+"""Sine of the angle between a ray and the face, or the picture, from which on it counts as going that way."""
 STRETCH_PX, FEWEST, MOST = 12.0, 6, 30
 """How long stretches are, view pixels, and how many an edge has."""
 WITHIN, AGREE, LEAST_WITHIN_PX = 0.06, 0.025, 0.2
@@ -65,13 +67,18 @@ def places_of(beams: Strips, rays: "Rays") -> Places | None:
     ends = np.stack([beams.first, beams.last], axis=-1)
     upper, lower = (rays.on_face(ends, lines.column.at(ends)) for lines in (beams.upper, beams.lower))
     heights = (lower - upper)[..., 1].mean(axis=1)
-    usual = float(np.median(heights))
-    odd = np.flatnonzero(np.abs(heights - usual) > UNLIKE * usual)
+    ahead = np.isfinite(heights)
+    if np.count_nonzero(ahead) < LEAST_BEAMS:
+        return None
+    usual = float(np.median(heights[ahead]))
+    down = np.array([0.0, usual])
+    above, below = rays.pixels(lower - down), rays.pixels(upper + down)
+    ahead &= np.isfinite(above).all(axis=(1, 2)) & np.isfinite(below).all(axis=(1, 2))
+    odd = np.flatnonzero(ahead & (np.abs(heights - usual) > UNLIKE * usual))
     if not len(odd) or usual <= 0:
         return None
     both = np.concatenate([odd, odd])
-    known = np.concatenate([lower[odd] - [0.0, usual], upper[odd] + [0.0, usual]])
-    like = _through(rays.pixels(known))
+    like = _through(np.concatenate([above[odd], below[odd]]))
     first = beams.upper[odd].joined(beams.lower[odd])
     middle = (beams.first[both] + beams.last[both]) / 2
     opposite = beams.lower[odd].joined(beams.upper[odd])
@@ -86,20 +93,27 @@ class Rays:
     axes: Floats
 
     def on_face(self, x: Floats, y: Floats) -> Floats:
-        """Coordinates (..., 2), right and down, of pixels."""
+        """Coordinates (..., 2), right and down, of pixels; nan where they look along the face, or away from it."""
         camera = self.spec.camera
         rays = np.stack(
             [(x - camera[0, 2]) / camera[0, 0], (y - camera[1, 2]) / camera[1, 1], np.ones_like(x)], axis=-1
         )
         ahead = rays @ self.axes
-        return np.asarray(ahead[..., :2] / np.maximum(ahead[..., 2:], 1e-6))
+        return _at_distance_1(ahead)
 
     def pixels(self, points: Floats) -> Floats:
-        """Pixels (..., 2) of coordinates (..., 2)."""
+        """Pixels (..., 2) of coordinates (..., 2); nan where they lie beside the camera, or behind it."""
         camera = self.spec.camera
         rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1) @ self.axes.T
-        ahead = rays[..., :2] / np.maximum(rays[..., 2:], 1e-6)
+        ahead = _at_distance_1(rays)
         return np.asarray(ahead * [camera[0, 0], camera[1, 1]] + camera[:2, 2])
+
+
+def _at_distance_1(rays: Floats) -> Floats:
+    """Where rays (..., 3) meet the plane z = 1 (..., 2); nan where they go along it, or away from it."""
+    z = rays[..., 2:]
+    long = np.linalg.norm(rays, axis=-1, keepdims=True)
+    return np.asarray(rays[..., :2] / np.where(z > LEAST_AHEAD * long, z, np.nan))
 
 
 def _through(ends: Floats) -> Lines:

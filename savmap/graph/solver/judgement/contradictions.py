@@ -172,8 +172,15 @@ def _uncertain(
 ) -> Judgement:
     """With all of them, each as uncertain as it deviates."""
     wider = {name: abs(_given(agreed, name).value - agreed.rest(name, out)[0]) for name, out in suspects}
-    what = f"references contradict one another, and which one is wrong is not clear: {'; or '.join(lines[:NAMED])}; measure them again"
+    what = f"references contradict one another, and which one is wrong is not clear: {'; or '.join(lines[:NAMED])}; measure them again{_or_the_camera(problem)}"
     return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
+
+
+def _or_the_camera(problem: Problem) -> str:
+    """What else may be wrong, where the camera is taken to be perfect: lenses that are not in one place bend the scene."""
+    if problem.camera.calibration is not None:
+        return ""
+    return "; if they are right, the camera's lenses may not fit together: try `calibration: {panorama: true}`"
 
 
 def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
