@@ -61,13 +61,13 @@ def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A strip longer or shorter than most, where most are equal; of the outermost, seen from afar, joints may not show."""
+    """A strip longer or shorter than most, where most are equal. Beyond the row's ends, seen from afar, joints may not show: no doubt stays there."""
     strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
     lengths = np.array([np.linalg.norm(lamp.vertices[1] - lamp.vertices[0]) for lamp in strips])
     if len(strips) < FEWEST or not _are_regular(lengths):
         return
     usual = float(np.median(lengths))
-    for lamp, length in zip(strips[1:-1], lengths[1:-1].tolist(), strict=True):
+    for lamp, length in zip(strips, lengths.tolist(), strict=True):
         if not 1 / LONGER < length / usual < LONGER:
             what = f"{lamp.id} is {length:.2f} m long, most are {usual:.2f} m: an end or a joint may be wrong"
             yield Doubt("shape", what, (lamp.id,), _middle(lamp))
