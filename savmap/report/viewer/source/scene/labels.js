@@ -2,14 +2,12 @@
 import { Matrix4, Vector4 } from "three";
 import { element } from "../page/dom.js";
 import { toSite } from "../site/data.js";
-import { visibleIn } from "../site/dates.js";
+import { rowVisibleIn, visibleIn } from "../site/dates.js";
 
 const MOST = 90,
   HEIGHT = 17,
   LETTER = 6.7,
   LEAST_PX = 34;
-
-const ANY = { date: "new", state: "same" };
 
 // All that may be named: rows, groups, elements, with their middle and ends in the site's frame.
 export function namesOf(site) {
@@ -17,7 +15,7 @@ export function namesOf(site) {
   for (const row of site.rows) {
     const top = [(row.box.low[0] + row.box.high[0]) / 2, row.box.high[1] + 0.3, 0];
     if (site.rows.length > 1)
-      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null, ...ANY });
+      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null });
     const groups = new Map();
     for (const one of row.elements) {
       const { date } = one,
@@ -69,7 +67,7 @@ export function drawNames(layer, names, dates, camera, width, height, focused, t
   const made = [];
   for (const name of names) {
     if (made.length >= MOST) break;
-    if (name.rank > 0 && (name.row !== focused || !visibleIn(name, dates))) continue;
+    if (name.rank > 0 ? name.row !== focused || !visibleIn(name, dates) : !rowVisibleIn(name.row, dates)) continue;
     const at = pixel(name.at);
     if (!at || at[0] < 0 || at[1] < 0 || at[0] > width || at[1] > height || tooSmall(name, pixel)) continue;
     const half = (LETTER * name.text.length) / 2 + 5,
