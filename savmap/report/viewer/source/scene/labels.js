@@ -64,9 +64,9 @@ export function drawNames(layer, names, dates, camera, width, height, focused, t
     place.set(...point, 1).applyMatrix4(matrix);
     return place.w > 0 ? [((place.x / place.w + 1) * width) / 2, ((1 - place.y / place.w) * height) / 2] : null;
   };
-  const made = [];
+  let made = 0;
   for (const name of names) {
-    if (made.length >= MOST) break;
+    if (made >= MOST) break;
     if (name.rank > 0 ? name.row !== focused || !visibleIn(name, dates) : !rowVisibleIn(name.row, dates)) continue;
     const at = pixel(name.at);
     if (!at || at[0] < 0 || at[1] < 0 || at[0] > width || at[1] > height || tooSmall(name, pixel)) continue;
@@ -76,11 +76,12 @@ export function drawNames(layer, names, dates, camera, width, height, focused, t
     if (taken.some((other) => box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1]))
       continue;
     taken.push(box);
-    const shown = element("span", { className: `name ${name.style}` }, name.text);
+    const shown = layer.children[made++] ?? layer.appendChild(element("span"));
+    if (shown.textContent !== name.text) shown.textContent = name.text;
+    shown.className = `name ${name.style}`;
     shown.style.transform = `translate(-50%, -50%) translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
-    made.push(shown);
   }
-  layer.replaceChildren(...made);
+  while (layer.children.length > made) layer.lastChild.remove();
 }
 
 function tooSmall(name, pixel) {
