@@ -1,10 +1,12 @@
-"""The viewer of a large site in a real browser: how large its page is, how long it takes to open, frames a second while it turns.
+"""The viewer of a large site in a real browser: how large its page is, how long it takes to open, frames a second while it turns, and what a frame
+asks of the graphics.
 
     python bench/viewer.py MAP [--rows 46] [--elements 6700] [--dates] [--size 1360x800] [-o bench/results/viewer]
 
 A row of a map, such as the demo's, is repeated along its length and over so many rows, back to back in pairs across aisles, until it has so many
 elements. With --dates it is compared with itself, and both dates are in the page. It is opened from the disk in the Chromium on the path, drawn by the processor alone (SwiftShader): a machine with any graphics
-does more frames. Ends with 1 where the page is over 3 MB, opens in more than 2 s, or says anything on the console.
+does more frames. How many those are nobody tried here: what tells is the script's time for a frame, and the draw calls, triangles and lines that the
+graphics are given, of which ordinary ones draw some hundreds and some millions 30 times a second. Ends with 1 where the page is over 3 MB, opens in more than 2 s, or says anything on the console.
 """
 
 import argparse
@@ -30,14 +32,17 @@ MOST_MB, MOST_S = 3.0, 2.0
 
 @dataclass(frozen=True)
 class Opened:
-    """Seconds until the page could be used, frames a second, milliseconds of each that its script takes, the canvas's pixels by pixels of the
-    page in the last of them (less than 1: drawn coarser while it moves), and what it said on the console."""
+    """Seconds until the page could be used, frames a second, milliseconds of each that its script takes or waits, the canvas's pixels by pixels of the
+    page in the last of them (less than 1: drawn coarser while it moves), what it said on the console, and of a frame at rest the draw calls,
+    triangles, lines, points,
+    and the milliseconds of script while the graphics wait for it."""
 
     open_s: float
     frames_s: float
     script_ms: float
     ratio: float
     said: tuple[str, ...]
+    load: tuple[float, ...]
 
 
 def large_site(row: RowMap, rows: int, elements: int) -> SiteMap:
@@ -114,7 +119,8 @@ def opened(page: Page, file: Path) -> Opened:
     open_s = time.perf_counter() - begin
     turned = "savmapViewer.stage.spin(40).then((found) => [...found, savmapViewer.stage.renderer.getPixelRatio()])"
     frames_s, script_ms, ratio = page.evaluate(turned)
-    return Opened(open_s, frames_s, script_ms, ratio, tuple(said))
+    load = page.evaluate("savmapViewer.stage.load()")
+    return Opened(open_s, frames_s, script_ms, ratio, tuple(said), tuple(load))
 
 
 def main() -> int:
@@ -146,7 +152,11 @@ def main() -> int:
         browser.close()
     print(f"{len(site.rows)} rows, {count} elements: {size_mb:.2f} MB, written in {written_s:.1f} s")
     print(
-        f"opened in {result.open_s:.2f} s, {result.frames_s:.0f} frames a second at {arguments.size} x {result.ratio:g} without graphics, script {result.script_ms:.1f} ms a frame"
+        f"opened in {result.open_s:.2f} s, {result.frames_s:.0f} frames a second at {arguments.size} x {result.ratio:g} without graphics, script with its waiting for them {result.script_ms:.0f} ms"
+    )
+    calls, triangles, lines, points, own_ms = result.load
+    print(
+        f"a frame at rest: {calls} draw calls, {triangles} triangles, {lines} lines, {points} points, script {own_ms:.1f} ms"
     )
     print(*result.said, sep="\n")
     return int(size_mb > MOST_MB or result.open_s > MOST_S or bool(result.said))

@@ -107,7 +107,7 @@ def _before(old_file: Path, new: SiteMap, level: float) -> Before:
     """An earlier map compared with a later one, with the orthophotos that lie beside it."""
     old = read_map(old_file)
     comparison = compare_maps(old, new, (openings_of(old), openings_of(new)), level)
-    return Before(old, comparison, read_orthophotos(old.rows, old_file.parent))
+    return Before(old, comparison, read_orthophotos(old.rows, old_file.parent), old_file.parent)
 
 
 def _title_of(map_file: Path) -> str:

@@ -2,16 +2,17 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from made_up_dates import dated_site, grey_photo
-from made_up_map import EVIL, thing
+from made_up_map import EVIL, stills, thing
 from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.comparison import compare_maps
-from savmap.report.viewer import Before, View
+from savmap.report.viewer import Before, View, write_view
 from savmap.types import SiteMap
 
 pytestmark = IN_BROWSER
@@ -176,3 +177,50 @@ def test_one_date_shows_nothing_of_two(opened: Open) -> None:
     assert page.locator("#changed").is_hidden()
     page.keyboard.press("d")
     assert page.locator("#mode option[value=change]").count() == 0
+
+
+def test_row_of_the_old_date_alone_is_drawn_found_and_told(opened: Open) -> None:
+    old = SiteMap({**OLD.rows, "B": replace(OLD.rows["A"], name="B")}, {})
+    new = SiteMap({**NEW.rows, "C": replace(NEW.rows["A"], name="C")}, {})
+    page = opened(both(old, new))
+    assert page.locator("#row option").all_inner_texts() == ["row A", "row C (new)", "row B (missing)"]
+    drawn = "savmapViewer.model.rows[2].dates.old.group.visible"
+    page.locator("[data-dates=new]").click()
+    assert page.evaluate(drawn) is False
+    assert "B" not in page.locator(".of-row").all_inner_texts()
+    page.locator("#changes button", has_text="Row B is missing").click()
+    assert page.evaluate("savmapViewer.row.name") == "B"
+    assert page.evaluate(drawn) is True
+    assert "Only the old map has this row" in page.inner_text("#changes")
+    page.keyboard.press("2")
+    page.fill("#search", "upright 3 B")
+    page.keyboard.press("Enter")
+    assert selected(page) == "upright 3"
+    assert page.inner_text("#state") == "Since the old date: missing"
+    page.fill("#search", "B")
+    page.keyboard.press("Enter")
+    assert "24 elements" in page.inner_text("#selection")
+    page.locator("#changes button", has_text="Row C is new").click()
+    assert page.evaluate("savmapViewer.row.elements.every((one) => one.state === 'new')")
+
+
+def test_panorama_of_the_old_date_under_its_wireframe(opened: Open, tmp_path: Path) -> None:
+    write_view(View(OLD, stills={"A": stills()}), tmp_path / "spring" / "view.html")
+    before = Before(OLD, compare_maps(OLD, NEW), folder=tmp_path / "spring")
+    page = opened(View(NEW, before=before, stills={"A": stills()[1:3]}))
+    page.keyboard.press("p")
+    until(page, "savmapViewer.panorama.shows")
+    assert page.evaluate("savmapViewer.panorama.path").startswith("pano/A-")
+    yaw = page.evaluate("savmapViewer.panorama.yaw")
+    page.locator("[data-dates=old]").click()
+    until(page, "savmapViewer.panorama.shows")
+    assert page.evaluate("savmapViewer.panorama.path").startswith("pano/old/A-")
+    assert page.evaluate("savmapViewer.panorama.yaw") == yaw
+    assert "old date" in page.inner_text("#pano-what")
+    assert page.evaluate("Object.values(savmapViewer.model.rows[0].dates).map((date) => date.group.visible)") == [
+        False,
+        True,
+    ]
+    page.locator("[data-dates=new]").click()
+    assert page.evaluate("savmapViewer.panorama.path").startswith("pano/A-")
+    assert "old date" not in page.inner_text("#pano-what")

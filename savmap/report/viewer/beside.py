@@ -19,10 +19,14 @@ from savmap.report.viewer.packed import Entry
 from savmap.types import JointCovariance, Orthophoto, RowMap, Still
 
 FACES, SMALL, STILLS, JOINTS = "face", "face/small", "pano", "joint"
-OLD_FACES, OLD_SMALL = "face/old", "face/old/small"
+OLD_FACES, OLD_SMALL, OLD_STILLS = "face/old", "face/old/small", "pano/old"
+NOTHING: Entry = {"face": None, "stills": [], "joint": ""}
+"""What lies beside the page of a row that the map has not."""
 LARGEST_PX = 4096
 """Of a side of the finer picture: every WebGL 2 takes that much, and phones have memory for it."""
 JPEG_QUALITY = 85
+PICTURE = re.compile(r'"data:image/jpeg;base64,[A-Za-z0-9+/=]*"\);\n')
+"""A still's script after its head."""
 MOST_JOINT = 300_000
 """Bytes of all rows' joint covariances that are in the page; more lie beside it."""
 
@@ -52,11 +56,10 @@ def script_names(rows: Iterable[str]) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What of a row lies beside the page: orthophotos of both dates, stills (None: those that lie there), and a joint covariance that is too
-    large for the page."""
+    """What of a row lies beside the page: its orthophoto, stills (None: those that lie there), and a joint covariance that is too large for
+    the page."""
 
     photo: Orthophoto | None = None
-    old_photo: Orthophoto | None = None
     stills: Sequence[Still] | None = None
     joint: JointCovariance | None = None
 
@@ -65,7 +68,6 @@ def written_beside(name: str, row: Beside, folder: Path) -> Entry:
     """Write a row's scripts, called `name`; what the page must know of them. Raises OutputError."""
     stills, joint = row.stills, row.joint
     face = _written_face(name, row.photo, (SMALL, FACES), folder) if row.photo else None
-    old_face = _written_face(name, row.old_photo, (OLD_SMALL, OLD_FACES), folder) if row.old_photo else None
     for still in stills or ():
         _write(folder, _still_path(name, still.frame), _address(still.picture.tobytes()))
     frames = _kept_frames(name, folder) if stills is None else [still.frame for still in stills]
@@ -73,7 +75,30 @@ def written_beside(name: str, row: Beside, folder: Path) -> Entry:
     joint_path = f"{JOINTS}/{name}.js" if joint else ""
     if joint:
         _write(folder, joint_path, joint_text(joint))
-    return {"face": face, "old face": old_face, "stills": found, "joint": joint_path}
+    return {"face": face, "stills": found, "joint": joint_path}
+
+
+def old_beside(name: str, photo: Orthophoto | None, source: Path | None, folder: Path) -> Entry:
+    """Write the scripts of a row's earlier date, called `name`: its orthophoto, and copies of the stills that lie beside the earlier map's page,
+    in `source`; what the page must know of them. Raises OutputError."""
+    face = _written_face(name, photo, (OLD_SMALL, OLD_FACES), folder) if photo else None
+    stills = []
+    for frame in _kept_frames(name, source) if source and source.resolve() != folder.resolve() else ():
+        path = f"{OLD_STILLS}/{name}-{frame:05d}.js"
+        content = _content_of(_still_path(name, frame), source) if source else None
+        if content is not None:
+            write_text(folder / path, _head(path) + content)
+            stills.append({"frame": frame, "path": path})
+    return {"old face": face, "old stills": stills}
+
+
+def _content_of(path: str, folder: Path) -> str | None:
+    """A script's text after its head; None where savmap did not write it, or it cannot be read."""
+    try:
+        text = (folder / path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+    return text.removeprefix(_head(path)) if PICTURE.fullmatch(text.removeprefix(_head(path))) else None
 
 
 def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> None:
@@ -81,10 +106,10 @@ def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> N
     made again from a map. What savmap did not write stays."""
     kept: set[str] = set()
     for entry in beside:
-        faces = (entry["face"], entry["old face"])
+        faces = (entry["face"], entry.get("old face"))
         kept |= {path for face in faces if face for path in face["pictures"]}
-        kept |= {entry["joint"], *(one["path"] for one in entry["stills"])}
-    for part in (SMALL, FACES, OLD_SMALL, OLD_FACES, JOINTS, *((STILLS,) if with_stills else ())):
+        kept |= {entry["joint"], *(one["path"] for one in (*entry["stills"], *entry.get("old stills", ())))}
+    for part in (SMALL, FACES, OLD_SMALL, OLD_FACES, OLD_STILLS, JOINTS, *((STILLS,) if with_stills else ())):
         for path in _scripts(part, folder) - kept:
             (folder / path).unlink(missing_ok=True)
 

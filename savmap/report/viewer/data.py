@@ -2,29 +2,29 @@
 
 import base64
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
 from savmap.maps.exports.frames import alignment_of
-from savmap.report.viewer.dates import Before, row_entry, site_entry
+from savmap.report.viewer.dates import Before, gone_entry, row_entry, site_entry
+from savmap.report.viewer.gone import old_place
 from savmap.report.viewer.packed import (
     UPPER,
     Entry,
     Labels,
     Places,
     digits,
+    path_entry,
     place_entries,
     structure_entries,
-    units,
     vertex_entry,
 )
-from savmap.types import Alignment, Doubt, Evaluation, JointCovariance, Placement, RowMap, SiteMap
+from savmap.types import Alignment, Doubt, Evaluation, JointCovariance, Placement, RowMap, SiteMap, Trajectory
 
-TURN = 6
-"""Decimals of a quaternion: 0.1 pixel of a panorama of 2048."""
+NOWHERE = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
 
 
 def page_data(
@@ -45,8 +45,10 @@ def page_data(
         entry["structures"] = structure_entries(row.structures, labels, _deviations(evaluation, name))
         entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": _is_aligned(site_map, name)}
         entry["places"] = place_entries(places.get(name, {}))
-        entry["before"] = row_entry(before, row, labels, lies.get("old face")) if before else None
+        entry["before"] = row_entry(before, row, labels, lies) if before else None
         rows.append(entry)
+    if before:
+        rows += [_gone(row, before, site_map, labels, beside.get(row.name, {})) for row in before.missing]
     return {
         "title": visible(title),
         "surveyed": evaluation is not None,
@@ -55,6 +57,14 @@ def page_data(
         "alignment": _alignment(site_map.alignment),
         "dates": site_entry(before),
     }
+
+
+def _gone(row: RowMap, before: Before, site_map: SiteMap, labels: Labels, lies: Entry) -> Entry:
+    """A row that only the earlier map has: nothing of the new date, where the earlier map says that it stood."""
+    nothing = replace(row, structures={}, verdict=None, joint=None, trajectory=NOWHERE)
+    entry = _row(nothing, old_place(before, site_map, row.name), "")
+    entry |= {"structures": [], "face": None, "stills": [], "aligned": False, "places": [], "gone": True}
+    return entry | {"before": gone_entry(row, labels, lies)}
 
 
 def _deviations(evaluation: Evaluation | None, row: str) -> Callable[[str], Mapping[str, float]]:
@@ -104,17 +114,8 @@ def _doubt(doubt: Doubt) -> Entry:
 
 
 def _frames(row: RowMap) -> Entry:
-    """The camera's path: frames whose pose is known, in order."""
-    path, names = row.trajectory, list(dict.fromkeys(row.frames.passes))
-    turns = Rotation.from_matrix(path.world_from_rig[:, :3, :3]).as_quat() if len(path.frames) else np.zeros((0, 4))
-    return {
-        "number": path.frames.tolist(),
-        "pass": [names.index(row.frames.passes[frame]) for frame in path.frames.tolist()],
-        "passes": [visible(name) for name in names],
-        "stamp": np.round(row.frames.stamps_s[path.frames], 3).tolist(),
-        "position": units([path.world_from_rig[:, :3, 3]]),
-        "quaternion": np.round(turns, TURN).ravel().tolist(),
-    }
+    poses = row.trajectory.world_from_rig
+    return path_entry(row, poses[:, :3, 3], poses[:, :3, :3], np.ones(len(poses), bool))
 
 
 def _joint(row: RowMap, path: str) -> Entry | None:

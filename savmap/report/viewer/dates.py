@@ -2,31 +2,43 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import visible
 from savmap.maps.comparison import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
-from savmap.report.viewer.packed import UNIT_M, Entry, Labels, structure_entries, vertex_entry
+from savmap.report.viewer.packed import UNIT_M, Entry, Labels, path_entry, structure_entries, vertex_entry
 from savmap.types import Floats, Orthophoto, RowMap, SiteMap, Structure
 
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """An earlier map of the same place, what changed since then, and its orthophotos by row, where there are any."""
+    """An earlier map of the same place, what changed since then, its orthophotos by row, where there are any, and the folder in which its own
+    page would lie, for its panoramas."""
 
     site_map: SiteMap
     comparison: Comparison
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
+    folder: Path | None = None
+
+    @property
+    def missing(self) -> tuple[RowMap, ...]:
+        """The rows that only the earlier map has."""
+        return tuple(self.site_map.rows[name] for name in self.comparison.missing)
+
+    def is_shown(self, name: str) -> bool:
+        """Whether it is known how the earlier date of a row lies: in the new row, or, of one that is gone, by itself."""
+        row = self.row(name)
+        return name in self.comparison.missing or (row is not None and row.motion is not None)
 
     def row(self, name: str) -> RowComparison | None:
         """A row of the new map on both dates; None where the earlier map has it not."""
         return next((row for row in self.comparison.rows if row.new == name), None)
 
     def photo(self, name: str) -> Orthophoto | None:
-        """The earlier orthophoto of a row of the new map, where it is known how it lies there."""
-        row = self.row(name)
-        return self.photos.get(row.old) if row and row.motion else None
+        """The earlier orthophoto of a row, where it is known how it lies there. Rows are known by their names."""
+        return self.photos.get(name) if self.is_shown(name) else None
 
 
 def site_entry(before: Before | None) -> Entry | None:
@@ -41,8 +53,8 @@ def site_entry(before: Before | None) -> Entry | None:
     }
 
 
-def row_entry(before: Before, row: RowMap, labels: Labels, face: Entry | None) -> Entry | None:
-    """The earlier date of a row, in the new one's frame; None where there is none. `face`: its orthophoto, in its own frame."""
+def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry | None:
+    """The earlier date of a row, in the new one's frame; None where there is none. `lies`: what lies beside the page, "old face" in its own frame."""
     compared = before.row(row.name)
     if compared is None or compared.motion is None:
         return None
@@ -52,14 +64,38 @@ def row_entry(before: Before, row: RowMap, labels: Labels, face: Entry | None) -
         for plugin, group in before.site_map.rows[compared.old].structures.items()
     }
     numbers = _numbers(carried), _numbers(row.structures)
+    face, old = lies.get("old face"), before.site_map.rows[compared.old]
+    poses = old.trajectory.world_from_rig
     return {
         **vertex_entry(carried),
         "structures": structure_entries(carried, labels),
         "face": face and carried_face(face, motion),
+        **_stills(old, lies, motion.points(poses[:, :3, 3]), _turn(motion) @ poses[:, :3, :3]),
         "motion": _motion(motion),
         "changes": [_change(one, *numbers) for one in compared.elements],
         "openings": [_opening(one) for one in compared.openings if one.state in CHANGES],
     }
+
+
+def gone_entry(row: RowMap, labels: Labels, lies: Entry) -> Entry:
+    """The earlier date of a row that only the earlier map has, in its own frame: nothing of it was compared with anything."""
+    poses = row.trajectory.world_from_rig
+    return {
+        **vertex_entry(row.structures),
+        "structures": structure_entries(row.structures, labels),
+        "face": lies.get("old face"),
+        **_stills(row, lies, poses[:, :3, 3], poses[:, :3, :3]),
+        "motion": None,
+        "changes": [],
+        "openings": [],
+    }
+
+
+def _stills(row: RowMap, lies: Entry, centres: Floats, turns: Floats) -> Entry:
+    """The earlier panoramas, and of the camera's path the places from which they were taken, (n, 3) m and (n, 3, 3), in the frame that is shown."""
+    stills = lies.get("old stills", [])
+    kept = np.isin(row.trajectory.frames, [one["frame"] for one in stills])
+    return {"stills": stills, "frames": path_entry(row, centres, turns, kept)}
 
 
 def carried_face(face: Entry, motion: RowMotion) -> Entry:

@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
-from savmap.types import Attribute, Floats, Measured, Structure
+from savmap.types import Attribute, Bools, Floats, Measured, RowMap, Structure
 
 Entry = dict[str, Any]
 Places = Mapping[str, Mapping[str, Sequence[Structure]]]
@@ -19,6 +20,8 @@ PART = " / "
 DIGITS = 4
 """Of a variance: a standard deviation, which is shown with two, is right to a 40,000th."""
 UPPER = np.triu_indices(3)
+TURN = 6
+"""Decimals of a quaternion: 0.1 pixel of a panorama of 2048."""
 
 
 def vertex_entry(structures: Mapping[str, Sequence[Structure]]) -> Entry:
@@ -27,6 +30,20 @@ def vertex_entry(structures: Mapping[str, Sequence[Structure]]) -> Entry:
     return {
         "positions": units([structure.vertices for structure in every]),
         "covariances": digits(_stacked([structure.covariances[:, *UPPER] for structure in every])),
+    }
+
+
+def path_entry(row: RowMap, centres: Floats, turns: Floats, kept: Bools) -> Entry:
+    """The camera's path, or what of it is kept (n,), in order: frames whose pose is known, with their places `centres` (n, 3) m and `turns` (n, 3, 3)."""
+    frames, names = row.trajectory.frames[kept], list(dict.fromkeys(row.frames.passes))
+    quaternions = Rotation.from_matrix(turns[kept]).as_quat() if len(frames) else np.zeros((0, 4))
+    return {
+        "number": frames.tolist(),
+        "pass": [names.index(row.frames.passes[frame]) for frame in frames.tolist()],
+        "passes": [visible(name) for name in names],
+        "stamp": np.round(row.frames.stamps_s[frames], 3).tolist(),
+        "position": units([centres[kept]]),
+        "quaternion": np.round(quaternions, TURN).ravel().tolist(),
     }
 
 

@@ -14,7 +14,15 @@ from pathlib import Path
 from string import Template
 
 from savmap.files.atomic import write_text
-from savmap.report.viewer.beside import Beside, joints_apart, remove_others, script_names, written_beside
+from savmap.report.viewer.beside import (
+    NOTHING,
+    Beside,
+    joints_apart,
+    old_beside,
+    remove_others,
+    script_names,
+    written_beside,
+)
 from savmap.report.viewer.data import page_data
 from savmap.report.viewer.dates import Before
 from savmap.report.viewer.packed import Entry, Places
@@ -72,21 +80,22 @@ class View:
 
 def write_view(view: View, path: Path) -> None:
     """Write the page, and beside it the pictures that it loads when they are looked at. Raises OutputError."""
-    apart, stills = joints_apart(view.site_map.rows), view.stills
-    names = script_names(view.site_map.rows)
+    apart, stills, before = joints_apart(view.site_map.rows), view.stills, view.before
+    names, folder = script_names(view.site_map.rows), path.parent
     beside = {
         name: written_beside(
             names[name],
             Beside(
-                view.photos.get(name),
-                view.before.photo(name) if view.before else None,
-                None if stills is None else stills.get(name, ()),
-                row.joint if apart else None,
+                view.photos.get(name), None if stills is None else stills.get(name, ()), row.joint if apart else None
             ),
-            path.parent,
+            folder,
         )
         for name, row in view.site_map.rows.items()
     }
+    old_names = script_names(before.site_map.rows) if before else {}
+    for name, script in old_names.items():
+        if before and before.is_shown(name):
+            beside[name] = beside.get(name, NOTHING) | old_beside(script, before.photo(name), before.folder, folder)
     write_text(path, page_text(view, beside))
     remove_others(beside.values(), path.parent, with_stills=stills is not None)
 

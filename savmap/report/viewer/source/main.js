@@ -17,6 +17,7 @@ import { Model } from "./scene/scene.js";
 import { Stage } from "./scene/stage.js";
 import { ModelView, boxInSite, planInSite } from "./scene/views.js";
 import { readSite } from "./site/data.js";
+import { cameraOf } from "./site/dates.js";
 import { text } from "./text.js";
 
 const MOST_PHOTO_ROWS = 6;
@@ -29,7 +30,7 @@ class Viewer {
     this.model = new Model(site);
     this.stage = new Stage(this);
     this.view = new ModelView(byId("view"), () => this.redraw());
-    this.panorama = new PanoramaView(byId("pano-area"), this.model.scene, () => this.redraw());
+    this.panorama = new PanoramaView(byId("pano-area"), this.model.scene, (row) => cameraOf(row, site.showing), () => this.redraw());
     this.frame = new Frame(this);
     this.ruler = new Ruler(this);
     this.finder = new Finder(this);
@@ -90,6 +91,7 @@ class Viewer {
   goToRow(row) {
     if (!row) return;
     this.setRow(row);
+    this.dates.uncover(row.elements);
     if (this.view.kind !== "face") this.view.fly(boxInSite(row));
   }
 

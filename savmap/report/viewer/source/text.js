@@ -82,6 +82,8 @@ export const text = {
   noChanges: "Nothing of this row changed by more than chance.",
   rowNew: "This row is new.",
   rowNotCompared: "This row was not compared: the old map has nothing in common with it.",
+  rowGone: "Only the old map has this row: it is missing in the new one.",
+  rowIsNew: (name) => `Row ${name} is new.`,
   rowMissing: (name) => `Row ${name} is missing in the new map.`,
   changesOf: (name, count) => `row ${name}: ${count === 1 ? "1 change" : `${count} changes`}`,
   ambiguous: (others) =>

@@ -29,12 +29,17 @@ function buildRows(viewer) {
   const picker = byId("row"),
     { rows } = viewer.site;
   const options = rows.map((row) =>
-    element("option", { value: String(row.index) }, `${text.row(row.name)}${row.doubts.length ? " !" : ""}`),
+    element("option", { value: String(row.index) }, nameOf(row)),
   );
   fill(picker, ...options);
   picker.hidden = rows.length < 2;
   picker.setAttribute("aria-label", text.rows);
   picker.addEventListener("change", () => viewer.goToRow(rows[Number(picker.value)]));
+}
+
+function nameOf(row) {
+  const dated = row.only ? ` (${text.states[row.gone ? "missing" : "new"]})` : "";
+  return `${text.row(row.name)}${dated}${row.doubts.length ? " !" : ""}`;
 }
 
 export function showKind(kind) {

@@ -18,7 +18,6 @@ export function showChanges(viewer) {
     byId("changes"),
     lines.length ? element("ul", { className: "list changes" }, ...lines) : hint(noneOf(row, site)),
     ...motionHints(row),
-    ...site.dates.missing.map((name) => hint(text.rowMissing(name))),
     ...otherRows(viewer).map(hint),
   );
 }
@@ -26,6 +25,7 @@ export function showChanges(viewer) {
 const hint = (said) => element("p", { className: "hint" }, said);
 
 function noneOf(row, site) {
+  if (row.gone) return text.rowGone;
   if (row.before) return text.noChanges;
   return site.dates.new.includes(row.name) ? text.rowNew : text.rowNotCompared;
 }
@@ -47,7 +47,7 @@ function lineOf(state, name, tested, act) {
 
 // How the row's frames lie on one another, and how else they may.
 function motionHints({ before }) {
-  if (!before) return [];
+  if (!before?.motion) return [];
   const { shift_m: shift, sigma_m: sigma, heading_deg: heading, pairs, alternatives_m: others } = before.motion;
   const moved = ["x", "y", "z"].map((axis, k) => `${axis} ${fixed(shift[k])} \u00b1 ${fixed(sigma[k])} m`);
   const ambiguous = others.length ? [text.ambiguous(others.map((one) => `${fixed(one, 2)} m`).join(", "))] : [];
@@ -56,6 +56,12 @@ function motionHints({ before }) {
 
 function otherRows(viewer) {
   const { site, row } = viewer,
-    others = site.rows.filter((other) => other !== row && counts(other));
-  return others.map((other) => link(text.changesOf(other.name, counts(other)), () => viewer.goToRow(other)));
+    others = site.rows.filter((other) => other !== row && (other.only || counts(other)));
+  const said = (other) =>
+    other.gone
+      ? text.rowMissing(other.name)
+      : other.only
+        ? text.rowIsNew(other.name)
+        : text.changesOf(other.name, counts(other));
+  return others.map((other) => link(said(other), () => viewer.goToRow(other)));
 }

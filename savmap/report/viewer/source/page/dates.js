@@ -35,6 +35,7 @@ export class Dates {
       button.setAttribute("aria-pressed", String(button.dataset.dates === which));
     viewer.model.showDates(which);
     viewer.hangPhotos();
+    viewer.lookout.followDate();
     this.refresh();
   }
 
@@ -47,7 +48,7 @@ export class Dates {
   // Make elements visible that are to be looked at.
   uncover(elements) {
     const { showing } = this.viewer.site;
-    if (elements.some((one) => visibleIn(one, showing))) return;
+    if (!this.on || !elements.length || elements.some((one) => visibleIn(one, showing))) return;
     this.show(visibleIn(elements[0], "both") ? "both" : elements[0].date);
   }
 

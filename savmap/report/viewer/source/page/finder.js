@@ -36,7 +36,7 @@ export class Finder {
     const many = one.elements.length > 1 ? `, ${text.elements(one.elements.length)}` : "";
     line.append(
       element("b", {}, one.shown),
-      element("span", {}, `${kind}, ${text.row(one.row.name)}${many}`),
+      element("span", {}, [`${kind}, ${text.row(one.row.name)}${many}`, one.elements[0]?.date === "old" ? text.ofOldDate : ""].filter(Boolean).join(", ")),
     );
     return element("li", {}, line);
   }

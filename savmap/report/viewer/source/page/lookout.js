@@ -1,7 +1,8 @@
 // The panorama beside the model: opened and closed, led along the camera's path and to what is selected.
 import { byId } from "./dom.js";
 import { pointsOf } from "../scene/views.js";
-import { toSite } from "../site/data.js";
+import { toSite, vertexOf } from "../site/data.js";
+import { cameraOf } from "../site/dates.js";
 import { text } from "../text.js";
 
 export class Lookout {
@@ -69,6 +70,7 @@ export class Lookout {
   }
 
   lookFromFrame(row, frame, elements) {
+    if (cameraOf(row, this.viewer.site.showing) !== row) this.viewer.dates.show("new"); // frames are the new date's
     this.lookFromNearest(row, ({ index }) => Math.abs(row.path.number[index] - frame));
     if (elements.length) this.viewer.panorama.face(pointsOf(elements)[0]);
   }
@@ -77,7 +79,25 @@ export class Lookout {
   goTo({ row, index }) {
     if (row !== this.viewer.row) this.viewer.setRow(row);
     if (!this.open) this.toggle(true);
-    this.lookFromNearest(row, (one) => Math.abs(one.index - index));
+    if (cameraOf(row, this.viewer.site.showing) === row)
+      this.lookFromNearest(row, (one) => Math.abs(one.index - index));
+    else this.lookFromPlace(row, toSite(row, vertexOf(row.path, index)));
+  }
+
+  // From where the pictures that are shown were taken nearest to a point of the site.
+  lookFromPlace(row, point) {
+    const { path } = cameraOf(row, this.viewer.site.showing);
+    this.lookFromNearest(row, ({ index }) =>
+      Math.hypot(...toSite(row, vertexOf(path, index)).map((value, k) => value - point[k])),
+    );
+  }
+
+  // Another date is shown: its pictures, from about the same place and in the same direction.
+  followDate() {
+    const { row, of, centre } = this.viewer.panorama;
+    if (!this.open || !row || of === cameraOf(row, this.viewer.site.showing)) return;
+    if (centre) this.lookFromPlace(row, centre);
+    else this.lookFromMiddle(row);
   }
 
   visit(elements) {
@@ -101,11 +121,13 @@ export class Lookout {
       return;
     }
     const { index, path } = places[place],
-      { passes, pass, stamp } = row.path;
+      { of } = this.viewer.panorama,
+      { passes, pass, stamp } = of.path;
     Object.assign(byId("place"), { max: String(places.length - 1), value: String(place) });
     const whose = this.viewer.site.rows.length > 1 ? `${text.row(row.name)}, ` : "";
+    const date = of === row ? "" : `${text.ofOldDate}, `;
     byId("pano-what").textContent =
-      `${whose}${text.still(passes[pass[index]], stamp[index])}${path ? "" : `. ${text.noStill}`}`;
+      `${whose}${date}${text.still(passes[pass[index]], stamp[index])}${path ? "" : `. ${text.noStill}`}`;
     this.viewer.redraw();
   }
 }

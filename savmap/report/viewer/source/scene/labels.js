@@ -2,14 +2,12 @@
 import { Matrix4, Vector4 } from "three";
 import { element } from "../page/dom.js";
 import { toSite } from "../site/data.js";
-import { visibleIn } from "../site/dates.js";
+import { rowVisibleIn, visibleIn } from "../site/dates.js";
 
 const MOST = 90,
   HEIGHT = 17,
   LETTER = 6.7,
   LEAST_PX = 34;
-
-const ANY = { date: "new", state: "same" };
 
 // All that may be named: rows, groups, elements, with their middle and ends in the site's frame.
 export function namesOf(site) {
@@ -17,7 +15,7 @@ export function namesOf(site) {
   for (const row of site.rows) {
     const top = [(row.box.low[0] + row.box.high[0]) / 2, row.box.high[1] + 0.3, 0];
     if (site.rows.length > 1)
-      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null, ...ANY });
+      names.push({ text: row.name, rank: 0, style: "of-row", row, at: toSite(row, top), ends: null });
     const groups = new Map();
     for (const one of row.elements) {
       const { date } = one,
@@ -66,10 +64,10 @@ export function drawNames(layer, names, dates, camera, width, height, focused, t
     place.set(...point, 1).applyMatrix4(matrix);
     return place.w > 0 ? [((place.x / place.w + 1) * width) / 2, ((1 - place.y / place.w) * height) / 2] : null;
   };
-  const made = [];
+  let made = 0;
   for (const name of names) {
-    if (made.length >= MOST) break;
-    if (name.rank > 0 && (name.row !== focused || !visibleIn(name, dates))) continue;
+    if (made >= MOST) break;
+    if (name.rank > 0 ? name.row !== focused || !visibleIn(name, dates) : !rowVisibleIn(name.row, dates)) continue;
     const at = pixel(name.at);
     if (!at || at[0] < 0 || at[1] < 0 || at[0] > width || at[1] > height || tooSmall(name, pixel)) continue;
     const half = (LETTER * name.text.length) / 2 + 5,
@@ -78,11 +76,12 @@ export function drawNames(layer, names, dates, camera, width, height, focused, t
     if (taken.some((other) => box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1]))
       continue;
     taken.push(box);
-    const shown = element("span", { className: `name ${name.style}` }, name.text);
+    const shown = layer.children[made++] ?? layer.appendChild(element("span"));
+    if (shown.textContent !== name.text) shown.textContent = name.text;
+    shown.className = `name ${name.style}`;
     shown.style.transform = `translate(-50%, -50%) translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
-    made.push(shown);
   }
-  layer.replaceChildren(...made);
+  while (layer.children.length > made) layer.lastChild.remove();
 }
 
 function tooSmall(name, pixel) {

@@ -19,8 +19,9 @@ const COLUMNS = 64,
   MOST_FOV = 110;
 
 export class PanoramaView {
-  constructor(area, scene, changed) {
-    Object.assign(this, { area, changed, row: null, place: 0, yaw: 0, pitch: 0, shows: false });
+  // `taken`: the camera (path, stills) of a row whose pictures are shown.
+  constructor(area, scene, taken, changed) {
+    Object.assign(this, { area, taken, changed, row: null, of: null, place: 0, yaw: 0, pitch: 0, shows: false });
     this.camera = new PerspectiveCamera(75, 1, 0.02, 500);
     this.camera.layers.enable(PHOTO);
     this.sphere = new Mesh(
@@ -44,10 +45,11 @@ export class PanoramaView {
 
   // Places of a row's camera that can be shown: those of the pictures that were kept, else some of all.
   placesOf(row) {
-    const { number } = row.path;
-    if (row.stills.length) {
+    const { path, stills } = this.taken(row),
+      { number } = path;
+    if (stills.length) {
       const index = new Map(number.map((frame, k) => [frame, k]));
-      return row.stills
+      return stills
         .filter((one) => index.has(one.frame))
         .map((one) => ({ path: one.path, index: index.get(one.frame) }));
     }
@@ -56,17 +58,19 @@ export class PanoramaView {
   }
 
   show(row, place) {
-    if (row !== this.row) {
+    if (row !== this.row || this.taken(row) !== this.of) {
       this.row = row;
+      this.of = this.taken(row);
       this.places = this.placesOf(row);
     }
     if (!this.places.length) return this.showNothing();
     this.place = Math.min(Math.max(place, 0), this.places.length - 1);
-    const { index, path } = this.places[this.place];
-    this.centre = toSite(row, [...row.path.positions.subarray(3 * index, 3 * index + 3)]);
+    const { index, path } = this.places[this.place],
+      { positions, quaternions } = this.of.path;
+    this.centre = toSite(row, [...positions.subarray(3 * index, 3 * index + 3)]);
     this.camera.position.set(...this.centre);
     this.sphere.position.set(...this.centre);
-    this.sphere.quaternion.set(...row.path.quaternions.subarray(4 * index, 4 * index + 4));
+    this.sphere.quaternion.set(...quaternions.subarray(4 * index, 4 * index + 4));
     const turn = (row.placement[2] * Math.PI) / 180;
     this.sphere.quaternion.premultiply(new Quaternion().setFromAxisAngle(new Vector3(0, 1, 0), turn));
     this.load(path);
@@ -109,11 +113,12 @@ export class PanoramaView {
   // Show elements from the place that sees them best: near, and from the front.
   visit(row, points) {
     const centre = [0, 1, 2].map((k) => points.reduce((sum, point) => sum + point[k] / points.length, 0));
-    const places = row === this.row ? this.places : this.placesOf(row);
+    const places = this.placesOf(row),
+      { path } = this.taken(row);
     let best = 0,
       least = Infinity;
     places.forEach(({ index }, k) => {
-      const at = toSite(row, vertexOf(row.path, index));
+      const at = toSite(row, vertexOf(path, index));
       const apart = Math.hypot(...at.map((value, n) => value - centre[n]));
       if (apart < least) [best, least] = [k, apart];
     });

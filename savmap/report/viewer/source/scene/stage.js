@@ -19,7 +19,7 @@ export class Stage {
     this.renderer.setScissorTest(true);
     this.names = namesOf(viewer.site);
     this.labels = true;
-    Object.assign(this, { drawn: 0, pace: 0, slow: false });
+    Object.assign(this, { drawn: 0, near: {}, pace: 0, slow: false });
   }
 
   // Begin: as large as the page lets it be, and after each change of that.
@@ -47,10 +47,12 @@ export class Stage {
     this.drawModel(view.camera);
     this.viewer.frame.draw(view.camera);
     const taken = this.viewer.ruler.place();
+    if (!byId("pano").hidden) this.drawOn(byId("pano-area"), panorama.camera, NIGHT);
+    // last, for what asks where things are on the page after names have moved has all of it laid out again
     if (this.labels)
       drawNames(
         byId("names"),
-        view.kind === "face" ? this.names.filter((name) => name.row === row) : this.names,
+        this.namesAt(row, view.kind === "face"),
         this.viewer.site.showing,
         view.camera,
         view.width,
@@ -58,7 +60,40 @@ export class Stage {
         row,
         taken,
       );
-    if (!byId("pano").hidden) this.drawOn(byId("pano-area"), panorama.camera, NIGHT);
+  }
+
+  // Of all names those that a look at a row may show: its own, and, unless it is seen alone, the other rows'.
+  namesAt(row, alone) {
+    const { of } = this.near;
+    if (of !== row) {
+      const own = this.names.filter((name) => name.row === row);
+      this.near = { of: row, own, all: this.names.filter((name) => name.row === row || name.rank === 0) };
+    }
+    return alone ? this.near.own : this.near.all;
+  }
+
+  // What a frame asks of the graphics with all that is shown drawn: draw calls, triangles, lines and points; and the milliseconds
+  // that this script takes for it, the graphics having nothing else to do that it would wait for.
+  load(frames = 20) {
+    const { info } = this.renderer;
+    this.viewer.model.setCoarse(false);
+    info.autoReset = false; // a frame may be drawn in two or three parts
+    info.reset();
+    this.drawn = 0; // as at rest
+    this.draw();
+    const { calls, triangles, lines, points } = info.render;
+    info.autoReset = true;
+    const gl = this.renderer.getContext(),
+      pixel = new Uint8Array(4);
+    let own = 0;
+    for (let k = 0; k < frames; k++) {
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits until all is drawn
+      const since = performance.now();
+      this.drawn = 0;
+      this.draw();
+      own += performance.now() - since;
+    }
+    return [calls, triangles, lines, points, own / frames];
   }
 
   // Where frames follow one another too slowly, draw less while something moves, and all of it as soon as it rests.

@@ -30,6 +30,7 @@ function rowOf(site, entry, names) {
   const row = {
     index: site.rows.length,
     name: entry.name,
+    gone: Boolean(entry.gone), // only the earlier map has it
     placement: entry.placement,
     placementCovariance: entry.placement_covariance,
     aligned: entry.aligned,
@@ -56,7 +57,10 @@ function rowOf(site, entry, names) {
     }
   site.elements.push(...row.elements);
   keyApart(row);
-  compareRow(row, before, Boolean(site.dates?.new.includes(row.name)));
+  const isNew = Boolean(site.dates?.new.includes(row.name));
+  compareRow(row, before, isNew);
+  if (row.before) Object.assign(row.before, { stills: before.stills, path: pathOf(before.frames) });
+  row.only = row.gone ? "old" : isNew ? "new" : null; // the one date that has it
   row.box = boxOf(row.positions);
   for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
   row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));

@@ -7,6 +7,8 @@ export const STATES = ["same", ...CHANGES, "not seen"];
 export const visibleIn = (one, dates) =>
   dates === one.date || (dates === "both" && (one.date === "new" || one.state !== "same"));
 
+export const rowVisibleIn = (row, dates) => !row.only || dates === "both" || dates === row.only;
+
 export function showDates(site, dates) {
   site.showing = dates;
   for (const row of site.rows) row.shown = row.elements.filter((one) => visibleIn(one, dates));
@@ -19,6 +21,7 @@ export function compareRow(row, before, isNew) {
   const ofDate = (date) => row.elements.filter((one) => one.date === date),
     [now, then] = [ofDate("new"), ofDate("old")];
   if (isNew) for (const one of now) one.state = "new";
+  if (row.gone) for (const one of then) Object.assign(one, { state: "missing", pair: [one] });
   for (const entry of before?.changes ?? []) {
     const pair = [now[entry.new ?? -1], then[entry.old ?? -1]].filter(Boolean),
       tested = entry.tested.map(figureOf);
@@ -36,6 +39,13 @@ function figureOf([what, a, b, told]) {
   if (typeof a === "string") return { what, old: a, new: b, significant };
   return { what, by: a * UNIT_M, sigma: b * UNIT_M, significant };
 }
+
+// The date whose elements stand for a row where it is looked for.
+export const dateOf = (row) => (row.gone ? "old" : "new");
+
+// Whose panoramas are shown: a row's own, or, of its old date, the earlier map's, where that kept any.
+export const cameraOf = (row, dates) =>
+  row.before?.stills.length && (dates === "old" || row.gone) ? row.before : row;
 
 // An element on both dates, where both have it.
 export const bothOf = (one) => one.pair ?? [one];

@@ -1,12 +1,15 @@
 // Search: what is written on elements, their ids, labels and groups, and rows; the address after # names the same things.
 
+import { dateOf } from "./dates.js";
+
 const MOST = 60;
 
 export function searchIndex(site) {
   const entries = [];
   for (const row of site.rows) {
-    if (site.rows.length > 1) entries.push(entry(row.name, "row", row, row.elements.filter((one) => one.date === "new"), row.name));
-    for (const [group, elements] of grouped(row.elements.filter((one) => one.date === "new")))
+    const own = row.elements.filter((one) => one.date === dateOf(row));
+    if (site.rows.length > 1) entries.push(entry(row.name, "row", row, own, row.name));
+    for (const [group, elements] of grouped(own))
       if (group) entries.push(entry(group, "group", row, elements, `${row.name}/${group}`));
   }
   for (const one of site.elements) {
