@@ -44,6 +44,8 @@ def test_a_grid_that_makes_no_sense_has_no_patch() -> None:
     assert face_patch(Grid(1000 * WHOLE.posts, [1000 * levels for levels in WHOLE.sections])) is not None
     thin = [np.array([[0.3, 0.3001], [90.0, 90.0001]]) for _ in WHOLE.sections]
     assert face_patch(Grid(WHOLE.posts, thin)) is None
+    assert face_patch(Grid(np.nan * WHOLE.posts, WHOLE.sections)) is None
+    assert face_patch(Grid(WHOLE.posts, [0 * levels for levels in WHOLE.sections])) is None
 
 
 def test_evidence_of_what_was_tracked_changes_nothing() -> None:

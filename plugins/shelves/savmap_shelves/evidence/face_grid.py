@@ -80,12 +80,14 @@ def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: in
 
 def face_patch(grid: Grid) -> PlanePatch | None:
     """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post. None for a grid that
-    makes no sense, such as one of frames on both sides of a cut: it has far more cells than any face."""
+    makes no sense, such as one of frames on both sides of a cut: it has far more cells than any face, or none."""
     low, high = _reach_up(grid)
     left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
     cell = min(grid.width, grid.thickness) / CELLS_ACROSS
-    origin = np.array([left, low, 0.0])
-    patch = PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], np.array([right - left, high - low]), cell)
+    origin, size = np.array([left, low, 0.0]), np.array([right - left, high - low])
+    if not (np.isfinite(size).all() and min(*size, cell) > 0):
+        return None
+    patch = PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], size, cell)
     rows, columns = patch.shape
     return patch if max(rows, columns) < MOST_SIDE and rows * columns <= MOST_CELLS else None
 
