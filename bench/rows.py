@@ -1,14 +1,16 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--keep DIR] [-o bench/results/rows.json]
 
 Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
+--times: each row's bays so many times over, and so many times the frames, for long rows.
 """
 
 import argparse
 import json
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +28,36 @@ from savmap.sim.simulate import simulate
 ROOT = Path(__file__).parent.parent
 
 
-def footage(seed: int, frames: int, folder: Path, style: str = "any") -> Path:
+def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1) -> Path:
     """The site file of a random row's footage, made unless it is there."""
     site = folder / "site.yaml"
     if not site.is_file():
         scene = random_row(seed, frames)
-        simulate(greyed(scene, seed) if style == "grey" else scene, folder)
+        scene = greyed(scene, seed) if style == "grey" else scene
+        simulate(lengthened(scene, times) if times > 1 else scene, folder)
     return site
+
+
+def lengthened(scene: Scene, times: int) -> Scene:
+    """The scene with the first rack's bays so many times over, the others, the hall and the drive longer by as much."""
+    content = scene.model_dump(mode="json")
+    racks, cart = content["structures"]["shelves"]["rows"], content["cart"]
+    more = (times - 1) * _length(next(iter(racks.values())))
+    for name, rack in racks.items():
+        before, bays = _length(rack), rack["bays"]
+        count = max(1, round(len(bays) * (before + more) / before))
+        rack["bays"] = [bays[number % len(bays)] for number in range(count)]
+        if content["rows"][name]["facing"] == "-z":
+            content["rows"][name]["x"] += _length(rack) - before
+    content["hall"]["x"][1] += more + 6.0
+    cart["start" if cart["start"][0] > cart["end"][0] else "end"][0] += more
+    cart["frames"] *= times
+    return parse_scene(content, "long row")
+
+
+def _length(rack: Mapping[str, Any]) -> float:
+    """m."""
+    return float(sum(bay["width"] for bay in rack["bays"]))
 
 
 def greyed(scene: Scene, seed: int) -> Scene:
@@ -102,6 +127,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--style", choices=["any", "grey"], default="any")
+    parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()
@@ -111,7 +137,8 @@ def main() -> None:
         base = arguments.keep or Path(temporary)
         for seed in range(arguments.seed, arguments.seed + arguments.count):
             folder = base / (f"row-{seed}" if arguments.style == "any" else f"{arguments.style}-{seed}")
-            site = only_first_row(footage(seed, arguments.frames, folder, arguments.style))
+            folder = folder.with_name(f"{folder.name}-x{arguments.times}") if arguments.times > 1 else folder
+            site = only_first_row(footage(seed, arguments.frames, folder, arguments.style, arguments.times))
             results[seed] = score(site, folder / "out")
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
