@@ -6,6 +6,7 @@ import numpy as np
 
 from savmap.plugin import Floats
 from savmap_lights.picture.bars import without_bar
+from savmap_lights.picture.hidden import is_covered
 from savmap_lights.picture.profiles import (
     BORDER_PX,
     DROP,
@@ -13,7 +14,6 @@ from savmap_lights.picture.profiles import (
     VIEW_AXES,
     Singles,
     falls_aside,
-    is_covered,
     places_within,
     profile_of,
     sampled_aslant,

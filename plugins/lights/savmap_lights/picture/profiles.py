@@ -13,8 +13,6 @@ STEP_PX = 0.5
 DROP = 5.0
 BEYOND_PX = 9.0
 SHARP_PX, STEEP = 3.5, 0.6
-BESIDE_PX, COVERS, SAME_PX = 3.0, 8.0, 2.0
-ALIKE = 12.0
 BORDER_PX = 3.0
 HALF = 0.6
 
@@ -86,34 +84,3 @@ def falls_aside(values: Floats, aside: Floats, level: float, side: int) -> Float
     dark = np.argmax(is_dark, axis=1)
     places, sharp = falls(lines, where, dark)
     return np.where(sharp & (dark > 0), places, np.nan)
-
-
-def is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:
-    """Whether something that runs across hides a strip where it ends, `outward` (+-1) along the axis: the brightness changes sharply beside
-    the strip too, on both sides, and is alike beyond the end. Before what runs behind it, a lamp's housing or glow shows there."""
-    reach = SHARP_PX / 2 + SAME_PX
-    along = at + np.arange(-reach, reach + 0.01, STEP_PX)
-    steep = round(SHARP_PX / STEP_PX)
-    flanks = [_flank(grey, middle, axis, width, along, side) for side in (-1, 1)]
-    if any(np.abs(line[steep:] - line[:-steep]).max() < COVERS for line in flanks):
-        return False
-    return _goes_on_across(grey, middle, axis, width, at, outward)
-
-
-def _flank(grey: Singles, middle: Floats, axis: Floats, width: float, along: Floats, side: int) -> Floats:
-    """Brightness (n,) beside a strip, at places along it."""
-    begin = 0.5 * width + max(BESIDE_PX, 0.25 * width)
-    aside = side * np.linspace(begin, begin + 2 * BESIDE_PX, 5)
-    return np.asarray(sampled(grey, middle, axis, along, aside).mean(axis=1))
-
-
-def _goes_on_across(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:
-    """Whether what lies across beside a strip's end looks alike beyond the end, somewhere."""
-    before = at - outward * np.arange(SHARP_PX, SHARP_PX + BEYOND_PX, STEP_PX)
-    beyond = at + outward * np.arange(SAME_PX, BEYOND_PX, STEP_PX)
-    own = profile_of(grey, middle, axis, beyond, 0.25 * width)
-    flanks = np.array([_flank(grey, middle, axis, width, beyond, side) for side in (-1, 1)])
-    usual = np.median([_flank(grey, middle, axis, width, before, side) for side in (-1, 1)], axis=1)
-    across = (np.abs(flanks - usual[:, None]) >= COVERS / 2).any(axis=0)
-    alike = (own >= flanks.min(axis=0) - ALIKE) & (own <= flanks.max(axis=0) + ALIKE)
-    return bool((across & alike).any() or not across.any())

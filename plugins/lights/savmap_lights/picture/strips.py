@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.plugin import Floats
+from savmap_lights.picture.hidden import is_covered
 from savmap_lights.picture.profiles import (
     DROP,
     STEP_PX,
@@ -17,7 +18,6 @@ from savmap_lights.picture.profiles import (
     Singles,
     fall,
     falls_aside,
-    is_covered,
     places_within,
     profile_of,
     sampled,

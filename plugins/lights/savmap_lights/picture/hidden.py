@@ -1,0 +1,40 @@
+"""Whether the end of a lit strip is hidden by something that runs across it, such as a pipe or a purlin below the lamp."""
+
+import numpy as np
+
+from savmap.plugin import Floats
+from savmap_lights.picture.profiles import BEYOND_PX, SHARP_PX, STEP_PX, Singles, profile_of, sampled
+
+BESIDE_PX, COVERS, SAME_PX = 3.0, 8.0, 2.0
+ALIKE = 12.0
+
+
+def is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:
+    """Whether something that runs across hides a strip where it ends, `outward` (+-1) along the axis: the brightness changes sharply beside
+    the strip too, on both sides, and is alike beyond the end. Before what runs behind it, a lamp's housing or glow shows there."""
+    reach = SHARP_PX / 2 + SAME_PX
+    along = at + np.arange(-reach, reach + 0.01, STEP_PX)
+    steep = round(SHARP_PX / STEP_PX)
+    flanks = [_flank(grey, middle, axis, width, along, side) for side in (-1, 1)]
+    if any(np.abs(line[steep:] - line[:-steep]).max() < COVERS for line in flanks):
+        return False
+    return _goes_on_across(grey, middle, axis, width, at, outward)
+
+
+def _flank(grey: Singles, middle: Floats, axis: Floats, width: float, along: Floats, side: int) -> Floats:
+    """Brightness (n,) beside a strip, at places along it."""
+    begin = 0.5 * width + max(BESIDE_PX, 0.25 * width)
+    aside = side * np.linspace(begin, begin + 2 * BESIDE_PX, 5)
+    return np.asarray(sampled(grey, middle, axis, along, aside).mean(axis=1))
+
+
+def _goes_on_across(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:
+    """Whether what lies across beside a strip's end looks alike beyond the end, somewhere."""
+    before = at - outward * np.arange(SHARP_PX, SHARP_PX + BEYOND_PX, STEP_PX)
+    beyond = at + outward * np.arange(SAME_PX, BEYOND_PX, STEP_PX)
+    ahead = profile_of(grey, middle, axis, beyond, 0.25 * width)
+    flanks = np.array([_flank(grey, middle, axis, width, beyond, side) for side in (-1, 1)])
+    before_end = np.median([_flank(grey, middle, axis, width, before, side) for side in (-1, 1)], axis=1)
+    across = (np.abs(flanks - before_end[:, None]) >= COVERS / 2).any(axis=0)
+    alike = (ahead >= flanks.min(axis=0) - ALIKE) & (ahead <= flanks.max(axis=0) + ALIKE)
+    return bool((across & alike).any() or not across.any())
