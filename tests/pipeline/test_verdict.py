@@ -196,6 +196,16 @@ def test_what_is_doubted_beyond_the_ends_is_a_note() -> None:
     assert without_beyond([both], structures, frozenset()) == ([both], [])
 
 
+def test_a_place_beyond_the_ends_where_something_may_be_missing_is_no_doubt() -> None:
+    structures = {"wall": [post(n) for n in range(len(made.WALL))]}
+    within, past = (Doubt("shape", "a lamp may be missing", (), (x, 3.0, 1.0)) for x in (2.0, 40.0))
+    given = Doubt("reference", "the mark contradicts the rest", (), (40.0, 0.0, 0.0))
+    kept, notes = without_beyond([within, past, given], structures, frozenset({"wall"}))
+    assert kept == [within, given]
+    assert notes == ["beyond the row's ends: a lamp may be missing"]
+    assert without_beyond([past], structures, frozenset()) == ([past], [])
+
+
 def test_support_counts_only_frames_that_should_show_it() -> None:
     path = made.path()
     # Of two frames the further one is beyond the usual reach.

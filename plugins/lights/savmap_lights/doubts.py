@@ -15,7 +15,7 @@ LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
 """The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
 for each one that shows the lamps on either side, the light before the next one was seen."""
 
-FEWEST = 4
+FEWEST, FEWEST_STEPS = 4, 2
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
@@ -31,6 +31,7 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
         *_heights(whole),
         *_lengths(whole),
         *_gaps(ordered),
+        *_next_in_line(ordered),
         *_unexplained(ordered),
         *_alone(ordered),
         *_open(ordered),
@@ -85,6 +86,25 @@ def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
             what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
             yield Doubt("shape", what, (before.id, after.id), _middle(before))
+
+
+def _next_in_line(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """Light where the next lamp of a regular line would be, beyond the last one or before the first. That is where something was seen, so no
+    structure is named: beyond the row's ends it is no doubt."""
+    whole = [lamp for lamp in lamps if is_whole(lamp)]
+    steps = np.diff([_middle(lamp)[0] for lamp in whole])
+    if len(steps) < FEWEST_STEPS or not (np.abs(steps - np.median(steps)) < REGULAR * np.median(steps)).all():
+        return
+    usual = float(np.median(steps))
+    for lamp, attribute, way in ((whole[0], LIGHT_BEFORE, -1), (whole[-1], LIGHT_BEYOND, 1)):
+        x, y, z = _middle(lamp)
+        place = float(lamp.attributes.get(attribute, np.inf))
+        if lamp in (lamps[0], lamps[-1]) and abs(place - x - way * usual) < REGULAR * usual:
+            what = (
+                f"something shines {place:.2f} m along the row, next to {lamp.id}, where a line with a lamp every {usual:.2f} m "
+                "would have one: it may be missing"
+            )
+            yield Doubt("shape", what, (), (place, y, z))
 
 
 def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:

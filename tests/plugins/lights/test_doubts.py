@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Structure
-from savmap_lights.doubts import LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M, doubts_of
+from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M, doubts_of
 
 
 def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
@@ -31,6 +31,21 @@ def test_a_gap_in_which_something_shines_is_doubted() -> None:
     lamps[3] = replace(lamps[3], attributes={LIGHT_BEYOND: 12.5})
     (line,) = lines(lamps)
     assert line.startswith("light 4 and light 5 are 6.00 m apart, others 3.00 m, and something shines between them")
+
+
+def test_light_where_the_next_lamp_would_be_is_doubted() -> None:
+    lamps = [lamp(k, 3.0 * k) for k in range(1, 4)]
+    for attributes, x in (({LIGHT_BEYOND: 12.65}, 12.65), ({LIGHT_BEFORE: 0.55}, 0.55)):
+        lit = [replace(one, attributes=attributes) for one in lamps]
+        (doubt,) = doubts_of(lit)
+        assert doubt.what.startswith(
+            f"something shines {x:.2f} m along the row, next to light {3 if x > 6 else 1}, where a line with a lamp every 3.00 m"
+        )
+        assert (doubt.structures, doubt.place) == ((), (x, 6.0, 1.2))
+    elsewhere = [replace(one, attributes={LIGHT_BEYOND: 11.4, LIGHT_BEFORE: -2.0}) for one in lamps]
+    assert not lines(elsewhere)
+    irregular = [lamp(1, 0.0), lamp(2, 3.0), replace(lamp(3, 7.0), attributes={LIGHT_BEYOND: 11.1})]
+    assert not lines(irregular)
 
 
 def test_light_in_an_irregular_line_is_doubted() -> None:
