@@ -27,5 +27,14 @@ def until(page: Any, true: str) -> None:
     pytest.fail(f"never true: {true}")
 
 
+def eventually(page: Any, true: Callable[[], bool], what: str) -> None:
+    """Wait for something that is read off the page from outside, such as a drawn pixel."""
+    for _ in range(100):
+        if true():
+            return
+        page.wait_for_timeout(50)
+    pytest.fail(f"never true: {what}")
+
+
 def selected(page: Any) -> str:
     return str(page.inner_text("#selection strong"))

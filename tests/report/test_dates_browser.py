@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from made_up_dates import dated_site, grey_photo
 from made_up_map import EVIL, stills, thing
-from opened_page import HERE, IN_BROWSER, Open, selected, until
+from opened_page import HERE, IN_BROWSER, Open, eventually, selected, until
 
 from savmap.maps.comparison import compare_maps
 from savmap.report.viewer import Before, View, write_view
@@ -106,15 +106,15 @@ def test_orthophotos_lie_beside_a_divider_in_the_face_view(opened: Open) -> None
     page.keyboard.press("3")
     page.keyboard.press("n")
     until(page, "Object.values(savmapViewer.model.rows[0].dates).every((date) => date.photo)")
-    page.wait_for_timeout(200)
-    assert [grey_at(page, 0.3) < 80, grey_at(page, 0.7) > 160] == [True, True]
+    eventually(
+        page, lambda: grey_at(page, 0.3) < 80 and grey_at(page, 0.7) > 160, "a photo on either side of the divider"
+    )
     divider = page.locator("#swipe").bounding_box()
     page.mouse.move(divider["x"] + 10, 400)
     page.mouse.down()
     page.mouse.move(divider["x"] + 400, 400, steps=3)
     page.mouse.up()
-    page.wait_for_timeout(200)
-    assert grey_at(page, 0.7) < 80
+    eventually(page, lambda: grey_at(page, 0.7) < 80, "the old photo where the divider was dragged away")
     assert page.locator("#selection strong").count() == 0  # a drag is no click
     x, y = page.evaluate(HERE, ["section 4 / beam 2", 0])
     page.mouse.click(x + 60, y)  # where the old date, which has no such beam, is shown

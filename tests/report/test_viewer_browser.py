@@ -231,12 +231,10 @@ def test_tip_goes_when_a_corner_is_picked(opened: Open) -> None:
         until(page, "!document.getElementById('tip').hidden")
         page.mouse.down()
         page.mouse.up()
-        page.wait_for_timeout(100)
-        assert page.locator("#tip").is_hidden()
+        until(page, "document.getElementById('tip').hidden")
     page.mouse.move(*page.evaluate(HERE, ["post 2", 0]))
     page.keyboard.press("Escape")
-    page.wait_for_timeout(100)
-    assert page.locator("#tip").is_hidden()
+    until(page, "document.getElementById('tip').hidden")
 
 
 def test_views_and_orthophoto(opened: Open) -> None:

@@ -62,7 +62,7 @@ def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A strip longer or shorter than most, where most are equal. Beyond the row's ends, seen from afar, joints may not show: no doubt stays there."""
+    """A strip longer or shorter than most, where most are equal. Beyond the row's ends, seen from afar, joints may not show: the verdict makes that a note."""
     strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
     lengths = np.array([np.linalg.norm(lamp.vertices[1] - lamp.vertices[0]) for lamp in strips])
     if len(strips) < FEWEST or not _are_regular(lengths):
