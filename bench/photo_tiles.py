@@ -2,7 +2,7 @@
 
     python bench/photo_tiles.py -o data/photos [--cache DIR]
 
-The photographs of `plugins/shelves/training/photos.json`, which stand under CC-BY, MIT and Apache-2.0, are fetched by address and digest; our
+The photographs of `plugins/shelves/training/photos.json`, which stand under CC-BY, CC0, MIT and Apache-2.0, are fetched by address and digest; our
 labels of them lie beside it (LabelMe: shapes in painting order, later over earlier; `ignore` is not judged, `background` is none of the
 classes). Each is cut into half overlapping tiles of 640x480 at its own size (at most 1280 px wide) and, where it is large, at half of it.
 A data set of savmap's own kind is written. None of the photographs of `bench/photos.py` is among them.
