@@ -142,3 +142,37 @@ def test_a_section_of_thicker_beams_is_no_error() -> None:
 
 def test_nothing_mapped_is_not_doubted() -> None:
     assert doubts_of([]) == []
+
+
+def aslant_row(camera: float, depth: float, distance: float, height: float = 0.1) -> Row:
+    """Three bays whose beams' undersides or tops, `depth` m deep, are taken for their faces, seen from a camera at a height and distance."""
+    levels = [[0.35, 1.5, 2.6, 3.7], [0.33, 1.4, 2.7, 3.8], [0.36, 1.6, 2.5, 3.6]]
+
+    def seen(bottom: float) -> list[float]:
+        low, high = bottom, bottom + height
+        return [low - max(low - camera, 0) * depth / distance, high + max(camera - high, 0) * depth / distance]
+
+    return {
+        "uprights": [[2.8 * k, 2.8 * k + 0.1] for k in range(4)],
+        "sections": [{"beams": [seen(bottom) for bottom in own]} for own in levels],
+    }
+
+
+def test_beams_that_grow_away_from_the_cameras_height_are_doubted() -> None:
+    found = [doubt for doubt in doubts_of(structures_of(aslant_row(1.9, 0.05, 2.2))) if "the further" in doubt.what]
+    (doubt,) = found
+    assert "from 1.9 m above the floor (9.9 cm there, section 2 / beam 4 14.3 cm)" in doubt.what
+    assert "section 2 / beam 4" in doubt.structures
+    assert "section 3 / beam 2" not in doubt.structures
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.004])
+def test_beams_of_one_height_are_not_doubted(depth: float) -> None:
+    assert not [d for d in doubts_of(structures_of(aslant_row(1.9, depth, 2.2))) if "the further" in d.what]
+
+
+def test_heavier_lowest_beams_are_not_taken_for_sides() -> None:
+    row = regular_row()
+    for section in row["sections"]:
+        section["beams"][0][1] += 0.04
+    assert not [doubt for doubt in doubts_of(structures_of(row)) if "the further" in doubt.what]

@@ -1,0 +1,24 @@
+"""What of a mapped rack is implausible: elements out of proportion to their likes, beams that grow aslant, levels that one section alone has or
+lacks, and a size that no rack has."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from savmap.types import Doubt, Structure
+from savmap_shelves.doubts.levels import odd_levels
+from savmap_shelves.doubts.sides import beams_with_sides
+from savmap_shelves.doubts.sizes import odd_bays, odd_scale, odd_sizes
+
+
+def doubts_of(structures: Sequence[Structure]) -> list[Doubt]:
+    """Doubts of kind `shape`, each with the ids of the elements that it is about."""
+    by_id = {structure.id: structure for structure in structures}
+    checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels)
+    found = [doubt for check in checks for doubt in check(structures)]
+    return [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
+
+
+def _place(structures: Sequence[Structure]) -> tuple[float, float, float]:
+    x, y, z = np.mean([structure.vertices.mean(axis=0) for structure in structures], axis=0).tolist()
+    return x, y, z
