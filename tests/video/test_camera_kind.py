@@ -112,8 +112,16 @@ def test_panoramas_of_all_sorts_pass(change: Callable[[Image], Image]) -> None:
     assert kind(change) == ("", [])
 
 
-def test_edges_that_do_not_meet_are_doubted() -> None:
+def part(panorama: Image) -> Image:
     """A part of a panorama, stretched to the whole width: its top and bottom rows are even."""
-    found, doubts = kind(lambda panorama: cv2.resize(panorama[:, :300], (WIDTH, HEIGHT)))
+    return cv2.resize(panorama[:, :300], (WIDTH, HEIGHT))
+
+
+def test_a_part_of_a_panorama_is_refused() -> None:
+    assert "edges do not meet: it seems to be a part of a panorama" in kind(part)[0]
+
+
+def test_edges_that_hardly_meet_are_doubted() -> None:
+    found, doubts = kind(lambda panorama: 0.7 * part(panorama) + 0.3 * panorama)
     assert not found
     assert doubts == ["the pictures' left and right edges do not meet: are they whole equirectangular panoramas?"]

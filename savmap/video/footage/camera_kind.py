@@ -21,6 +21,8 @@ ALIKE, NEARLY_ALIKE = 0.85, 0.75
 APART = (40, 70, 100, 128)
 """Columns so far apart have little in common."""
 BROKEN, UNLIKE, LEAST_CONTRAST = 0.6, 0.35, 5.0
+SURELY_BROKEN, SURELY_UNLIKE = 0.85, 0.2
+"""Panoramas of rendered and real clips have steps of 0.3 at most between their edges, which are alike by 0.5 at least; of parts of panoramas, 0.99 and 0.11."""
 SMOOTH_PX = 6.0
 UNEVEN, EVEN = 0.5, 0.3
 BLACK, BLACK_SHARE = 8.0, 0.15
@@ -46,6 +48,8 @@ def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
         yield f"its upper and lower halves show the same: it seems to be stereo, one eye above the other, no panorama: {WHOLE}"
     if _is_broken(pictures) and _usual(pictures, unevenness) > EVEN:
         yield f"its left and right edges do not meet, nor are its top and bottom rows even: it seems to be no panorama: {WHOLE}"
+    elif _is_broken(pictures, SURELY_BROKEN, SURELY_UNLIKE):
+        yield f"its left and right edges do not meet: it seems to be a part of a panorama, no whole one: {WHOLE}"
 
 
 def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
@@ -111,9 +115,9 @@ def _around(picture: Grey, y: int, x: int) -> Grey:
     return picture[y - SLACK : y + PATCH + SLACK, x - REACH : x + PATCH + REACH]
 
 
-def _is_broken(pictures: Sequence[Grey]) -> bool:
+def _is_broken(pictures: Sequence[Grey], step: float = BROKEN, unlike: float = UNLIKE) -> bool:
     """Whether the left and right edges do not meet. A step of exposure alone does not break them."""
-    return _usual(pictures, seam_step) > BROKEN and _usual(pictures, seam_likeness) < UNLIKE
+    return _usual(pictures, seam_step) > step and _usual(pictures, seam_likeness) < unlike
 
 
 def seam_step(picture: Grey) -> float:
