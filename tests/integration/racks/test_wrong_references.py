@@ -76,6 +76,16 @@ def test_on_contradiction_leave_out(four: made.World) -> None:
     assert largest_error(four, solution) < 0.02
 
 
+def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:
+    """Two of six or seven wrong are mistakes; three may be the measurements of another row, or of its other side."""
+    world = made.world(11, sections=5, frames=50, bridge=None)
+    for wrong, hinted in ((0.12, -0.07, 0.2, 0, 0), True), ((0.12, -0.07, 0, 0, 0), False):
+        heights = [height + off for height, off in zip(world.rack.lowest, wrong, strict=True)]
+        first, *others = solve(problem(world, heights, made.references(world))).doubts
+        assert ("3 of 7 references do not fit what was seen: are they of this row" in first.what) == hinted
+        assert len(others) == (3 if hinted else 1)
+
+
 def test_of_two_that_give_the_scale_nobody_can_say() -> None:
     """With equal heights nothing but the camera's height and the length tell the scale."""
     world = made.world(6, sections=3, frames=40, bridge=None)

@@ -28,6 +28,8 @@ UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
+SEVERAL, LARGE_SHARE = 3, 0.4
+"""As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +143,14 @@ def _left_out(
         notes.append(line)
         if doubted and not harmless:
             doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
+    if len(doubts) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
+        doubts.insert(0, Doubt("reference", _elsewhere(len(doubts), len(agreed.all_names))))
     unchecked = tuple(_unchecked(problem, agreed, out))
     return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
+
+
+def _elsewhere(wrong: int, given: int) -> str:
+    return f"{wrong} of {given} references do not fit what was seen: are they of this row, and is its `side` right?"
 
 
 def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
