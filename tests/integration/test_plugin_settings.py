@@ -84,6 +84,16 @@ def test_heights_of_lowest_beams_may_stand_alone(given: object) -> None:
     assert known.sigma == 0.002
 
 
+def test_sections_may_have_no_height_but_not_all() -> None:
+    from savmap_shelves.settings import ShelvesSettings as Settings
+
+    known = Settings.model_validate({"lowest_beam_bottom_height_m": [0.3, None]}).lowest_beam_bottom_height_m
+    assert known is not None
+    assert known.values == (0.3, None)
+    with pytest.raises(ValueError, match="no value is given"):
+        Settings.model_validate({"lowest_beam_bottom_height_m": [None, None]})
+
+
 def test_a_height_in_another_unit_is_refused() -> None:
     from savmap_shelves.settings import ShelvesSettings as Settings
 

@@ -3,12 +3,18 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from savmap.files.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=50)]
+
+
+def _one_known(values: tuple[float | None, ...]) -> tuple[float | None, ...]:
+    if all(value is None for value in values):
+        raise ValueError("no value is given; leave the setting out, or give that of one section at least")
+    return values
 
 
 class LowestBeam(BaseModel):
@@ -18,8 +24,8 @@ class LowestBeam(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
-    values: Height | tuple[Height, ...]
-    """One value, or one a section, left to right."""
+    values: Height | Annotated[tuple[Height | None, ...], AfterValidator(_one_known)]
+    """One value, or one a section, left to right: `null` where a section has no beam, or was not measured."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
     """Standard deviation of each."""
 
@@ -33,8 +39,8 @@ class BayPitch(BaseModel):
     """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
-    value: Pitch | tuple[Pitch, ...]
-    """One value, or one a section, left to right."""
+    value: Pitch | Annotated[tuple[Pitch | None, ...], AfterValidator(_one_known)]
+    """One value, or one a section, left to right: `null` where a section was not measured."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
     """Standard deviation of each."""
 

@@ -53,6 +53,19 @@ def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
     ]
 
 
+@pytest.mark.parametrize("heights", [(0.1, None, 0.3, 0.4), (0.1, 0.3, 0.4)])
+def test_a_section_without_beams_counts_where_the_list_says_so(heights: tuple[float | None, ...]) -> None:
+    """Section 2 is a passage: the list has null for it, or leaves it out."""
+    [given] = assignments({"height": heights}, (1, 3, 4), "A").values()
+    assert given == {"height": {1: 0.1, 3: 0.3, 4: 0.4}}
+
+
+def test_a_row_with_a_passage_that_was_seen_in_part() -> None:
+    ways = assignments({"height": (0.1, None, 0.3, 0.4)}, (1, 3), "A")
+    assert ways["sections 1 to 3 of 4"] == {"height": {1: 0.1, 3: 0.3}}
+    assert ways["sections 2 to 4 of 4"] == {"height": {3: 0.4}}
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -63,3 +76,9 @@ def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
 def test_lists_that_do_not_fit_are_refused(given: dict[str, tuple[float, ...]], told: str) -> None:
     with pytest.raises(SiteError, match=told):
         assignments(given, (1, 2), "A")
+
+
+def test_a_list_that_is_too_short_for_a_row_with_a_passage_is_told_of_null() -> None:
+    told = r"gives 2 values, but 4 sections were found, 1 of them without beams \(write `null`"
+    with pytest.raises(SiteError, match=told):
+        assignments({"height": (0.1, 0.3)}, (1, 3, 4), "A")

@@ -27,7 +27,7 @@ from savmap_shelves.constraints.sharing import share_edges
 from savmap_shelves.constraints.track_grid import TrackGrid, column_of, grid_of, is_foot, row_of
 from savmap_shelves.settings import ShelvesSettings
 
-Values = float | Sequence[float]
+Values = float | Sequence[float | None]
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.05
 
@@ -165,27 +165,50 @@ def assignments(
 ) -> dict[str, dict[str, dict[int, float]]]:
     """The given figures of the sections found, by setting: the same for all, or one a section of the row, left to right.
 
-    There is one assignment where all sections were found. Where the row has more, each run of neighbours makes one, by name.
-    Raises SiteError where the row has fewer, or where two settings differ in number.
+    There is one assignment where all sections were found. Where the row has more, each run of neighbours makes one, by name. A section
+    without beams, such as a passage, counts as the others do, and its value is None; a list without it is taken, too, where no other
+    section is missing. Raises SiteError where the row has fewer, or where two settings differ in number.
     """
     counts = {setting: len(values) for setting, values in given.items() if not isinstance(values, int | float)}
     if len(set(counts.values())) > 1:
         listed = " and ".join(f"{count} of {setting}" for setting, count in counts.items())
         raise SiteError(f"row {row}: one value for each section is expected, but there are {listed}")
+    places = _places(sections, next(iter(counts.values()), None))
     for setting, count in counts.items():
-        if count < len(sections):
-            raise SiteError(f"row {row}: {setting} gives {count} values, but {len(sections)} sections were found")
-    whole = max(counts.values(), default=len(sections))
+        if count <= places[-1]:
+            raise SiteError(f"row {row}: {setting} gives {count} values, but {_found(sections)}")
+    whole = max(counts.values(), default=places[-1] + 1)
     lists = {
         setting: [float(values)] * whole if isinstance(values, int | float) else values
         for setting, values in given.items()
     }
     return {
-        f"sections {first + 1} to {first + len(sections)} of {whole}": {
-            setting: dict(zip(sections, values[first:], strict=False)) for setting, values in lists.items()
+        f"sections {first + 1} to {first + places[-1] + 1} of {whole}": {
+            setting: _of_sections(values, sections, [first + place for place in places])
+            for setting, values in lists.items()
         }
-        for first in range(whole - len(sections) + 1)
+        for first in range(whole - places[-1])
     }
+
+
+def _places(sections: Sequence[int], count: int | None) -> list[int]:
+    """Where the values of sections with beams are in a list, counted from that of the first."""
+    if count == len(sections):
+        return list(range(count))
+    return [section - sections[0] for section in sections]
+
+
+def _of_sections(values: Sequence[float | None], sections: Sequence[int], places: Sequence[int]) -> dict[int, float]:
+    known = ((section, values[place]) for section, place in zip(sections, places, strict=True))
+    return {section: value for section, value in known if value is not None}
+
+
+def _found(sections: Sequence[int]) -> str:
+    span = sections[-1] - sections[0] + 1
+    without = (
+        f", {span - len(sections)} of them without beams (write `null` for such a one)" if span > len(sections) else ""
+    )
+    return f"{span} sections were found{without}"
 
 
 def _pitch(

@@ -13,7 +13,7 @@ Texture = Literal["plain", "noise", "wood", "carton", "holes", "stripes", "wire"
 class Bay(Strict):
     """One section: clear `width` between its uprights, heights of its beams' bottom edges from the bottom up."""
 
-    width: float = Field(gt=0.3)
+    width: float = Field(gt=0.01)
     beams: tuple[float, ...] = ()
     beam_height: float | None = None
     empty: bool = False

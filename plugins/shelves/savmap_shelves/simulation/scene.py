@@ -83,7 +83,7 @@ def _site_row(known: Mapping[str, Any]) -> dict[str, Any]:
     lowest, length = known["lowest_beam_bottom_height_m"], known["first_to_last_upright_outer_edges_m"]
     last = f"upright {len(lowest['values']) + 1} / right"
     row: dict[str, Any] = {"references": {"lengths": [{"between": ["upright 1 / left", last], **length}]}}
-    if all(value is not None for value in lowest["values"]):
+    if any(value is not None for value in lowest["values"]):
         row["plugins"] = {"shelves": {"lowest_beam_bottom_height_m": lowest}}
     return row
 
