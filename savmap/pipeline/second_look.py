@@ -165,22 +165,33 @@ def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) 
 
 def unexplained(left: Expectation, looks: Sequence[Look], views: Mapping[str, ViewSpec]) -> Iterator[Doubt]:
     """A doubt about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
-    structure is level, too, and goes on in the evidence of its front. Of what stands across the camera's way no picture tells that; where all
-    that meets it lies behind, so does it."""
+    structure is level, too, and goes on in the evidence of its front. What stands above or below it in the same opening is behind it as well
+    where most does and nothing in it was tracked. Of what stands across the camera's way no picture tells that; where all that meets it lies
+    behind, so does it."""
     behind: set[int] = set()
-    across: list[tuple[Expected, Doubt]] = []
+    across, along = list[tuple[Expected, Doubt]](), list[tuple[Expected, Doubt]]()
     for thing, doubt in left.untracked():
         part = inner_part(thing.outline, left.planes)
-        if part is None:
-            across.append((thing, doubt))
-        elif lies_behind(part, looks, views, left.path):
+        (across if part is None else along).append((thing, doubt))
+        if part is not None and lies_behind(part, looks, views, left.path):
             behind.add(id(thing))
-        else:
+    missing = {id(thing) for thing, _ in along}
+    for thing, doubt in along:
+        others = [id(other) for other in left.there if other is not thing and is_over(thing, other)]
+        through = missing.issuperset(others) and 2 * sum(other in behind for other in others) > len(others) + 1
+        if id(thing) not in behind and not through:
             yield doubt
     for thing, doubt in across:
         met = [other for other in left.objects if other is not thing and meets(thing, other)]
         if not met or any(id(other) not in behind for other in met):
             yield doubt
+
+
+def is_over(one: Expected, other: Expected) -> bool:
+    """Whether an object is above or below another, as long: their outlines' longest extents are the same to a tenth."""
+    (low, high), (first, last) = ((thing.outline.min(axis=0), thing.outline.max(axis=0)) for thing in (one, other))
+    axis, room = int((high - low).argmax()), 0.1 * float((high - low).max())
+    return bool(abs(low[axis] - first[axis]) < room and abs(high[axis] - last[axis]) < room)
 
 
 def meets(one: Expected, other: Expected) -> bool:

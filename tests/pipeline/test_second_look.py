@@ -203,6 +203,28 @@ def test_tracking_that_is_not_used_warns_nobody(walked: MeasuredPasses, caplog: 
     assert [record.getMessage() for record in caplog.records] == ["row A: seen only in part, and used"]
 
 
+@pytest.mark.parametrize(
+    ("in_plane", "tracked_at", "doubted"),
+    [((1.4,), None, 0), ((0.8, 1.4), None, 2), ((1.4,), 0.2, 1)],
+    ids=["most of an opening lies behind", "half of it does", "a part of it was tracked"],
+)
+def test_what_stands_over_others_that_lie_behind_does_so_too(
+    monkeypatch: pytest.MonkeyPatch, in_plane: tuple[float, ...], tracked_at: float | None, doubted: int
+) -> None:
+    def long_thing(y: float) -> Expected:
+        return Expected("thing", np.array([[0.0, y, 0], [3.0, y, 0], [3.0, y + 0.1, 0], [0.0, y + 0.1, 0]]))
+
+    def behind(part: PlanePatch, *others: object) -> bool:
+        return not any(abs(part.origin[1] - y) < 0.1 for y in in_plane)
+
+    monkeypatch.setattr(second_look, "lies_behind", behind)
+    plane = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.array([4.0, 2.0]), 0.02)
+    y = -5.0 if tracked_at is None else tracked_at
+    tracked = {f"thing 1 / {end}": np.array([x, y, 0.0]) for end, x in (("left", 0.0), ("right", 3.0))}
+    left = Expectation([long_thing(y) for y in (0.2, 0.8, 1.1, 1.4)], PATH, tracked, [plane])
+    assert len([*unexplained(left, [], {})]) == doubted
+
+
 @pytest.mark.parametrize(("in_plane", "doubted"), [([], 0), ([0.8], 2)])
 def test_what_meets_only_what_lies_behind_lies_behind_itself(
     monkeypatch: pytest.MonkeyPatch, in_plane: list[float], doubted: int

@@ -43,7 +43,7 @@ def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple
 
 def line_of(relation: Relation, otherwise: float) -> str:
     """A line for the user about a reference that is left out, for its landmark was not seen."""
-    return f"{relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
+    return f"{relation.presumed or relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:

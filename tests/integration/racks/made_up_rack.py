@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from made_up_views import VIEW, Rack, sightings
+from made_up_views import VIEW, Rack, project, sightings
 from scipy.spatial.transform import Rotation
 
 from savmap.graph import (
@@ -111,6 +111,15 @@ def seen_from(
     return World(truth, poses, tracks, facts, rng)
 
 
+def foot(made: World, upright: int, above: float) -> Track:
+    """Where an upright (from 0) seems to stand, so many metres above the floor, in all frames that show it."""
+    place = np.array([float(made.rack.uprights[upright].mean()), above, 0.0])
+    seen = [(frame, project(pose, place), np.eye(2) * 4.0) for frame, pose in enumerate(made.poses)]
+    shown = [one for one in seen if (one[1] > 0).all() and (one[1] < [VIEW.width, VIEW.height]).all()]
+    labels: dict[str, int | str] = {"upright": upright + 1, "side": "middle", "end": "foot"}
+    return _track(f"upright {upright + 1} / foot", "upright", labels, shown, made.facts.views["face"])
+
+
 def _track(
     name: str, label: str, place: dict[str, int | str], seen: Sequence[tuple[int, Floats, Floats]], view: ViewSpec
 ) -> Track:
@@ -192,7 +201,7 @@ def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Flo
     sigma: dict[str, list[float]] = {"x": [], "y": []}
     for name, landmark in solution.landmarks_of("shelves").items():
         words = name.replace(" /", "").split()
-        if words[0] == "upright" and words[3] == "top":
+        if words[0] == "upright" and words[3:] == ["top"]:
             truth, axis = made.rack.uprights[int(words[1]) - 1, ("left", "right").index(words[2])], 0
         elif words[0] == "section" and words[-1] == "left":
             truth, axis = made.rack.beams[int(words[1]) - 1][int(words[3]) - 1, ("lower", "upper").index(words[4])], 1

@@ -33,7 +33,7 @@ def sightings(
         if rng.random() < misses:
             continue
         for side, x in zip(("left", "right"), edges, strict=True):
-            top, bottom = _project(pose, np.array([[x, 6.2, 0], [x, 0.0, 0]]))
+            top, bottom = project(pose, np.array([[x, 6.2, 0], [x, 0.0, 0]]))
             if (
                 not (np.isfinite(top).all() and np.isfinite(bottom).all())
                 or not 2 < top[0] < 637
@@ -84,7 +84,8 @@ def _edge(
         yield f"upright {number} / {side} / {end}", "upright", place, moved, spread
 
 
-def _project(pose: Floats, points: Floats) -> Floats:
+def project(pose: Floats, points: Floats) -> Floats:
+    """Pixels of points in the view, for the pose world_from_rig."""
     local = (points - pose[:3, 3]) @ pose[:3, :3] @ VIEW.rig_from_view
     return pinhole.project(local, VIEW.camera)
 
@@ -97,5 +98,5 @@ def _corner(pose: Floats, x: float, y: float, setback: float) -> tuple[Floats, F
 
 def _with_axes(pose: Floats, point: Floats) -> tuple[Floats, Floats, Floats]:
     step = 1e-4
-    pixel, right, up = _project(pose, point + step * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    pixel, right, up = project(pose, point + step * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))
     return pixel, (right - pixel) / np.linalg.norm(right - pixel), (up - pixel) / np.linalg.norm(up - pixel)

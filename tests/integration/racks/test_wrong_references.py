@@ -76,6 +76,20 @@ def test_on_contradiction_leave_out(four: made.World) -> None:
     assert largest_error(four, solution) < 0.02
 
 
+@pytest.mark.parametrize("above", [0.0, 0.4])
+def test_feet_that_guards_hide_do_not_contradict_a_measured_length(above: float) -> None:
+    """Nobody measured where the floor is: it is left out before the camera's height and a length are."""
+    world = made.world(11, sections=4, frames=50, bridge=None)
+    feet = [made.foot(world, upright, above) for upright in range(5)]
+    begin = made.begin(world)
+    own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
+    given = made.references(world, camera=True, length=True)
+    solution = solve(merge(camera_priors(world.facts, begin, given), own))
+    doubts = [doubt.what for doubt in solution.doubts]
+    assert [what.startswith("no upright is seen down to the floor") for what in doubts] == ([True] if above else [])
+    assert largest_error(world, solution) < 0.03
+
+
 def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:
     """Two of six or seven wrong are mistakes; three may be the measurements of another row, or of its other side."""
     world = made.world(11, sections=5, frames=50, bridge=None)

@@ -99,6 +99,14 @@ def test_what_is_odd_is_named(spoil: Any, says: str, about: tuple[str, ...]) -> 
     assert [doubt.structures for doubt in found if says in doubt.what] == [about]
 
 
+def test_a_gap_between_two_racks_is_no_odd_bay() -> None:
+    """As `with_half_a_bay`, without beams in it: two racks stand end to end."""
+    row = regular_row()
+    with_half_a_bay(row)
+    row["sections"][3 if row["uprights"][4][0] - row["uprights"][3][0] < 1 else 2]["beams"] = []
+    assert not [doubt for doubt in doubts_of(structures_of(row)) if "is one of them none" in doubt.what]
+
+
 def uneven_row() -> Row:
     """Five bays whose levels stand at other heights in each, an equal step apart."""
     row: Row = {"uprights": [[2.7 * k, 2.7 * k + 0.1] for k in range(6)], "sections": []}

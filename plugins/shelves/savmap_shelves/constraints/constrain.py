@@ -30,6 +30,10 @@ from savmap_shelves.settings import ShelvesSettings
 Values = float | Sequence[float | None]
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.05
+HIDDEN_FEET = (
+    "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, or a reference is wrong; "
+    "measure the camera's height and a length again, or give the height of a lowest beam"
+)
 
 
 @dataclass(frozen=True)
@@ -232,12 +236,11 @@ def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
-    """Uprights stand on the floor, y = 0: a reference like any other, for maps without a known height."""
+    """Uprights stand on the floor, y = 0: one reference for maps without a known height. Guards hide all feet of a row alike."""
     for track in feet:
         yield fixed_coordinate("z", keys[track.name])
-        yield known_coordinate(
-            "y", keys[track.name], 0.0, FLOOR_SIGMA_M, f"floor under upright {track.place['upright']}"
-        )
+        floor = known_coordinate("y", keys[track.name], 0.0, FLOOR_SIGMA_M, "floor under the uprights")
+        yield replace(floor, presumed=HIDDEN_FEET)
 
 
 def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[Axis, int, int]]:

@@ -40,8 +40,11 @@ def odd_scale(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str,
 
 
 def odd_bays(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Distances from upright to upright that differ much from the others: uprights may be missing, or one may be none."""
+    """Distances from upright to upright that differ much from the others: uprights may be missing, or one may be none. A narrow gap without beams
+    between sections with beams is that of two racks that stand end to end."""
     uprights = uprights_of(structures)
+    middles = np.array([section.extent.mean() for section in sections_of(structures)])
+    filled = [bool(((middles > a) & (middles < b)).any()) for a, b in pairwise(uprights.intervals.mean(axis=1))]
     widths = np.diff(uprights.intervals.mean(axis=1))
     for number, (left, right) in enumerate(pairwise(uprights.ids)):
         others = np.delete(widths, number)
@@ -53,7 +56,8 @@ def odd_bays(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, 
                 f"{left} and {right} are {width:.2f} m apart, others {usual:.2f} m: is one between them missing?",
                 (left, right),
             )
-        if width < NARROW * usual:
+        between_racks = not filled[number] and filled[max(number - 1, 0)] and filled[min(number + 1, len(filled) - 1)]
+        if width < NARROW * usual and not between_racks:
             yield (
                 f"{left} and {right} are {width:.2f} m apart, others {usual:.2f} m: is one of them none?",
                 (left, right),

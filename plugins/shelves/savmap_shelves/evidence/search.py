@@ -24,6 +24,7 @@ BODY = (0.12, 0.92)
 APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
 ALIKE, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 ALIKE_BELOW = 0.85
+GAP = 0.3
 
 
 @dataclass(frozen=True)
@@ -217,9 +218,12 @@ class GridSearch:
         return float(there.mean()) > 0.5
 
     def _levels(self, posts: tuple[Floats, Floats]) -> Floats:
-        """y (m, 2) of a section's beams: those that were tracked between the same posts and are not lost, and new ones."""
+        """y (m, 2) of a section's beams: those that were tracked between the same posts and are not lost, and new ones. Between two racks that stand
+        end to end, with a gap, there are none."""
         left, right = float(posts[0][1]), float(posts[1][0])
         cover, tracked = self._level_cover(left, right), self._tracked_between(*posts)
+        if not len(tracked) and right - left < GAP * _usual_bay(self.tracked.posts):
+            return tracked
         kept = [level for level in tracked if self._stays(cover, left, right, level)]
         taken = tracked.mean(axis=1).tolist()
         for row in _peaks(cover, self.settings.painted / 4):

@@ -7,13 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.types import Feature, Floats, Ints, RowFacts
+from savmap.types import Bools, Feature, Floats, Ints, RowFacts
 from savmap_shelves.evidence.second_readings import believed
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
 from savmap_shelves.tracking.levels import Levels, edges_of, find_levels, heights_of
 from savmap_shelves.tracking.odometry import frame_observations
+from savmap_shelves.tracking.passages import seen_through
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
 from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_sightings, on_face
@@ -91,6 +92,15 @@ def fit_grid(
     if settled is None and not expected:
         return grid
     return replace(fitter, sightings=settled or sightings, trusting=False).grid(grid.fit.states, every)
+
+
+def _through_passages(grid: FaceGrid) -> Bools:
+    """Which levels (k,) are of racks behind, seen through passages."""
+    scatter = np.zeros(2 * len(grid.levels.y))
+    residual, edge = np.abs(grid.fit.residual), grid.observations.edge - 2 * len(grid.uprights.x)
+    for number in np.unique(edge[edge >= 0]):
+        scatter[number] = np.median(residual[edge == number])
+    return seen_through(grid.levels.section, scatter.reshape(-1, 2))
 
 
 def _settled(grid: FaceGrid) -> FaceSightings | None:
@@ -173,12 +183,18 @@ class GridFitter:
         """The grid that `frames` show, from a rough path `states` (n, 6)."""
         for width, height in ((0.06, 0.6), (0.04, 0.4), (0.03, 0.35)):
             uprights, levels = self._elements(states, frames, width, height)
-            observations, source = observed_edges(self.sightings, uprights, levels)
-            start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
-            fit = adjusted(states, start, observations, STATE_PRIOR, rounds=4)
-            states = filled(states, fit.states, observations, frames, 6)
-        fitted = replace(uprights, x=fit.edges[: 2 * len(uprights.x)].reshape(-1, 2))
-        return FaceGrid(self.sightings, fitted, levels, fit, observations, source, self.feet)
+            grid = self._fitted(states, uprights, levels)
+            states = filled(states, grid.fit.states, grid.observations, frames, 6)
+        if (behind := _through_passages(grid)).any():
+            grid = self._fitted(states, uprights, grid.levels.without(behind))
+            states = filled(states, grid.fit.states, grid.observations, frames, 6)
+        return replace(grid, uprights=replace(uprights, x=grid.fit.edges[: 2 * len(uprights.x)].reshape(-1, 2)))
+
+    def _fitted(self, states: Floats, uprights: Uprights, levels: Levels) -> FaceGrid:
+        observations, source = observed_edges(self.sightings, uprights, levels)
+        start = np.concatenate([uprights.x.ravel(), levels.y.ravel()])
+        fit = adjusted(states, start, observations, STATE_PRIOR, rounds=4)
+        return FaceGrid(self.sightings, uprights, levels, fit, observations, source, self.feet)
 
     def _elements(self, states: Floats, frames: Ints, width: float, height: float) -> tuple[Uprights, Levels]:
         """Uprights and levels of `frames`; kernels' width as a share of the spacing, height as one of a beam's height."""

@@ -26,6 +26,11 @@ class Levels:
     which: Ints
     ends: Bools
 
+    def without(self, left_out: Bools) -> "Levels":
+        """Levels but for some (k,): their sightings are of none."""
+        number = np.append(np.where(left_out, -1, np.cumsum(~left_out) - 1), -1)
+        return Levels(self.section[~left_out], self.y[~left_out], number[self.which], self.ends)
+
 
 def heights_of(sightings: FaceSightings, corners: Ints, states: Floats) -> Floats:
     """y (m, 2, 2) of the corners (m, 2, 2) of each sighted beam: side (left, right), edge (lower, upper); nan where missing."""

@@ -11,6 +11,7 @@ from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 LEAST_AT_END = 0.3
 NARROW = 0.75
 LEAST_BEAMS = 3
+TOGETHER, BESIDE = 0.5, 1.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +53,9 @@ def find_uprights(
         which = nearest(centre, centres, reach)
         which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
         support, sized, count = _support(sightings, centres, which, states, frames)
-        kept = _strong(centres, support, sized, count, least, 2 * reach)
+        width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
+        kept = _strong(support, sized, count, least, _clash(centres, width, 2 * reach, group, which))
         if kept.all():
-            width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
             kept = _trimmed(centres, width, count, _beams_at_ends(Uprights(x, which), sightings, beams, centres))
         if kept.all():
             break
@@ -84,9 +85,25 @@ def _inside(sightings: FaceSightings, p: Floats, frames: Ints, margin: float) ->
     return np.asarray(np.any(parts, axis=0).reshape(p.shape))
 
 
-def _strong(x: Floats, support: Floats, shown: Ints, count: Ints, least: float, apart: float) -> Bools:
-    """Which clusters stay: of those too close to each other the stronger; when none are, those with enough support."""
-    kept = strongest(np.lexsort((count, support))[::-1], np.abs(x[:, None] - x) < apart)
+def _clash(x: Floats, width: Floats, apart: float, group: Ints, which: Ints) -> Bools:
+    """Which clusters (k, k) are too close to each other to be two: nearer than `apart`, unless the same pictures show both side by side, as they
+    do the posts of two racks that stand end to end, or beside a column of the hall.
+
+    group (n,): the picture of each sighting.
+    """
+    picture = np.unique(group, return_inverse=True)[1]
+    shown = np.zeros((len(x), int(picture.max(initial=-1)) + 1), dtype=np.bool_)
+    shown[which[which >= 0], picture[which >= 0]] = True
+    count = np.maximum(shown.sum(axis=1), 1)
+    together = shown.astype(float) @ shown.T.astype(float) / np.minimum(count[:, None], count)
+    distance = np.abs(x[:, None] - x)
+    both = (together >= TOGETHER) & (distance > BESIDE * (width[:, None] + width) / 2)
+    return np.asarray((distance < apart) & ~both)
+
+
+def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bools) -> Bools:
+    """Which clusters stay: of those that clash (k, k) the stronger; when none do, those with enough support."""
+    kept = strongest(np.lexsort((count, support))[::-1], clash)
     return supported(support, shown, count, least) if kept.all() else kept
 
 

@@ -76,7 +76,8 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     wrong, or at all where the user wants that.
     """
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
-    explained = _merged(agreed, spans, agreed.explanations(frozenset(name for name in spans if spans[name].is_odd())))
+    mistakable = _presumed(problem, agreed).union(name for name in spans if spans[name].is_odd())
+    explained = _merged(agreed, spans, agreed.explanations(mistakable))
     if explained and not explained[0]:
         return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, explained[0])))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
@@ -92,6 +93,12 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
         found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
         return _with_mistaken(found, agreed, explained[0], mistaken, flat)
     return _uncertain(problem, agreed, suspects, lines)
+
+
+def _presumed(problem: Problem, agreed: Agreement) -> Names:
+    """What nobody measured and seems to be more than was presumed."""
+    names = {relation.name: relation.value for relation in problem.relations if relation.presumed}
+    return frozenset(name for name, value in names.items() if agreed.rest(name)[0] > value)
 
 
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
@@ -136,7 +143,7 @@ def _left_out(
     for name in sorted(wrong):
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
-        if relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
+        if relation is not None and _is_of_another(relation, otherwise):
             line, harmless = line_of(relation, otherwise), relation.may_be_missing
         else:
             line, harmless = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
@@ -147,6 +154,11 @@ def _left_out(
         doubts.insert(0, Doubt("reference", _elsewhere(len(doubts), len(agreed.all_names))))
     unchecked = tuple(_unchecked(problem, agreed, out))
     return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
+
+
+def _is_of_another(relation: Relation, otherwise: float) -> bool:
+    """Whether something else was seen than what the reference is of: what hides the foot of an object, or the next one up."""
+    return bool(relation.presumed or (relation.note_if_outlier and otherwise > relation.value + REFUTED_M))
 
 
 def _elsewhere(wrong: int, given: int) -> str:

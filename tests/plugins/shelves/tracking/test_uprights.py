@@ -30,3 +30,17 @@ def row(share: float, beams: float) -> synth.Rack:
 def test_a_narrow_upright_at_the_end_of_a_row(share: float, beams: float, uprights: int) -> None:
     footage = synth.footage(row(share, beams), np.random.default_rng(3), (SHORT,), CLEAN)
     assert counted(track_structures(footage.features, footage.facts, attitudes=footage.attitudes))[0] == uprights
+
+
+@pytest.mark.parametrize("gap", [0.3, 0.45, 1.2, 3.2])
+def test_two_racks_end_to_end_keep_both_their_uprights(gap: float) -> None:
+    """A column of the hall, or a passage, stands between two racks of two sections each: the gap is a section without beams."""
+    ends = np.array([0.0, 2.6, 5.2, 5.3 + gap, 7.9 + gap, 10.5 + gap])
+    bottoms = np.array([0.3, 1.6, 2.9, 4.2])
+    levels, none = np.column_stack([bottoms, bottoms + 0.12]), np.zeros((0, 2))
+    racks = synth.Rack(ends[:, None] + np.array([0.0, 0.1]), (levels, levels, none, levels, levels), 6.0)
+    footage = synth.footage(racks, np.random.default_rng(3), (SHORT,), CLEAN)
+    assert counted(track_structures(footage.features, footage.facts, attitudes=footage.attitudes)) == (
+        6,
+        [4, 4, 0, 4, 4],
+    )
