@@ -60,11 +60,14 @@ def compare(
     level: Annotated[
         float, typer.Option(min=1e-6, max=0.5, help="Share of false ones among the changes that is accepted.")
     ] = 0.1,
-    exit_code: Annotated[bool, typer.Option("--exit-code", help="End with 13 if anything changed.")] = False,
+    exit_code: Annotated[
+        bool,
+        typer.Option("--exit-code", help="End with 13 if anything changed, with 14 where nothing could be compared."),
+    ] = False,
 ) -> None:
     """Say what changed from one map of a place to a later one."""
-    from savmap.errors import ChangedError
-    from savmap.maps.comparison import comparison_lines
+    from savmap.errors import ChangedError, NothingComparedError
+    from savmap.maps.comparison import comparison_lines, unsaid_text
     from savmap.maps.map_file import map_in
     from savmap.report.site_report import VIEW, compare_files
 
@@ -73,8 +76,10 @@ def compare(
         say(line)
     for path in filter(None, (output, json_file, map_in(new).with_name(VIEW) if in_viewer else None)):
         say(f"wrote {path}")
-    if exit_code and comparison.changed:
+    if exit_code and comparison.changed and comparison.compared:
         raise ChangedError(f"{new}: not as {old} has it")
+    if exit_code and (unsaid := unsaid_text(comparison)):
+        raise NothingComparedError(f"{new}: cannot be compared with {old}: {unsaid}")
 
 
 def view(

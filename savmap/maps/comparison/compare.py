@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.maps.comparison.changes import judged, pairs_compared, unpaired
-from savmap.maps.comparison.elements import coverage_of, elements_of, kinds_of
+from savmap.maps.comparison.elements import Elements, coverage_of, elements_of, kinds_of
 from savmap.maps.comparison.motion import HEADING, SCALE, T, fit, half_turn
 from savmap.maps.comparison.readings import GATE_M, Reading, best_readings, paired
-from savmap.maps.comparison.records import Comparison, ElementChange, RowComparison, RowMotion
+from savmap.maps.comparison.records import Comparison, ElementChange, RowComparison, RowMotion, ScaleDifference
+from savmap.maps.comparison.scales import judged_scales, scale_differences, stands_out
 from savmap.types import RowMap, SiteMap, Structure
 
 LEVEL = 0.1
@@ -33,16 +34,18 @@ def compare_maps(
     ]
     missing = tuple(name for name in old.rows if name not in new.rows and name not in new.failed)
     added = tuple(name for name in new.rows if name not in old.rows and name not in old.failed)
-    return Comparison(tuple(_all_judged(rows, level)), missing, added, level)
+    failed = (*(name for name in old.rows if name in new.failed), *(name for name in new.rows if name in old.failed))
+    return Comparison(tuple(_all_judged(rows, level)), missing, added, level, failed)
 
 
 def _all_judged(rows: Sequence[RowComparison], level: float) -> list[RowComparison]:
-    """Elements of all rows are one family of tests, openings another."""
+    """Elements of all rows are one family of tests, openings another, and scales a third."""
     elements = judged([row.elements for row in rows], level)
     openings = judged([row.openings for row in rows], level)
+    scales = judged_scales([row.scales for row in rows], level)
     return [
-        replace(row, elements=of_elements, openings=of_openings)
-        for row, of_elements, of_openings in zip(rows, elements, openings, strict=True)
+        replace(row, elements=of_elements, openings=of_openings, scales=of_scale)
+        for row, of_elements, of_openings, of_scale in zip(rows, elements, openings, scales, strict=True)
     ]
 
 
@@ -57,7 +60,7 @@ def _row_compared(
     readings = best_readings(old, new, covers)
     if not readings:
         return RowComparison(before.name, after.name, None)
-    best = readings[0]
+    best, scales = _with_scale(readings[0], (old, before), (new, after))
     carried = best.fit.carried(old.middles)
     back = half_turn(new.middles - best.fit.unknowns[T], best.fit.turned)
     changes: list[ElementChange] = [
@@ -71,7 +74,24 @@ def _row_compared(
         _motion(best, readings[1:]),
         tuple(sorted(changes, key=_from_left)),
         tuple(sorted(_openings_compared(*openings, best), key=_from_left)),
+        scales,
     )
+
+
+def _with_scale(
+    best: Reading, old: tuple[Elements, RowMap], new: tuple[Elements, RowMap]
+) -> tuple[Reading, tuple[ScaleDifference, ...]]:
+    """How the maps' scales differ, and the reading, in whose fit they do where they do by more than the maps know."""
+    elements = old[0], new[0]
+    free = fit(*elements, best.pairs, best.fit.turned, free_scale=True)
+    scales = scale_differences(free, best.pairs, old, new)
+    if not stands_out(scales):
+        return best, scales
+    pairs = paired(*elements, free.carried(old[0].middles), GATE_M)
+    if len(pairs) < len(best.pairs):
+        return best, scales
+    free = fit(*elements, pairs, best.fit.turned, free_scale=True)
+    return replace(best, pairs=pairs, fit=free), scale_differences(free, pairs, old, new)
 
 
 def _from_left(change: ElementChange) -> tuple[float, str]:
