@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from savmap.cli.commands.options import MapFile
+from savmap.cli.commands.options import MapFile, warn_of_earlier
 from savmap.cli.speech import say, say_all
 
 
@@ -41,6 +41,7 @@ def report(
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
 
+    warn_of_earlier(against)
     write_report(map_file, output, run_file, survey, against)
     say(f"wrote {output}")
 
@@ -71,6 +72,8 @@ def compare(
     from savmap.maps.map_file import map_in
     from savmap.report.site_report import VIEW, compare_files
 
+    for source in (old, new):
+        warn_of_earlier(source)
     comparison = compare_files(old, new, level, output, json_file, in_viewer)
     for line in comparison_lines(comparison):
         say(line)
@@ -103,6 +106,8 @@ def view(
     from savmap.report.site_report import viewed
     from savmap.report.viewer.serve import ViewServer
 
+    for given in (source, against):
+        warn_of_earlier(given)
     page, written = viewed(source, survey, fresh, against)
     if written:
         say(f"wrote {page}")

@@ -40,7 +40,7 @@ def _differences(
     for axis, name in ((0, "x"), (1, "y")):
         known = [
             _map_sigma(equations, gain[SCALE][axis], axis, of, chosen, found.turned and of is old)
-            for of, chosen in ((old, rows), (new, columns))
+            for of, chosen in ((old, rows.tolist()), (new, columns.tolist()))
         ]
         if known[0] is None or known[1] is None:
             continue
