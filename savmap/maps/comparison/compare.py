@@ -1,7 +1,8 @@
 """Two maps of one place compared: rows by name, each row's frame found anew in the other's, and every element of both."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from savmap.maps.comparison.records import Comparison, ElementChange, RowCompari
 from savmap.maps.comparison.scales import judged_scales, scale_differences, stands_out
 from savmap.types import RowMap, SiteMap, Structure
 
+MOST_RENAMED, RENAMED_SHARE = 9, 0.8
 LEVEL = 0.1
 """Of what is told as a change, at most this share is chance."""
 Openings = Mapping[str, Mapping[str, Sequence[Structure]]]
@@ -35,7 +37,21 @@ def compare_maps(
     missing = tuple(name for name in old.rows if name not in new.rows and name not in new.failed)
     added = tuple(name for name in new.rows if name not in old.rows and name not in old.failed)
     failed = (*(name for name in old.rows if name in new.failed), *(name for name in new.rows if name in old.failed))
-    return Comparison(tuple(_all_judged(rows, level)), missing, added, level, failed)
+    renamed = tuple(_renamed(old, new, missing, added))
+    return Comparison(tuple(_all_judged(rows, level)), missing, added, level, failed, renamed)
+
+
+def _renamed(old: SiteMap, new: SiteMap, missing: Sequence[str], added: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Rows that only one map has, in which nearly all is alike: by both names. Where there are many, nobody can tell which is which."""
+    if len(missing) * len(added) > MOST_RENAMED:
+        return
+    for name, other in product(missing, added):
+        kinds = kinds_of(old.rows[name].structures, new.rows[other].structures)
+        before, after = (elements_of(row.structures, kinds) for row in (old.rows[name], new.rows[other]))
+        covers = coverage_of(old.rows[name], before), coverage_of(new.rows[other], after)
+        best = best_readings(before, after, covers)
+        if best and best[0].share > RENAMED_SHARE:
+            yield name, other
 
 
 def _all_judged(rows: Sequence[RowComparison], level: float) -> list[RowComparison]:
@@ -62,7 +78,7 @@ def _row_compared(
         return RowComparison(before.name, after.name, None)
     best, scales = _with_scale(readings[0], (old, before), (new, after))
     carried = best.fit.carried(old.middles)
-    back = half_turn(new.middles - best.fit.unknowns[T], best.fit.turned)
+    back = best.fit.carried_back(new.middles)
     changes: list[ElementChange] = [
         *pairs_compared(old, new, best.pairs, best.fit),
         *unpaired(old, [i for i, _ in best.pairs], carried, carried, covers[1], "missing"),

@@ -82,10 +82,19 @@ class Fit:
     def carried(self, middles: Floats) -> Floats:
         """Places (n, 3) of the old row in the new row's frame."""
         q = half_turn(middles, self.turned) - self.about
-        h, (sx, sy) = float(self.unknowns[HEADING]), self.unknowns[SCALE]
-        turned = np.stack([q[:, 0] * (1 + sx) + h * q[:, 2], q[:, 1] * (1 + sy), q[:, 2] - h * q[:, 0]], axis=1)
-        carried: Floats = self.about + self.unknowns[T] + turned
+        carried: Floats = self.about + self.unknowns[T] + q @ self._turn_and_scale.T
         return carried
+
+    def carried_back(self, middles: Floats) -> Floats:
+        """Places (n, 3) of the new row in the old row's frame."""
+        q = np.linalg.solve(self._turn_and_scale, (middles - self.about - self.unknowns[T]).T).T
+        return half_turn(self.about + q, self.turned)
+
+    @property
+    def _turn_and_scale(self) -> Floats:
+        """The linear part (3, 3) of how places are carried."""
+        h, (x, y) = float(self.unknowns[HEADING]), self.unknowns[SCALE]
+        return np.array([[1 + x, 0.0, h], [0.0, 1 + y, 0.0], [-h, 0.0, 1.0]])
 
 
 def half_turn(points: Floats, turned: bool) -> Floats:

@@ -194,7 +194,7 @@ def _score(
     off = new.middles[columns] - placed[rows]
     agreement = _agreement(old, new, rows, columns, off)
     left_old = _unpaired(old, set(rows.tolist()), placed, covers[1])
-    back = _carried_back(new.middles, found)
+    back = found.carried_back(new.middles)
     left_new = _unpaired(new, set(columns.tolist()), back, covers[0])
     share = float((agreement > 0.5).sum()) / max(min(len(old), len(new)), 1)
     return float(agreement.sum()) - UNPAIRED * (left_old + left_new), share
@@ -213,8 +213,3 @@ def _unpaired(elements: Elements, paired_ones: set[int], placed: Floats, cover: 
         for k in range(len(elements))
         if k not in paired_ones
     )
-
-
-def _carried_back(middles: Floats, found: Fit) -> Floats:
-    """Places (n, 3) of the new row in the old row's frame, but for turns and scales, which matter little here."""
-    return half_turn(middles - found.unknowns[:3], found.turned)

@@ -155,13 +155,14 @@ class RowComparison:
 @array_record
 class Comparison:
     """Two maps of one place: rows that both have, and names of rows that only one has. `failed`: names of rows that one has, and that the other
-    map's run could not map. `level`: the share of false ones among the changes that is accepted (Benjamini and Hochberg's false discovery rate)."""
+    map's run could not map. `renamed`: a missing and a new row each that may be one, by name. `level`: the share of false ones among the changes that is accepted (Benjamini and Hochberg's false discovery rate)."""
 
     rows: tuple[RowComparison, ...]
     missing: tuple[str, ...]
     new: tuple[str, ...]
     level: float
     failed: tuple[str, ...] = ()
+    renamed: tuple[tuple[str, str], ...] = ()
 
     @property
     def changed(self) -> bool:

@@ -38,6 +38,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "missing_rows": list(comparison.missing),
         "new_rows": list(comparison.new),
         "failed_rows": list(comparison.failed),
+        "maybe_renamed_rows": [list(names) for names in comparison.renamed],
         "rows": [_row(row) for row in comparison.rows],
     }
 
@@ -116,6 +117,7 @@ def comparison_lines(comparison: Comparison) -> Iterator[str]:
     yield from (f"row {name}: missing" for name in comparison.missing)
     yield from (f"row {name}: new" for name in comparison.new)
     yield from (f"row {name}: cannot be compared, for one of the runs could not map it" for name in comparison.failed)
+    yield from renamed_lines(comparison)
     for row in comparison.rows:
         yield f"row {row.new}: {motion_text(row.motion)}"
         yield from (f"  {line}" for line in (*remarks(row), scale_text(row)) if line)
@@ -137,6 +139,12 @@ def ambiguity_text(motion: RowMotion) -> str:
     """What else the row may be."""
     others = ", ".join(f"{one:+.2f} m" for one in motion.alternatives_m)
     return f"ambiguous: shifted by {others} it fits as well, and nothing in the row tells which is right"
+
+
+def renamed_lines(comparison: Comparison) -> Iterator[str]:
+    """A line for each missing and new row that may be one."""
+    for old, new in comparison.renamed:
+        yield f"row {new} looks like row {old} had looked: if it is that row, give it the same name in both site files"
 
 
 def remarks(row: RowComparison) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from savmap.maps.comparison.texts import (
     counts_text,
     motion_text,
     remarks,
+    renamed_lines,
     scale_text,
 )
 from savmap.report.numbers import anchors
@@ -85,6 +86,7 @@ def comparison_page(dates: Dates) -> str:
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         sections=[_section(dates, row, names[row.new]) for row in dates.comparison.rows],
         tiles=_tiles(dates.comparison),
+        renamed=list(renamed_lines(dates.comparison)),
     )
 
 

@@ -157,6 +157,12 @@ def test_rows_of_one_map_alone_are_missing_or_new() -> None:
     found = compare_maps(old, new)
     assert (found.missing, found.new, found.rows) == (("A",), ("B",), ())
     assert found.changed
+    assert found.renamed == (("A", "B"),)
+    assert "row B looks like row A had looked: if it is that row, give it the same name in both site files" in list(
+        comparison_lines(found)
+    )
+    elsewhere = place.mapped(tuple(place.Bay(1.1, (0.7, 1.1, 1.5)) for _ in range(4)), 2, name="B")
+    assert compare_maps(old, elsewhere).renamed == ()
     lost = compare_maps(old, replace(new, failed={"A": "too dark"}))
     assert (lost.missing, lost.new, lost.failed) == ((), ("B",), ("A",))
     assert "row A: cannot be compared, for one of the runs could not map it" in list(comparison_lines(lost))

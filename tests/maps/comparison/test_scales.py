@@ -108,3 +108,16 @@ def test_scales_of_many_rows_are_one_family() -> None:
     many = judged_scales([[one(0.002)], *([one(0.5)] for _ in range(99))], 0.1)
     assert not many[0][0].significant
     assert judged_scales([[], []], 0.1) == [(), ()]
+
+
+def test_what_another_scale_moves_by_metres_is_still_seen_where_it_was() -> None:
+    """The camera of the old map ended in the middle of the row; the new map's elements beyond are not new, and those before it are."""
+    part = place.mapped(LONG, 1, (0.0, 0.5))
+    less = {"racks": tuple(one for one in part.rows["A"].structures["racks"] if one.id != "bay 2 / bar 2")}
+    old = replace(part, rows={"A": replace(part.rows["A"], structures=less)})
+    row = compared(old, place.scaled(place.mapped(LONG, 2), 1.2))
+    states = {change.name: change.state for change in row.elements if change.plugin == "racks"}
+    assert states["bay 2 / bar 2"] == "new"
+    assert states["bay 14 / bar 1"] == "not seen"
+    assert row.motion is not None
+    assert {name for name, state in states.items() if state == "new"} == {"bay 2 / bar 2"}
