@@ -11,7 +11,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
-from savmap.errors import OutputError, SavmapError, StructureError
+from savmap.errors import OutputError, RowsFailedError, SavmapError, StructureError
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import failures_recorded
 from savmap.jobs.scheduler import MappedRows
@@ -48,7 +48,7 @@ def maps(monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
     def mapped(*_: object, **__: object) -> MappedRows:
         if "error" in more:
             raise more["error"]
-        return MappedRows({"A": row()}, {}, RunLog(rows={"A": RowRun(status="mapped")}))
+        return MappedRows({"A": row()}, more.get("failed", {}), RunLog(rows={"A": RowRun(status="mapped")}))
 
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", mapped)
     monkeypatch.setattr("savmap.jobs.map_site.made_by", lambda _: {"savmap": "0"})
@@ -171,6 +171,14 @@ def test_a_run_whose_map_was_written_leaves_no_earlier_one(folder: Path, monkeyp
     assert EARLIER not in run_map(folder).stderr
     assert run_json(folder)["status"] == "failed"
     assert warnings("find", "board", folder / "out") == 0
+
+
+def test_a_run_that_mapped_some_rows_has_not_failed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    maps(monkeypatch, failed={"B": StructureError("too dark")})
+    result = run_map(folder)
+    assert isinstance(result.exception, RowsFailedError)
+    assert EARLIER not in result.stderr
+    assert run_json(folder)["rows"]["A"]["status"] == "mapped"
 
 
 def test_what_another_run_is_writing_is_left_alone(folder: Path) -> None:

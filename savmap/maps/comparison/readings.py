@@ -54,8 +54,8 @@ def best_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage
     if turned and turned[0].share >= TURN_SHARE:
         return _as_good(turned)
     scaled = sorted(_scaled_readings(old, new, covers), key=lambda one: -one.score)
-    if scaled and scaled[0].share >= TURN_SHARE and len(_as_good(scaled)) == 1:
-        return scaled[:1]
+    if scaled and scaled[0].share >= TURN_SHARE:
+        return _as_good(scaled)
     return _as_good(straight) if straight and straight[0].share >= LEAST_SHARE else []
 
 

@@ -69,6 +69,17 @@ def test_errors_in_common_count_where_the_joint_covariance_says_so() -> None:
     assert known.scales[1].new_sigma < 0.002
 
 
+def test_a_scale_that_neither_map_allows_hides_no_change_and_makes_none() -> None:
+    """The vertices' own standard deviations allow 0.03 % here: a fit that stays with them takes the row's ends for moved."""
+    old = place.with_joint(place.mapped(BAYS, 1), 0.0)
+    new = place.with_joint(place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2), 0.0)
+    row = compared(old, place.scaled(new, 1.008))
+    assert row.scale_differs
+    assert [one.name for one in row.changes] == ["bay 4 / bar 3"]
+    assert row.motion is not None
+    assert row.motion.scale[:2] == pytest.approx([one.share for one in row.scales], abs=1e-6)
+
+
 def test_a_row_that_is_turned_has_the_scale_that_it_has() -> None:
     new = place.half_turned(place.scaled(place.with_joint(place.mapped(BAYS, 2), 0.01), 1.08))
     row = compared(place.mapped(BAYS, 1), new)
@@ -110,12 +121,13 @@ def test_scales_of_many_rows_are_one_family() -> None:
     assert judged_scales([[], []], 0.1) == [(), ()]
 
 
-def test_what_another_scale_moves_by_metres_is_still_seen_where_it_was() -> None:
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+def test_what_another_scale_moves_by_metres_is_still_seen_where_it_was(factor: float) -> None:
     """The camera of the old map ended in the middle of the row; the new map's elements beyond are not new, and those before it are."""
     part = place.mapped(LONG, 1, (0.0, 0.5))
     less = {"racks": tuple(one for one in part.rows["A"].structures["racks"] if one.id != "bay 2 / bar 2")}
     old = replace(part, rows={"A": replace(part.rows["A"], structures=less)})
-    row = compared(old, place.scaled(place.mapped(LONG, 2), 1.2))
+    row = compared(old, place.scaled(place.mapped(LONG, 2), factor))
     states = {change.name: change.state for change in row.elements if change.plugin == "racks"}
     assert states["bay 2 / bar 2"] == "new"
     assert states["bay 14 / bar 1"] == "not seen"
