@@ -108,6 +108,12 @@ class ChangedError(SavmapError):
     exit_code = 13
 
 
+class NothingComparedError(SavmapError):
+    """Two maps were compared, and of a row, or of all, nobody can say whether it changed."""
+
+    exit_code = 14
+
+
 @contextmanager
 def ending_in_one_line() -> Iterator[None]:
     """For modules that are run with `python -m`: an expected error ends the program with its line and exit code."""

@@ -1,14 +1,19 @@
 """What the commands `map` and `demo` do and print."""
 
+import os
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from savmap.assembly import alignment_lines, site_lines
 from savmap.cli.console import Console
 from savmap.cli.speech import say, say_all
+from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
-from savmap.jobs.map_site import map_job_into
+from savmap.jobs.map_site import MAP, failures_recorded, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.jobs.tasks import request_for
+from savmap.maps.run_record import failed_since
 from savmap.pipeline.initial_poses import initial_attitudes
 from savmap.pipeline.preview import previews
 from savmap.report.evaluation import as_table
@@ -31,6 +36,21 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
         for line in (*site_lines(run.site_map), *alignment_lines(run.site_map), *verdict_lines(run.site_map)):
             say(line)
         run.raise_if_incomplete(job)
+
+
+@contextmanager
+def failures_told(source: Path, output: Path) -> Iterator[None]:
+    """Let the output folder's run.json tell where a run of a source fails, and say whose map is left there. A source that is not there was no run."""
+    if is_url(output) or not (is_url(source) or os.path.exists(source)):
+        yield
+        return
+    try:
+        with failures_recorded(output):
+            yield
+    except Exception:
+        if failed_since(output / MAP):
+            say(f"{output / MAP} is of an earlier run", err=True)
+        raise
 
 
 def verdict_lines(site_map: SiteMap) -> Iterator[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from savmap.assembly import aligned
 from savmap.errors import SiteError
 from savmap.jobs.cache import locked
-from savmap.jobs.map_site import map_job, map_job_into
+from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.exports import export_map
@@ -158,7 +158,8 @@ def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteM
     monitor, options = progress or SilentMonitor(), RunOptions(jobs)
     if not write:
         return map_job(job, options, monitor).site_map
-    require_ready(job)
-    prepare(job.output)
-    with locked(job.output):
-        return map_job_into(job, options, monitor).site_map
+    with failures_recorded(job.output):
+        require_ready(job)
+        prepare(job.output)
+        with locked(job.output):
+            return map_job_into(job, options, monitor).site_map

@@ -1,21 +1,24 @@
 """A job from its footage to a site map with its scores, and the files that are written of it."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
 from savmap.assembly import aligned, assembled
-from savmap.errors import DoubtfulError, PluginsLeftOutError, RowsFailedError, SavmapError
+from savmap.errors import DoubtfulError, OutputError, PluginsLeftOutError, RowsFailedError, SavmapError, format_error
 from savmap.files.atomic import file_name, sha256, write_text
 from savmap.files.texts import json_visible
-from savmap.jobs.cache import FolderCache, NoCache, RowCache
+from savmap.files.urls import is_url
+from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
-from savmap.maps.run_record import RunLog, write_log
+from savmap.maps.run_record import LOG, RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.pipeline.measure import recordings
 from savmap.plugin.isolation import failures_gathered
@@ -33,6 +36,9 @@ from savmap.types.progress import Monitor
 from savmap.vision.networks.providers import runtime_version
 
 DRAWN = "drawn"
+MAP, MESSAGES = "map.json", "savmap.log"
+MAPPED = (RowsFailedError, PluginsLeftOutError, DoubtfulError)
+"""How runs end whose map was written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +59,11 @@ class SiteRun:
         if self.failed_rows:
             names = ", ".join(self.failed_rows)
             count = f"{len(self.failed_rows)} of {len(job.site.rows)}"
-            raise RowsFailedError(f"{count} rows could not be mapped: {names}; {job.output / 'map.json'} says why")
+            raise RowsFailedError(f"{count} rows could not be mapped: {names}; {job.output / MAP} says why")
         if self.failed_plugins:
             names = ", ".join(sorted(self.failed_plugins))
             raise PluginsLeftOutError(
-                f"mapped without plugins that failed: {names}; {job.output / 'savmap.log'} says where and why"
+                f"mapped without plugins that failed: {names}; {job.output / MESSAGES} says where and why"
             )
         doubtful = [row.name for row in self.site_map.rows.values() if row.verdict and row.verdict.doubts]
         if doubtful:
@@ -83,6 +89,39 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
     return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
+
+
+@contextmanager
+def failures_recorded(folder: Path) -> Iterator[None]:
+    """Let run.json in an output folder tell of a run that fails while this lasts, with the map of an earlier run where it is still there. Nothing
+    is written into a folder that no run has written to, into which another run writes, or that is a URL, nor of a run that was cut off."""
+    before = _identity(folder / MAP)
+    try:
+        yield
+    except Exception as error:
+        if not isinstance(error, MAPPED) and not is_url(folder):
+            kept = before is not None and _identity(folder / MAP) == before
+            with suppress(OutputError, OSError):
+                _record_failure(folder, error, kept)
+        raise
+
+
+def _record_failure(folder: Path, error: Exception, kept: bool) -> None:
+    if not any((folder / name).exists() for name in (MAP, LOG, MESSAGES, FOLDER)):
+        return
+    with locked(folder):
+        says = str(error) if isinstance(error, SavmapError) else format_error(error)
+        earlier = sha256(folder / MAP) if kept else ""
+        write_log(RunLog(rows={}, status="failed", error=says, earlier_map=earlier), folder / LOG)
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What is another after a file is written anew; None where there is none."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_mtime_ns
 
 
 def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
@@ -171,15 +210,15 @@ def _write_results(
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
     the box plot where there is a survey; the scores, and the files worth a look."""
-    write_map(site_map, job.output / "map.json")
-    write_log(mapped.log, job.output / "run.json")
+    write_map(site_map, job.output / MAP)
+    write_log(mapped.log, job.output / LOG)
     write_text(
         job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
     )
     photos, stills = mapped.orthophotos, mapped.stills
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
     report = replace(report, viewer=VIEW)
-    files = [job.output / "map.json"]
+    files = [job.output / MAP]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
         views, key = _row_views(name, job.output), drawing_key(row, surveyed)
@@ -189,7 +228,7 @@ def _write_results(
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / "report.html")
-    origin = origin_of(job.output / "map.json", job.site.survey)
+    origin = origin_of(job.output / MAP, job.site.survey)
     title, places = report.title, shown_places(site_map)
     view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
     write_view(view, job.output / VIEW)

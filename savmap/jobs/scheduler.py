@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from savmap.errors import PluginFailedError, SavmapError
 from savmap.jobs import tasks
@@ -88,7 +88,9 @@ def map_rows_of(
             _show_notes(row, monitor)
     runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
     failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
-    log = RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers)
+    whole = not failed and not any(run.plugins_failed for run in runs.values())
+    status: Literal["mapped", "incomplete"] = "mapped" if whole else "incomplete"
+    log = RunLog(rows=runs, wall_s=round(time.monotonic() - begin, 2), jobs=workers, status=status)
     shown = {name: progress.pictures[name] for name in maps if name in progress.pictures}
     photos = {name: picture.orthophoto for name, picture in shown.items() if picture.orthophoto is not None}
     return MappedRows(maps, failed, log, photos, {name: picture.stills for name, picture in shown.items()})

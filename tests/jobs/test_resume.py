@@ -112,4 +112,5 @@ def test_one_bad_row_stops_no_other(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
     assert list(content["rows"]) == ["A"]
     assert "contradict" in content["failed"]["C"] == rows["C"]["error"]
+    assert json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))["status"] == "incomplete"
     assert rows["A"]["status"] == "mapped"

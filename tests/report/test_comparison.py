@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import savmap
 from savmap.cli.app import app
-from savmap.errors import ChangedError, OutputError
+from savmap.errors import ChangedError, NothingComparedError, OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
 from savmap.report.site_report import compare_files
@@ -49,6 +49,49 @@ def test_changes_end_with_their_own_code_if_asked(files: tuple[Path, Path]) -> N
     assert isinstance(error, ChangedError)
     assert error.exit_code == 13
     assert run(files[0], files[0], "--exit-code")[0] is None
+
+
+def test_maps_that_say_nothing_of_one_another_have_their_own_code(files: tuple[Path, Path], tmp_path: Path) -> None:
+    made = site(1)
+    write_map(replace(made, rows={"B": replace(made.rows["A"], name="B")}), tmp_path / "renamed.json")
+    write_map(replace(made, rows={"A": replace(made.rows["A"], structures={})}), tmp_path / "empty.json")
+    for name, why in (("renamed", "no row in common"), ("empty", "nothing in common was found in row A")):
+        assert run(files[0], tmp_path / f"{name}.json")[0] is None, "not asked for"
+        error, _ = run(files[0], tmp_path / f"{name}.json", "--exit-code")
+        assert isinstance(error, NothingComparedError)
+        assert error.exit_code == 14
+        assert str(error).startswith(f"{tmp_path / name}.json: cannot be compared with {files[0]}: {why}")
+
+
+def test_a_row_that_cannot_be_compared_hides_no_change_and_is_no_success(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    for name, made in (("old", site(1)), ("same", site(2)), ("new", site(2, lifted_m=0.06))):
+        gone = replace(made.rows["A"], name="B", structures={} if name != "old" else made.rows["A"].structures)
+        write_map(replace(made, rows={**made.rows, "B": gone}), tmp_path / f"{name}.json")
+    error, _ = run(tmp_path / "old.json", tmp_path / "same.json", "--exit-code")
+    assert isinstance(error, NothingComparedError)
+    assert "nothing is known of row B" in str(error)
+    assert isinstance(run(tmp_path / "old.json", tmp_path / "new.json", "--exit-code")[0], ChangedError)
+
+
+def test_a_scale_that_differs_is_a_change(files: tuple[Path, Path], tmp_path: Path) -> None:
+    made = site(2)
+    row = made.rows["A"]
+    larger = {
+        name: tuple(replace(one, vertices=1.063 * one.vertices) for one in group)
+        for name, group in row.structures.items()
+    }
+    write_map(replace(made, rows={"A": replace(row, structures=larger)}), tmp_path / "larger.json")
+    error, output = run(files[0], tmp_path / "larger.json", "--exit-code", "-o", tmp_path / "compare.html")
+    assert isinstance(error, ChangedError)
+    said = re.search(r"scale of the new map against the old one's: x \+6\.\d+ % \(\+- 0\.\d+ %", output)
+    assert said is not None
+    page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert "differ in scale by more than their references allow" in page
+    assert "scale of the new map against the old one" in page
+    assert "rows of another scale" in page
+    assert "Nothing changed by more than chance." not in page
 
 
 def test_json_holds_all_elements(files: tuple[Path, Path], tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Commands that make maps: `savmap map`, and what goes before it."""
 
 import os
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -43,14 +44,15 @@ def map_(
 ) -> None:
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
     not done again."""
-    from savmap.cli.mapping import map_and_print, preview_and_print
+    from savmap.cli.mapping import failures_told, map_and_print, preview_and_print
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of
 
     off = {"orthophotos=false": no_orthophotos, "panoramas=false": no_panoramas}
     overrides = overrides_of([*(sets or []), *(setting for setting, chosen in off.items() if chosen)], os.environ)
-    job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
-    preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
+    with nullcontext() if preview else failures_told(source, output):
+        job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
+        preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
 
 def init(
@@ -89,8 +91,9 @@ def check(
 
 def demo(output: Output = Path("out/demo")) -> None:
     """Map the footage that ships with savmap and score it."""
-    from savmap.cli.mapping import map_and_print
+    from savmap.cli.mapping import failures_told, map_and_print
     from savmap.demo import SITE
     from savmap.site.job import job_for
 
-    map_and_print(job_for(SITE, None, output))
+    with failures_told(SITE, output):
+        map_and_print(job_for(SITE, None, output))

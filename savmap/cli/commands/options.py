@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.speech import say
 from savmap.files.urls import where
 
 Plugins = Annotated[
@@ -22,10 +23,22 @@ Output = Annotated[
 
 
 def map_of(path: Path | None) -> Path | None:
-    """The map file that an argument names, itself or by its folder."""
+    """The map file that an argument names, itself or by its folder. Of a map that a run which failed left there, a line tells on standard error."""
     from savmap.maps.map_file import map_in
 
-    return None if path is None else map_in(path)
+    if path is None:
+        return None
+    warn_of_earlier(path)
+    return map_in(path)
+
+
+def warn_of_earlier(source: Path | None) -> None:
+    """A line on standard error where a map, or that of a folder, is of an earlier run than the last into that folder, which failed."""
+    from savmap.maps.map_file import map_in
+    from savmap.maps.run_record import failed_since
+
+    if source is not None and (last := failed_since(map_in(source))):
+        say(f"savmap: warning: {map_in(source)} is of an earlier run; the last one failed: {last.error}", err=True)
 
 
 MapFile = Annotated[

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from savmap.cli.commands.options import MapFile
+from savmap.cli.commands.options import MapFile, warn_of_earlier
 from savmap.cli.speech import say, say_all
 
 
@@ -41,6 +41,7 @@ def report(
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
 
+    warn_of_earlier(against)
     write_report(map_file, output, run_file, survey, against)
     say(f"wrote {output}")
 
@@ -60,21 +61,28 @@ def compare(
     level: Annotated[
         float, typer.Option(min=1e-6, max=0.5, help="Share of false ones among the changes that is accepted.")
     ] = 0.1,
-    exit_code: Annotated[bool, typer.Option("--exit-code", help="End with 13 if anything changed.")] = False,
+    exit_code: Annotated[
+        bool,
+        typer.Option("--exit-code", help="End with 13 if anything changed, with 14 where nothing could be compared."),
+    ] = False,
 ) -> None:
     """Say what changed from one map of a place to a later one."""
-    from savmap.errors import ChangedError
-    from savmap.maps.comparison import comparison_lines
+    from savmap.errors import ChangedError, NothingComparedError
+    from savmap.maps.comparison import comparison_lines, unsaid_text
     from savmap.maps.map_file import map_in
     from savmap.report.site_report import VIEW, compare_files
 
+    for source in (old, new):
+        warn_of_earlier(source)
     comparison = compare_files(old, new, level, output, json_file, in_viewer)
     for line in comparison_lines(comparison):
         say(line)
     for path in filter(None, (output, json_file, map_in(new).with_name(VIEW) if in_viewer else None)):
         say(f"wrote {path}")
-    if exit_code and comparison.changed:
+    if exit_code and comparison.changed and comparison.compared:
         raise ChangedError(f"{new}: not as {old} has it")
+    if exit_code and (unsaid := unsaid_text(comparison)):
+        raise NothingComparedError(f"{new}: cannot be compared with {old}: {unsaid}")
 
 
 def view(
@@ -98,6 +106,8 @@ def view(
     from savmap.report.site_report import viewed
     from savmap.report.viewer.serve import ViewServer
 
+    for given in (source, against):
+        warn_of_earlier(given)
     page, written = viewed(source, survey, fresh, against)
     if written:
         say(f"wrote {page}")

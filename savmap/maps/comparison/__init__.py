@@ -8,9 +8,10 @@ from savmap.maps.comparison.records import (
     ElementChange,
     RowComparison,
     RowMotion,
+    ScaleDifference,
     State,
 )
-from savmap.maps.comparison.texts import as_json, comparison_lines, comparison_text
+from savmap.maps.comparison.texts import as_json, comparison_lines, comparison_text, unsaid_text
 
 __all__ = [
     "CHANGES",
@@ -21,9 +22,11 @@ __all__ = [
     "Openings",
     "RowComparison",
     "RowMotion",
+    "ScaleDifference",
     "State",
     "as_json",
     "compare_maps",
     "comparison_lines",
     "comparison_text",
+    "unsaid_text",
 ]

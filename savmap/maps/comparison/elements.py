@@ -62,13 +62,9 @@ def kinds_of(*rows: Mapping[str, Sequence[Structure]]) -> list[tuple[str, str]]:
 def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
     """Middle, its standard deviations, size, its standard deviations (3,) along the axes: from the means of the vertices on either side.
     Errors of the two sides are taken for equal where the middle is concerned, and for independent where the size is."""
-    count = len(structure.vertices)
     spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
-    order = np.argsort(structure.vertices, axis=0, kind="stable")
-    half = max(count // 2, 1)
-    sides = [order[:half], order[-half:]]
-    low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in sides)
-    of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in sides)
+    low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in sides(structure.vertices))
+    of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in sides(structure.vertices))
     sigma = (np.sqrt(of_low) + np.sqrt(of_high)) / 2
     size_sigma = np.sqrt(of_low + of_high)
     size = high - low
@@ -76,6 +72,13 @@ def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
         same = np.abs(size - value) < SAME_SIZE_M
         size_sigma = np.where(same & (size > SAME_SIZE_M), known, size_sigma)
     return (low + high) / 2, sigma, size, size_sigma
+
+
+def sides(vertices: Floats) -> tuple[Ints, Ints]:
+    """The numbers (n // 2, 3) of the vertices (n, 3) on the low and on the high side along each axis; of one vertex, itself on both."""
+    order = np.argsort(vertices, axis=0, kind="stable")
+    half = max(len(vertices) // 2, 1)
+    return order[:half], order[-half:]
 
 
 def measured(structure: Structure) -> dict[str, tuple[float, float]]:

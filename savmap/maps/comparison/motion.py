@@ -23,7 +23,7 @@ LEAST_SIGMA_M = 0.001
 """Of a middle; of a size twice that. Labels, lips and shadows move an edge in the pictures by a millimetre, each date anew."""
 LEAST_SIZE_M = 0.02
 FREE_M, FREE_RAD = 1e3, 1.0
-LEAST_SCALE = 0.0003
+LEAST_SCALE, FREE_SCALE = 0.0003, 0.3
 FEW = 4
 MEASURED_M, MEASURED_SHARE = 0.1, 0.02
 """A figure that is known no better than this, and this share of its distance from the row's middle, was not measured."""
@@ -57,7 +57,8 @@ class Equations:
 @array_record
 class Fit:
     """The solved equations: unknowns (k,) with covariance (k, k), the point (3,) m about which the row is turned and scaled, `turned` by half a
-    turn or not, and for each equation the residual (m,) m, its standard deviation (m,) and the number (m,) of scattered ones that tell it."""
+    turn or not, and for each equation the residual (m,) m, its standard deviation (m,) and the number (m,) of scattered ones that tell it. `gain`
+    (k, m): how much each difference counts in each unknown."""
 
     equations: Equations
     unknowns: Floats
@@ -67,6 +68,7 @@ class Fit:
     residual: Floats
     sigma: Floats
     freedom: Floats
+    gain: Floats
 
     @property
     def shared(self) -> Bools:
@@ -80,10 +82,19 @@ class Fit:
     def carried(self, middles: Floats) -> Floats:
         """Places (n, 3) of the old row in the new row's frame."""
         q = half_turn(middles, self.turned) - self.about
-        h, (sx, sy) = float(self.unknowns[HEADING]), self.unknowns[SCALE]
-        turned = np.stack([q[:, 0] * (1 + sx) + h * q[:, 2], q[:, 1] * (1 + sy), q[:, 2] - h * q[:, 0]], axis=1)
-        carried: Floats = self.about + self.unknowns[T] + turned
+        carried: Floats = self.about + self.unknowns[T] + q @ self._turn_and_scale.T
         return carried
+
+    def carried_back(self, middles: Floats) -> Floats:
+        """Places (n, 3) of the new row in the old row's frame."""
+        q = np.linalg.solve(self._turn_and_scale, (middles - self.about - self.unknowns[T]).T).T
+        return half_turn(self.about + q, self.turned)
+
+    @property
+    def _turn_and_scale(self) -> Floats:
+        """The linear part (3, 3) of how places are carried."""
+        h, (x, y) = float(self.unknowns[HEADING]), self.unknowns[SCALE]
+        return np.array([[1 + x, 0.0, h], [0.0, 1 + y, 0.0], [-h, 0.0, 1.0]])
 
 
 def half_turn(points: Floats, turned: bool) -> Floats:
@@ -91,16 +102,21 @@ def half_turn(points: Floats, turned: bool) -> Floats:
     return points * np.array([-1.0, 1.0, -1.0]) if turned else points
 
 
-def fit(old: Elements, new: Elements, pairs: Pairs, turned: bool = False, rounds: int = ROUNDS) -> Fit:
-    """The motion that most of the pairs agree upon."""
+def fit(
+    old: Elements, new: Elements, pairs: Pairs, turned: bool = False, rounds: int = ROUNDS, free_scale: bool = False
+) -> Fit:
+    """The motion that most of the pairs agree upon. `free_scale`: whatever the maps say of how well they know their scales."""
     rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     placed = half_turn(old.middles[rows], turned)
     about = np.median(placed, axis=0) * np.array([1.0, 0.0, 1.0])
     equations = _equations(old, new, rows, columns, placed - about, placed)
     prior = _prior(equations, len(old.kinds))
+    if free_scale:
+        prior[SCALE] = 1 / FREE_SCALE**2
     scatter, extra = PRIOR_SHARE * _medians(equations, equations.sigma), _excess(equations)
     freedom = np.full(len(scatter), np.inf)
     unknowns: Floats = np.zeros(len(prior))
+    gain: Floats = np.zeros((len(prior), len(equations.pair)))
     covariance: Floats = np.diag(1 / prior)
     residual: Floats = equations.difference - _medians(equations, equations.difference)
     for number in range(rounds):
@@ -109,12 +125,13 @@ def fit(old: Elements, new: Elements, pairs: Pairs, turned: bool = False, rounds
         weight = (_early(normal) if number < rounds // 2 else _late(normal)) / (scatter**2 + extra)
         information = equations.slopes.T @ (weight[:, None] * equations.slopes) + np.diag(prior)
         covariance = np.asarray(np.linalg.inv(information), np.float64)
-        unknowns = covariance @ (equations.slopes.T @ (weight * equations.difference))
+        gain = covariance @ (equations.slopes.T * weight)
+        unknowns = gain @ equations.difference
         residual = equations.difference - equations.slopes @ unknowns
         scatter, freedom = _scatter(equations, residual)
     explained = np.einsum("mi,ij,mj->m", equations.slopes, covariance, equations.slopes)
     sigma: Floats = np.sqrt(scatter**2 + extra + explained)
-    return Fit(equations, unknowns, covariance, about, turned, residual, sigma, freedom)
+    return Fit(equations, unknowns, covariance, about, turned, residual, sigma, freedom, gain)
 
 
 def _early(normal: Floats) -> Floats:

@@ -6,13 +6,13 @@ without a partner where the other map's camera passed. A shift that scores as mu
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from savmap.maps.comparison.elements import Coverage, Elements
-from savmap.maps.comparison.motion import Fit, Pairs, fit, half_turn
+from savmap.maps.comparison.motion import SCALE, Fit, Pairs, fit, half_turn
 from savmap.types import Bools, Floats, Ints
 
 BIN_M, MOST_CANDIDATES = 0.2, 15
@@ -26,6 +26,7 @@ LEAST_PAIRS, LEAST_SHARE, TURN_SHARE = 3, 0.3, 0.5
 MARGIN, MARGIN_SHARE = 1.5, 0.02
 PROMISING, QUICK = 0.6, 5
 SAME_SHIFT_M = 0.5
+LONG_M, FACTOR_STEP, MOST_FACTOR, EVEN_SCALE = 0.5, 0.01, 1.5, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +45,44 @@ class Reading:
 
 
 def best_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage]) -> list[Reading]:
-    """The best reading, then those that are as good; none where too little agrees. Half a turn is thought of only where nothing fits without."""
+    """The best reading, then those that are as good; none where too little agrees. Half a turn is thought of only where nothing fits without,
+    and another scale only where nothing fits then."""
     straight = sorted(_readings(old, new, covers, False), key=lambda one: -one.score)
     if straight and straight[0].share >= TURN_SHARE:
         return _as_good(straight)
     turned = sorted(_readings(old, new, covers, True), key=lambda one: -one.score)
     if turned and turned[0].share >= TURN_SHARE:
         return _as_good(turned)
+    scaled = sorted(_scaled_readings(old, new, covers), key=lambda one: -one.score)
+    if scaled and scaled[0].share >= TURN_SHARE:
+        return _as_good(scaled)
     return _as_good(straight) if straight and straight[0].share >= LEAST_SHARE else []
+
+
+def _scaled_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage]) -> Iterator[Reading]:
+    """Readings in which one map measures more than the other by as much as typical elements of both are larger, along the row as well as
+    upwards: bays of other widths may have likes at other heights."""
+    for factor in _factors(old, new):
+        larger = replace(old, middles=factor * old.middles, sizes=factor * old.sizes)
+        passed = replace(covers[0], places=factor * covers[0].places, reach_m=factor * covers[0].reach_m)
+        for turned in (False, True):
+            for one in _readings(larger, new, (passed, covers[1]), turned):
+                found = fit(old, new, one.pairs, turned, free_scale=True)
+                if np.abs(found.unknowns[SCALE] - (factor - 1)).max() < EVEN_SCALE:
+                    yield replace(one, fit=found)
+
+
+def _factors(old: Elements, new: Elements) -> list[float]:
+    """By how much elements of one kind are longer in the new map, where they are so at all."""
+    factors: list[float] = []
+    for group in np.intersect1d(old.groups, new.groups).tolist():
+        for sizes in ([one.sizes[one.groups == group, axis] for one in (old, new)] for axis in (0, 1)):
+            before, after = (float(np.median(one)) for one in sizes)
+            factor = after / before if min(before, after) > LONG_M else 1.0
+            apart = all(abs(factor / other - 1) > FACTOR_STEP for other in (1.0, *factors))
+            if apart and max(factor, 1 / factor) < MOST_FACTOR:
+                factors.append(factor)
+    return factors
 
 
 def _as_good(found: list[Reading]) -> list[Reading]:
@@ -163,7 +194,7 @@ def _score(
     off = new.middles[columns] - placed[rows]
     agreement = _agreement(old, new, rows, columns, off)
     left_old = _unpaired(old, set(rows.tolist()), placed, covers[1])
-    back = _carried_back(new.middles, found)
+    back = found.carried_back(new.middles)
     left_new = _unpaired(new, set(columns.tolist()), back, covers[0])
     share = float((agreement > 0.5).sum()) / max(min(len(old), len(new)), 1)
     return float(agreement.sum()) - UNPAIRED * (left_old + left_new), share
@@ -182,8 +213,3 @@ def _unpaired(elements: Elements, paired_ones: set[int], placed: Floats, cover: 
         for k in range(len(elements))
         if k not in paired_ones
     )
-
-
-def _carried_back(middles: Floats, found: Fit) -> Floats:
-    """Places (n, 3) of the new row in the old row's frame, but for turns and scales, which matter little here."""
-    return half_turn(middles - found.unknowns[:3], found.turned)

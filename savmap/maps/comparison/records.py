@@ -66,6 +66,26 @@ class ElementChange:
         return tuple(sorted((one for one in self.differences if one.significant), key=lambda one: one.p))
 
 
+@dataclass(frozen=True)
+class ScaleDifference:
+    """By how much more, as a share, the new map measures along an axis ("x" or "y") of a row, with the standard deviation that the elements in common
+    and both maps' own uncertainties of scale give it. `old_sigma`, `new_sigma`: the latter of each. `p`: the chance of at least as much
+    where both maps' references hold."""
+
+    axis: str
+    share: float
+    sigma: float
+    old_sigma: float
+    new_sigma: float
+    p: float
+    significant: bool = False
+
+    @property
+    def sigmas(self) -> float:
+        """The difference in standard deviations."""
+        return abs(self.share) / self.sigma
+
+
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMotion:
@@ -111,13 +131,19 @@ class RowMotion:
 @array_record
 class RowComparison:
     """A row on both dates: its names, how the frames lie (None: nothing in common was found, and nothing is compared), its elements from left
-    to right, and the openings between them, of which only sizes are compared."""
+    to right, the openings between them, of which only sizes are compared, and how the maps' scales differ, where anything tells."""
 
     old: str
     new: str
     motion: RowMotion | None
     elements: tuple[ElementChange, ...] = ()
     openings: tuple[ElementChange, ...] = ()
+    scales: tuple[ScaleDifference, ...] = ()
+
+    @property
+    def scale_differs(self) -> bool:
+        """Whether one map measures more than the other, beyond what the references of both allow."""
+        return any(one.significant for one in self.scales)
 
     @property
     def changes(self) -> tuple[ElementChange, ...]:
@@ -128,15 +154,27 @@ class RowComparison:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Comparison:
-    """Two maps of one place: rows that both have, and names of rows that only one has. `level`: the share of false ones among the changes
-    that is accepted (Benjamini and Hochberg's false discovery rate)."""
+    """Two maps of one place: rows that both have, and names of rows that only one has. `failed`: names of rows that one has, and that the other
+    map's run could not map. `renamed`: a missing and a new row each that may be one, by name. `level`: the share of false ones among the changes that is accepted (Benjamini and Hochberg's false discovery rate)."""
 
     rows: tuple[RowComparison, ...]
     missing: tuple[str, ...]
     new: tuple[str, ...]
     level: float
+    failed: tuple[str, ...] = ()
+    renamed: tuple[tuple[str, str], ...] = ()
 
     @property
     def changed(self) -> bool:
-        """Whether anything is not as it was."""
-        return bool(self.missing or self.new) or any(row.changes for row in self.rows)
+        """Whether anything is not as it was, or one map's scale is not the other's."""
+        return bool(self.missing or self.new) or any(row.changes or row.scale_differs for row in self.rows)
+
+    @property
+    def compared(self) -> bool:
+        """Whether anything was compared: there is a row in which something in common was found."""
+        return any(row.motion is not None for row in self.rows)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Names of the rows of which the comparison cannot say whether they changed."""
+        return (*(row.new for row in self.rows if row.motion is None), *self.failed)

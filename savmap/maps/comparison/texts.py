@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from savmap.files.texts import json_visible
-from savmap.maps.comparison.records import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
+from savmap.maps.comparison.records import (
+    CHANGES,
+    Comparison,
+    Difference,
+    ElementChange,
+    RowComparison,
+    RowMotion,
+    ScaleDifference,
+)
 
 FORMAT, VERSION = "savmap-comparison", 1
 PLACE, CHANCE = 5, 3
@@ -29,6 +37,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "level": comparison.level,
         "missing_rows": list(comparison.missing),
         "new_rows": list(comparison.new),
+        "failed_rows": list(comparison.failed),
+        "maybe_renamed_rows": [list(names) for names in comparison.renamed],
         "rows": [_row(row) for row in comparison.rows],
     }
 
@@ -38,6 +48,7 @@ def _row(row: RowComparison) -> dict[str, Any]:
         "old": row.old,
         "new": row.new,
         "new_from_old": _motion(row.motion) if row.motion else None,
+        "scales": [_scale(one) for one in row.scales],
         "elements": [_element(one) for one in row.elements],
         "openings": [_element(one) for one in row.openings],
     }
@@ -53,6 +64,17 @@ def _motion(motion: RowMotion) -> dict[str, Any]:
         "middle_m": _rounded(motion.middle_m),
         "pairs": motion.pairs,
         "alternatives_m": [round(one, 3) for one in motion.alternatives_m],
+    }
+
+
+def _scale(scale: ScaleDifference) -> dict[str, Any]:
+    sigmas = {"sigma": scale.sigma, "old_sigma": scale.old_sigma, "new_sigma": scale.new_sigma}
+    return {
+        "axis": scale.axis,
+        "share": round(scale.share, 7),
+        **{name: round(value, 7) for name, value in sigmas.items()},
+        "p": _digits(scale.p),
+        "significant": scale.significant,
     }
 
 
@@ -91,13 +113,14 @@ def _value(value: float | str) -> float | str:
 
 
 def comparison_lines(comparison: Comparison) -> Iterator[str]:
-    """How each row's frame lies, a line for each change, and a sum."""
+    """How each row's frame and scale lie, a line for each change, and a sum."""
     yield from (f"row {name}: missing" for name in comparison.missing)
     yield from (f"row {name}: new" for name in comparison.new)
+    yield from (f"row {name}: cannot be compared, for one of the runs could not map it" for name in comparison.failed)
+    yield from renamed_lines(comparison)
     for row in comparison.rows:
         yield f"row {row.new}: {motion_text(row.motion)}"
-        if row.motion and row.motion.ambiguous:
-            yield f"  {ambiguity_text(row.motion)}"
+        yield from (f"  {line}" for line in (*remarks(row), scale_text(row)) if line)
         yield from _table(row.changes)
         yield f"  {counts_text(row)}"
 
@@ -116,6 +139,47 @@ def ambiguity_text(motion: RowMotion) -> str:
     """What else the row may be."""
     others = ", ".join(f"{one:+.2f} m" for one in motion.alternatives_m)
     return f"ambiguous: shifted by {others} it fits as well, and nothing in the row tells which is right"
+
+
+def renamed_lines(comparison: Comparison) -> Iterator[str]:
+    """A line for each missing and new row that may be one."""
+    for old, new in comparison.renamed:
+        yield f"row {new} looks like row {old} had looked: if it is that row, give it the same name in both site files"
+
+
+def remarks(row: RowComparison) -> tuple[str, ...]:
+    """What a reader must know before the changes: that the frames may lie otherwise, that the scales differ, or that little agrees."""
+    if row.motion is None:
+        return ("check that both maps are of the same place, and the same face of it",)
+    said = [ambiguity_text(row.motion)] if row.motion.ambiguous else []
+    both = sum(bool(one.old_id and one.new_id) for one in row.elements)
+    alone = sum(one.state in ("missing", "new") for one in row.elements)
+    if both < alone:
+        said.append(f"only {both} of {both + alone} elements are in both maps: check that it is the same place")
+    if row.scale_differs:
+        said.append(
+            "the maps differ in scale by more than their references allow: check camera heights and lengths of both"
+        )
+    return tuple(said)
+
+
+def scale_text(row: RowComparison) -> str:
+    """By how much more the new map measures along each axis, with standard deviations of what both maps' references allow; empty where
+    nothing tells."""
+    axes = ", ".join(
+        f"{one.axis} {100 * one.share:+.2f} % (+- {100 * one.sigma:.2f} %, {one.sigmas:.1f} sigma)"
+        for one in row.scales
+    )
+    return axes and f"scale of the new map against the old one's: {axes}"
+
+
+def unsaid_text(comparison: Comparison) -> str:
+    """Why the comparison cannot say whether anything changed; empty where it can say so of all rows."""
+    if not comparison.rows and not comparison.failed:
+        return "no row in common, and rows are known by their names"
+    if not comparison.compared and not comparison.failed:
+        return f"nothing in common was found in row {', '.join(comparison.unknown)}"
+    return f"nothing is known of row {', '.join(comparison.unknown)}" if comparison.unknown else ""
 
 
 def counts_text(row: RowComparison) -> str:

@@ -11,7 +11,15 @@ from markupsafe import Markup
 
 from savmap.files.atomic import write_bytes
 from savmap.maps.comparison import CHANGES, Comparison, ElementChange, RowComparison, State
-from savmap.maps.comparison.texts import ambiguity_text, change_name, change_text, counts_text, motion_text
+from savmap.maps.comparison.texts import (
+    change_name,
+    change_text,
+    counts_text,
+    motion_text,
+    remarks,
+    renamed_lines,
+    scale_text,
+)
 from savmap.report.numbers import anchors
 from savmap.report.orthophotos import photo_view
 from savmap.report.page.tables import Cell, Line, Table, heads
@@ -53,8 +61,9 @@ class RowSection:
     name: str
     anchor: str
     motion: str
+    scale: str
     counts: str
-    warning: str
+    warnings: tuple[str, ...]
     figures: tuple[Figure, ...]
     photos: tuple[Figure, ...]
     table: Table
@@ -77,6 +86,7 @@ def comparison_page(dates: Dates) -> str:
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         sections=[_section(dates, row, names[row.new]) for row in dates.comparison.rows],
         tiles=_tiles(dates.comparison),
+        renamed=list(renamed_lines(dates.comparison)),
     )
 
 
@@ -87,6 +97,8 @@ def _tiles(comparison: Comparison) -> list[tuple[str, str]]:
     tiles = [("rows compared", str(sum(row.motion is not None for row in comparison.rows)))]
     tiles += [("rows missing", str(len(comparison.missing)))] if comparison.missing else []
     tiles += [("rows new", str(len(comparison.new)))] if comparison.new else []
+    scaled = sum(row.scale_differs for row in comparison.rows)
+    tiles += [("rows of another scale", str(scaled))] if scaled else []
     for state in ("same", *CHANGES, "not seen"):
         tiles.append((state, str(sum(one.state == state for one in elements))))
     return [*tiles, ("openings changed", str(sum(one.state in CHANGES for one in openings)))]
@@ -98,8 +110,9 @@ def _section(dates: Dates, row: RowComparison, anchor: str) -> RowSection:
         row.new,
         anchor,
         motion_text(row.motion),
+        scale_text(row),
         counts_text(row),
-        _warning(row),
+        remarks(row),
         (_elevation(dates, row, anchor),) if drawn else (),
         tuple(_photos(dates, row, anchor)),
         change_table(row, f"{anchor}-changes"),
@@ -196,7 +209,8 @@ class RowChanges:
 
     name: str
     motion: str
-    warning: str
+    scale: str
+    warnings: tuple[str, ...]
     counts: str
     table: Table
 
@@ -207,16 +221,13 @@ def row_changes(comparison: Comparison) -> list[RowChanges]:
         RowChanges(
             row.new,
             motion_text(row.motion),
-            _warning(row),
+            scale_text(row),
+            remarks(row),
             counts_text(row),
             change_table(row, f"changes-{number}"),
         )
         for number, row in enumerate(comparison.rows, 1)
     ]
-
-
-def _warning(row: RowComparison) -> str:
-    return ambiguity_text(row.motion) if row.motion and row.motion.ambiguous else ""
 
 
 def change_table(row: RowComparison, anchor: str) -> Table:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.types import Attribute, FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Attribute, FrameTable, JointCovariance, RowMap, SiteMap, Structure, Trajectory
 
 OWN_M, SCALE_SIGMA, SETBACK_M = 0.0015, 0.004, 0.01
 POST_M, BAR_M = 0.1, 0.1
@@ -87,4 +87,42 @@ def half_turned(site: SiteMap) -> SiteMap:
             row.trajectory.world_from_rig
         )
         rows[name] = replace(row, structures=groups, trajectory=replace(row.trajectory, world_from_rig=poses))
+    return replace(site, rows=rows)
+
+
+def scaled(site: SiteMap, factor: float) -> SiteMap:
+    """The same map as a wrong reference makes it: all lengths times a factor, the standard deviations as they were."""
+    rows = {}
+    for name, row in site.rows.items():
+        groups = {
+            plugin: tuple(replace(one, vertices=factor * one.vertices) for one in group)
+            for plugin, group in row.structures.items()
+        }
+        poses = row.trajectory.world_from_rig.copy()
+        poses[:, :3, 3] *= factor
+        rows[name] = replace(row, structures=groups, trajectory=replace(row.trajectory, world_from_rig=poses))
+    return replace(site, rows=rows)
+
+
+def with_joint(site: SiteMap, scale_sigma: float) -> SiteMap:
+    """The same map with a joint covariance: errors of each coordinate's own, and one scale that all have in common. The vertices' own covariances
+    say nothing of that."""
+    rows = {}
+    for name, row in site.rows.items():
+        named = [(plugin, one) for plugin, group in row.structures.items() for one in group]
+        places = np.concatenate([one.vertices.ravel() for _, one in named])
+        covariance = OWN_M**2 * np.eye(len(places)) + scale_sigma**2 * np.outer(places, places)
+        coordinates: dict[str, dict[str, np.ndarray]] = {}
+        first = 0
+        for plugin, one in named:
+            count = one.vertices.size
+            coordinates.setdefault(plugin, {})[one.id] = np.arange(first, first + count).reshape(-1, 3)
+            first += count
+        own = {
+            plugin: tuple(
+                replace(one, covariances=np.tile(OWN_M**2 * np.eye(3), (len(one.vertices), 1, 1))) for one in group
+            )
+            for plugin, group in row.structures.items()
+        }
+        rows[name] = replace(row, structures=own, joint=JointCovariance(coordinates, covariance))
     return replace(site, rows=rows)

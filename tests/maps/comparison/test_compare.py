@@ -17,6 +17,7 @@ from savmap.maps.comparison import (
     compare_maps,
     comparison_lines,
     comparison_text,
+    unsaid_text,
 )
 from savmap.maps.comparison.changes import accepted, judged
 from savmap.maps.comparison.texts import motion_text
@@ -156,8 +157,17 @@ def test_rows_of_one_map_alone_are_missing_or_new() -> None:
     found = compare_maps(old, new)
     assert (found.missing, found.new, found.rows) == (("A",), ("B",), ())
     assert found.changed
+    assert found.renamed == (("A", "B"),)
+    assert "row B looks like row A had looked: if it is that row, give it the same name in both site files" in list(
+        comparison_lines(found)
+    )
+    elsewhere = place.mapped(tuple(place.Bay(1.1, (0.7, 1.1, 1.5)) for _ in range(4)), 2, name="B")
+    assert compare_maps(old, elsewhere).renamed == ()
     lost = compare_maps(old, replace(new, failed={"A": "too dark"}))
-    assert (lost.missing, lost.new) == ((), ("B",))
+    assert (lost.missing, lost.new, lost.failed) == ((), ("B",), ("A",))
+    assert "row A: cannot be compared, for one of the runs could not map it" in list(comparison_lines(lost))
+    assert unsaid_text(found) == "no row in common, and rows are known by their names"
+    assert unsaid_text(lost) == "nothing is known of row A"
 
 
 def test_rows_with_nothing_in_common_are_not_compared() -> None:
@@ -166,12 +176,18 @@ def test_rows_with_nothing_in_common_are_not_compared() -> None:
     assert found.rows[0].motion is None
     assert found.rows[0].elements == ()
     assert not found.changed
+    assert not found.compared
+    assert found.unknown == ("A",)
+    assert unsaid_text(found) == "nothing in common was found in row A"
     assert any("nothing in common" in line for line in comparison_lines(found))
 
 
 def test_a_map_is_as_it_is() -> None:
     site = place.mapped(BAYS, 1)
-    assert states(compare_maps(site, site)) == {}
+    found = compare_maps(site, site)
+    assert states(found) == {}
+    assert not found.changed
+    assert unsaid_text(found) == ""
 
 
 def test_rows_of_nothing_are_compared_with_nothing() -> None:
@@ -197,8 +213,9 @@ def test_json_says_all_and_lines_say_what_changed() -> None:
     assert [one["what"] for one in moved[0]["differences"] if one["significant"]] == ["y"]
     lines = list(comparison_lines(found))
     assert lines[0].startswith("row A: old frame moved by x ")
-    assert "bay 4 / bar 3  y +" in lines[1]
-    assert lines[2] == "  1 moved, 56 same"
+    assert lines[1].startswith("  scale of the new map against the old one's: x ")
+    assert "bay 4 / bar 3  y +" in lines[2]
+    assert lines[3] == "  1 moved, 56 same"
 
 
 def test_json_holds_no_raw_control_character() -> None:
