@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from savmap.errors import SolveError
 from savmap.geometry.poses import columns_at, rotations_at
 from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.initial.observability import require_known
@@ -25,7 +26,8 @@ VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 LEAST_APART_M = 0.01
-MISFIT = 5.0
+MISFIT, NONSENSE = 5.0, 100.0
+"""How many times as far off as they should be measurements are that are doubted, and those that say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +147,17 @@ def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
 
 def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
     """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
-    however wide their sigmas are."""
+    however wide their sigmas are. Raises SolveError where they say nothing at all."""
     for number, name in enumerate(problem.measurements.class_names):
         of_class = (problem.measurements.classes == number) & ~aside
         rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
         times = float(fit.scales[of_class].max(initial=0.0))
         if rejected > MANY_REJECTED or times > MISFIT:
             how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
-            yield Doubt("residuals", f"what was measured of `{name}` does not fit together: {how}")
+            what = f"what was measured of `{name}` does not fit together: {how}"
+            if times > NONSENSE:
+                raise SolveError(f"row {problem.camera.facts.name}: {what}: are these whole panoramas, of one aisle?")
+            yield Doubt("residuals", what)
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:

@@ -6,6 +6,7 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
+from savmap.errors import SolveError
 from savmap.graph import Solution, camera_priors, merge, solve
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings, constrain
@@ -60,6 +61,16 @@ def test_a_class_that_does_not_fit_at_all_is_doubted(rack: made.World) -> None:
     assert doubt.kind == "residuals"
     assert "`upright`" in doubt.what
     assert not made.solved(noisier(rack, "upright", 1.0)).doubts
+
+
+def test_measurements_that_say_nothing_are_no_map(rack: made.World) -> None:
+    """Off by 1.7 million times their sigmas, uprights of stretched footage were a map to check, which no command could read."""
+    scrambled = [
+        replace(track, covariance=track.covariance * 1e-6) if track.label == "upright" else track
+        for track in noisier(rack, "upright", 12.0).tracks
+    ]
+    with pytest.raises(SolveError, match=r"measured of `upright` does not fit together.*whole panoramas"):
+        made.solved(replace(rack, tracks=scrambled))
 
 
 def test_pictures_do_not_loosen_references(rack: made.World) -> None:
