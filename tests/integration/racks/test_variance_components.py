@@ -66,7 +66,7 @@ def test_a_class_that_does_not_fit_at_all_is_doubted(rack: made.World) -> None:
 def test_measurements_that_say_nothing_are_no_map(rack: made.World) -> None:
     """Off by 1.7 million times their sigmas, uprights of stretched footage were a map to check, which no command could read."""
     scrambled = [
-        replace(track, covariance=track.covariance * 1e-6) if track.label == "upright" else track
+        replace(track, covariances=track.covariances * 1e-6) if track.label == "upright" else track
         for track in noisier(rack, "upright", 12.0).tracks
     ]
     with pytest.raises(SolveError, match=r"measured of `upright` does not fit together.*whole panoramas"):
