@@ -107,6 +107,18 @@ def test_a_gap_between_two_racks_is_no_odd_bay() -> None:
     assert not [doubt for doubt in doubts_of(structures_of(row)) if "is one of them none" in doubt.what]
 
 
+@pytest.mark.parametrize(("posts", "doubted"), [(0.06, False), (0.1, True)])
+def test_a_lighter_rack_in_the_row_has_beams_of_its_own(posts: float, doubted: bool) -> None:
+    """Thin beams between posts like the others' are doubted: something else may have been taken for all of them."""
+    row = regular_row()
+    row["uprights"][5:] = [[x, x + posts] for x, _ in row["uprights"][5:]]
+    row["uprights"].insert(5, [row["uprights"][4][1] + 0.4, row["uprights"][4][1] + 0.4 + posts])
+    thin = [[low, low + 0.05] for low, _ in row["sections"][5]["beams"]]
+    row["sections"][4:] = [{"beams": []}, {"beams": thin}, {"beams": thin}]
+    found = [doubt.what for doubt in doubts_of(structures_of(row))]
+    assert any("5.0 cm high" in what for what in found) == doubted
+
+
 def uneven_row() -> Row:
     """Five bays whose levels stand at other heights in each, an equal step apart."""
     row: Row = {"uprights": [[2.7 * k, 2.7 * k + 0.1] for k in range(6)], "sections": []}

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Floats, Structure
-from savmap_shelves.mapping import Elements, sections_of, uprights_of
+from savmap_shelves.mapping import Elements, MappedSection, sections_of, uprights_of
 
 WIDE, NARROW = 1.8, 0.4
 THICK, THIN = 1.7, 0.55
-LEAST_TO_COMPARE = 4
+LEAST_TO_COMPARE, LEAST_ALIKE = 4, 3
 ODD, ODD_M, ALIKE, MOSTLY = 0.2, 0.01, 0.1, 0.6
 """A beam is odd by so much of the usual height and so many metres, where most beams are alike: racks are built of few profiles."""
 PLAUSIBLE_M = {
@@ -66,14 +66,29 @@ def odd_bays(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, 
 
 def odd_sizes(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Uprights' widths and beams' heights that differ much from the others'."""
-    beams = [section.beams for section in sections_of(structures)]
-    uprights = uprights_of(structures)
-    heights = np.concatenate([np.zeros((0, 2)), *(group.intervals for group in beams)])
+    sections, uprights = sections_of(structures), uprights_of(structures)
+    alike = [section.beams for section in sections if not _is_of_another_rack(section, uprights.intervals)]
+    heights = np.concatenate([np.zeros((0, 2)), *(group.intervals for group in alike)])
     yield from _odd_sizes([*uprights.ids], uprights.intervals, "wide")
-    implausible = [*_odd_sizes([name for group in beams for name in group.ids], heights, "high")]
+    implausible = [*_odd_sizes([name for group in alike for name in group.ids], heights, "high")]
     yield from implausible
     told = {name for _, ids in implausible for name in ids}
+    beams = [section.beams for section in sections]
     yield from (odd for odd in _unlike_their_section(beams) if odd[1][0] not in told)
+
+
+def _is_of_another_rack(section: MappedSection, uprights: Floats) -> bool:
+    """Whether most of a section's beams and both its uprights (of n, 2) are of other profiles than the row's, each like one another: two makes of
+    racks stand in one row."""
+    widths, middles = np.diff(uprights, axis=1)[:, 0], uprights.mean(axis=1)
+    beside = np.searchsorted(middles, section.extent.mean()) - np.array([1, 0])
+    heights = np.diff(section.beams.intervals, axis=1)[:, 0]
+    if len(heights) < LEAST_ALIKE or beside.min() < 0 or beside.max() >= len(widths):
+        return False
+    usual, own = float(np.median(widths)), widths[beside]
+    like = np.ptp(own) < ODD * own.mean()
+    uniform = np.mean(np.abs(heights - np.median(heights)) < ODD * np.median(heights)) > MOSTLY
+    return bool(like and uniform and np.abs(own - usual).min() > ODD * usual)
 
 
 def _odd_sizes(ids: Sequence[str], intervals: Floats, word: str) -> Iterator[tuple[str, tuple[str, ...]]]:

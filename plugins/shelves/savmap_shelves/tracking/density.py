@@ -44,8 +44,11 @@ def cheapest_in_group(group: Ints, target: Ints, cost: Floats) -> Ints:
 
 
 def medians(values: Floats, which: Ints, count: int) -> Floats:
-    """The median (count, ...) of the values (n, ...) in each cluster, by the cluster of each value (n,)."""
-    middle = [np.median(values[which == k], axis=0) for k in range(count)]
+    """The median (count, ...) of the values (n, ...) in each cluster, by the cluster of each value (n,); nan where it has none."""
+    middle = [
+        np.median(values[which == k], axis=0) if (which == k).any() else np.full(values.shape[1:], np.nan)
+        for k in range(count)
+    ]
     return np.array(middle, dtype=np.float64).reshape(count, *values.shape[1:])
 
 

@@ -12,6 +12,8 @@ LEAST_AT_END = 0.3
 NARROW = 0.75
 LEAST_BEAMS = 3
 TOGETHER, BESIDE = 0.5, 1.3
+LEAST_SIGHTINGS, SURELY, GOES_ALONG = 6, 3.0, 0.15
+"""What goes along with the camera by so large a share of its way lies behind the face, by a fifth of the camera's distance from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,10 @@ def find_uprights(
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
         kept = _strong(support, sized, count, least, _clash(centres, width, 2 * reach, group, which))
         if kept.all():
-            kept = _trimmed(centres, width, count, _beams_at_ends(Uprights(x, which), sightings, beams, centres))
+            shares = _beams_at_ends(Uprights(x, which), sightings, beams, centres)
+            along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
+            fixed = np.array([_stands_still(along[own], centre[own]) for own in _at_ends(which, centres)])
+            kept = _trimmed(centres, width, count, np.where(fixed, 1.0, shares))
         if kept.all():
             break
         centres = centres[kept]
@@ -107,9 +112,26 @@ def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bool
     return supported(support, shown, count, least) if kept.all() else kept
 
 
+def _at_ends(which: Ints, x: Floats) -> list[Bools]:
+    """The sightings (n,) of the first and of the last of uprights."""
+    return [which == end for end in np.argsort(x)[[0, -1]]]
+
+
+def _stands_still(along: Floats, x: Floats) -> bool:
+    """Whether an upright surely stands in the face: what lies behind goes with the camera, by a share of the way that it comes `along` (n,), so that
+    its x (n,) on the face does not stay."""
+    known = np.isfinite(x)
+    if known.sum() < LEAST_SIGHTINGS or np.ptp(along[known]) == 0:
+        return False
+    slope, offset = np.polyfit(along[known], x[known], 1)
+    scatter = 1.4826 * float(np.median(np.abs(x[known] - offset - slope * along[known])))
+    error = scatter / (float(np.std(along[known])) * np.sqrt(known.sum()))
+    return bool(abs(slope) + SURELY * error < GOES_ALONG)
+
+
 def _trimmed(x: Floats, width: Floats, count: Ints, beams: Floats) -> Bools:
     """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others, unless the beams that end
-    at it are as high as others: `beams` (2,), by the first and the last upright, as shares of what is usual.
+    at it are as high as others, or it surely stands in the face: `beams` (2,), by the first and the last upright, as shares of what is usual.
 
     The section of the first is seen only in part. The second is of another row that comes into view behind the end of this: farther away,
     so that its beams look lower, too.

@@ -13,11 +13,12 @@ LONG = 200.0
 
 @dataclass(frozen=True)
 class Rack:
-    """x (n, 2) of uprights, per section the (m, 2) bottoms and tops of beams; metres."""
+    """x (n, 2) of uprights, per section the (m, 2) bottoms and tops of beams; how far behind the face the last of both lie; metres."""
 
     uprights: Floats
     beams: tuple[Floats, ...]
     height: float
+    behind: float = 0.0
 
     @property
     def counts(self) -> list[int]:
@@ -218,7 +219,8 @@ class _Observer:
 
     def _uprights(self, pose: Floats) -> list[tuple[float, tuple[Floats, Floats], Floats, tuple[int, ...] | None]]:
         wanted: list[tuple[Floats, float, float, tuple[int, ...] | None, float]] = [
-            (edges, 0.0, self.faults.miss_upright, (k,), 0.0) for k, edges in enumerate(self.rack.uprights)
+            (edges, -self.rack.behind * (k == len(self.rack.beams)), self.faults.miss_upright, (k,), 0.0)
+            for k, edges in enumerate(self.rack.uprights)
         ]
         wanted += [(edges, -1.1, 1 - self.faults.rear, None, 0.0) for edges in self.rack.uprights]
         if self.rng.random() < self.faults.false_upright:
@@ -259,7 +261,8 @@ class _Observer:
             for beam, y in enumerate(levels):
                 rate = self.faults.miss_beam
                 if not self._skip((1, section, beam), rate):
-                    found.append((y, (x[section, 1], x[section + 1, 0]), 0.0, (section, beam)))
+                    depth = self.rack.behind * (section == len(self.rack.beams) - 1)
+                    found.append((y, (x[section, 1], x[section + 1, 0]), -depth, (section, beam)))
                 if self.rng.random() < self.faults.rear:
                     found.append((y, (x[section, 1], x[section + 1, 0]), -1.1, None))
                 if self.rng.random() < self.faults.duplicate:

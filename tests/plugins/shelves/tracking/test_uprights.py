@@ -13,22 +13,22 @@ CLEAN = synth.Faults(
 SHORT = synth.Pass(rate=4, speed=0.9, distance=1.7)
 
 
-def row(share: float, beams: float) -> synth.Rack:
-    """Four sections, the last upright narrower than the others by a share, and its section's beams lower."""
+def row(share: float, beams: float, behind: float) -> synth.Rack:
+    """Four sections, the last upright narrower than the others by a share, and its section's beams lower; or as far behind the face."""
     x = 2.6 * np.arange(5)[:, None] + np.array([0.0, 0.1])
     x[-1, 1] = x[-1, 0] + 0.1 * share
     bottoms = np.array([0.3, 1.6, 2.9, 4.2])
     levels = [np.column_stack([bottoms, bottoms + height]) for height in (0.12, 0.12, 0.12, 0.12 * beams)]
-    return synth.Rack(x, tuple(levels), 6.0)
+    return synth.Rack(x, tuple(levels), 6.0, behind)
 
 
 @pytest.mark.parametrize(
-    ("share", "beams", "uprights"),
-    [(1.0, 1.0, 5), (0.6, 1.0, 5), (0.6, 0.6, 4)],
-    ids=["like the others", "seen in part", "farther away"],
+    ("share", "beams", "behind", "uprights"),
+    [(1.0, 1.0, 0.0, 5), (0.6, 1.0, 0.0, 5), (0.6, 0.6, 0.0, 5), (0.6, 0.6, 0.1, 5), (0.9, 0.9, 1.2, 4)],
+    ids=["like the others", "seen in part", "a lighter rack", "a lighter rack a bit behind", "farther away"],
 )
-def test_a_narrow_upright_at_the_end_of_a_row(share: float, beams: float, uprights: int) -> None:
-    footage = synth.footage(row(share, beams), np.random.default_rng(3), (SHORT,), CLEAN)
+def test_a_narrow_upright_at_the_end_of_a_row(share: float, beams: float, behind: float, uprights: int) -> None:
+    footage = synth.footage(row(share, beams, behind), np.random.default_rng(3), (SHORT,), CLEAN)
     assert counted(track_structures(footage.features, footage.facts, attitudes=footage.attitudes))[0] == uprights
 
 
