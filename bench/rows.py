@@ -1,76 +1,41 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--keep DIR] [-o bench/results/rows.json]
 
 Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
---times: each row's bays so many times over, and so many times the frames, for long rows.
+--times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a section without beams, so many metres
+wide, in the middle: a passage, or a column of the hall between two racks.
 """
 
 import argparse
 import json
 import tempfile
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
+from row_scenes import greyed, interrupted, lengthened
 
 import savmap
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.report.evaluation import as_json
 from savmap.sim.random_row import random_row
-from savmap.sim.scene.files import Scene, parse_scene
 from savmap.sim.simulate import simulate
 
 ROOT = Path(__file__).parent.parent
 
 
-def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1) -> Path:
+def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1, gap: float = 0.0) -> Path:
     """The site file of a random row's footage, made unless it is there."""
     site = folder / "site.yaml"
     if not site.is_file():
         scene = random_row(seed, frames)
         scene = greyed(scene, seed) if style == "grey" else scene
-        simulate(lengthened(scene, times) if times > 1 else scene, folder)
+        scene = lengthened(scene, times) if times > 1 else scene
+        simulate(interrupted(scene, gap) if gap else scene, folder)
     return site
-
-
-def lengthened(scene: Scene, times: int) -> Scene:
-    """The scene with the first rack's bays so many times over, the others, the hall and the drive longer by as much."""
-    content = scene.model_dump(mode="json")
-    racks, cart = content["structures"]["shelves"]["rows"], content["cart"]
-    more = (times - 1) * _length(next(iter(racks.values())))
-    for name, rack in racks.items():
-        before, bays = _length(rack), rack["bays"]
-        count = max(1, round(len(bays) * (before + more) / before))
-        rack["bays"] = [bays[number % len(bays)] for number in range(count)]
-        if content["rows"][name]["facing"] == "-z":
-            content["rows"][name]["x"] += _length(rack) - before
-    content["hall"]["x"][1] += more + 6.0
-    cart["start" if cart["start"][0] > cart["end"][0] else "end"][0] += more
-    cart["frames"] *= times
-    return parse_scene(content, "long row")
-
-
-def _length(rack: Mapping[str, Any]) -> float:
-    """m."""
-    return float(sum(bay["width"] for bay in rack["bays"]))
-
-
-def greyed(scene: Scene, seed: int) -> Scene:
-    """The scene with its racks' beams and decks in one grey, under light that comes from everywhere."""
-    rng = np.random.default_rng([seed, 9])
-    content = scene.model_dump(mode="json")
-    for rack in content["structures"]["shelves"]["rows"].values():
-        grey = float(rng.uniform(0.3, 0.6))
-        post = grey if rng.random() < 0.5 else float(rng.uniform(0.1, 0.7))
-        rack |= {"beam_color": [grey] * 3, "deck_color": [grey * float(rng.uniform(0.93, 1.07))] * 3, "deck": "steel"}
-        rack |= {"upright_color": [post] * 3, "beam_texture": "plain", "metallic": 0.0, "labels": 0.0}
-    content["look"] |= {"ambient": 0.6, "contrast": 0.9}
-    return parse_scene(content, f"grey row {seed}")
 
 
 def only_first_row(site: Path) -> Path:
@@ -89,9 +54,10 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     try:
         site_map = savmap.map_site(site, output=output)
         figures = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
-        figures = {
-            key: figures[key] for key in ("mae_m", "missing", "spurious", "lights", "ends of lights") if key in figures
-        }
+        wanted = ("mae_m", "missing", "spurious", "lights", "ends of lights")
+        figures = {key: figures[key] for key in wanted if key in figures}
+        verdict = next(iter(site_map.rows.values())).verdict
+        figures["verdict"] = verdict.grade if verdict else "-"
     except SavmapError as error:
         figures = {"error": str(error)}
     return {**figures, "seconds": time.perf_counter() - start}
@@ -118,7 +84,7 @@ def line(seed: int, figures: dict[str, Any]) -> str:
     missing, spurious = counted(figures)
     lamps = figures.get("lights", {})
     lamp_text = f"{100 * lamps['mae_m']:8.2f}" if lamps.get("mae_m") is not None else "       -"
-    return f"{seed:6d} {missing:8d} {spurious:9d} {100 * figures['mae_m']:8.2f} {lamp_text} {figures['seconds']:9.1f}"
+    return f"{seed:6d} {missing:8d} {spurious:9d} {100 * figures['mae_m']:8.2f} {lamp_text} {figures['seconds']:9.1f}  {figures['verdict']}"
 
 
 def main() -> None:
@@ -128,17 +94,20 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--style", choices=["any", "grey"], default="any")
     parser.add_argument("--times", type=int, default=1)
+    parser.add_argument("--gap", type=float, default=0.0)
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()
     results: dict[int, dict[str, Any]] = {}
-    print("  seed  missing  spurious  MAE cm  lamps cm  seconds", flush=True)
+    print("  seed  missing  spurious  MAE cm  lamps cm  seconds  verdict", flush=True)
     with tempfile.TemporaryDirectory() as temporary:
         base = arguments.keep or Path(temporary)
         for seed in range(arguments.seed, arguments.seed + arguments.count):
             folder = base / (f"row-{seed}" if arguments.style == "any" else f"{arguments.style}-{seed}")
             folder = folder.with_name(f"{folder.name}-x{arguments.times}") if arguments.times > 1 else folder
-            site = only_first_row(footage(seed, arguments.frames, folder, arguments.style, arguments.times))
+            folder = folder.with_name(f"{folder.name}-gap{arguments.gap:g}") if arguments.gap else folder
+            made = footage(seed, arguments.frames, folder, arguments.style, arguments.times, arguments.gap)
+            site = only_first_row(made)
             results[seed] = score(site, folder / "out")
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
