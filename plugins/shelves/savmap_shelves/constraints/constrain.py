@@ -29,7 +29,8 @@ from savmap_shelves.settings import ShelvesSettings
 
 Values = float | Sequence[float | None]
 TOP_M = 6.0
-FLOOR_SIGMA_M = 0.05
+FLOOR_SIGMA_M = 0.03
+"""Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a row."""
 HIDDEN_FEET = (
     "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, or a reference is wrong; "
     "measure the camera's height and a length again, or give the height of a lowest beam"
@@ -236,10 +237,11 @@ def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:
-    """Uprights stand on the floor, y = 0: one reference for maps without a known height. Guards hide all feet of a row alike."""
+    """Uprights stand on the floor, y = 0: one reference for maps without a known height."""
+    sigma = FLOOR_SIGMA_M * float(np.sqrt(len(feet)))
     for track in feet:
         yield fixed_coordinate("z", keys[track.name])
-        floor = known_coordinate("y", keys[track.name], 0.0, FLOOR_SIGMA_M, "floor under the uprights")
+        floor = known_coordinate("y", keys[track.name], 0.0, sigma, "floor under the uprights")
         yield replace(floor, presumed=HIDDEN_FEET)
 
 

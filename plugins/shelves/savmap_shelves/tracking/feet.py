@@ -14,7 +14,7 @@ from savmap_shelves.tracking.sightings import FaceSightings, Tangents, feature_p
 
 PART = "foot"
 LEAST_SIGHTINGS = 3
-HIDDEN = 0.04
+HIDDEN = 0.02
 STRAY = 0.02
 
 

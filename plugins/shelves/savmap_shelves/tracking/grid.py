@@ -12,9 +12,8 @@ from savmap_shelves.evidence.second_readings import believed
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
-from savmap_shelves.tracking.levels import Levels, edges_of, find_levels, heights_of
+from savmap_shelves.tracking.levels import Levels, edges_of, find_levels, heights_of, seen_through
 from savmap_shelves.tracking.odometry import frame_observations
-from savmap_shelves.tracking.passages import seen_through
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
 from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_sightings, on_face

@@ -11,6 +11,7 @@ from savmap_shelves.tracking.uprights import Uprights
 
 THIN, RARE, THICK = 0.86, 0.92, 2.0
 NEAR_FLOOR, ON_FLOOR, SURE = 0.12, 0.016, 0.6
+LEAST_LEVELS, SCATTER, LEAST_SCATTER = 2, 4.0, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,22 @@ class Levels:
         """Levels but for some (k,): their sightings are of none."""
         number = np.append(np.where(left_out, -1, np.cumsum(~left_out) - 1), -1)
         return Levels(self.section[~left_out], self.y[~left_out], number[self.which], self.ends)
+
+
+def seen_through(section: Ints, scatter: Floats) -> Bools:
+    """Which levels (k,) are seen through a passage: those of sections (k,) with several levels that all scatter by several times what is usual.
+
+    What lies behind the face moves on it as the camera sways, and what looks like one beam there is a different one from time to time. So no
+    level of such a section keeps its height as those of the other sections do; in a section of this row at least one does.
+    scatter (k, 2): the median residual of each level's lower and upper edge, over its sigma.
+    """
+    least = scatter.min(axis=1)
+    loose = least > max(LEAST_SCATTER, SCATTER * float(np.median(least)))
+    found = np.zeros(len(section), dtype=np.bool_)
+    for number in np.unique(section):
+        here = section == number
+        found |= here & (here.sum() >= LEAST_LEVELS) & loose[here].all()
+    return found
 
 
 def heights_of(sightings: FaceSightings, corners: Ints, states: Floats) -> Floats:

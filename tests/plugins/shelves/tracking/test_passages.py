@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from savmap_shelves.tracking.passages import seen_through
+from savmap_shelves.tracking.levels import seen_through
 
 SECTION = np.array([0, 0, 0, 1, 1, 2, 2])
 
