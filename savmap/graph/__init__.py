@@ -14,6 +14,7 @@ from savmap.graph.constraints import (
 from savmap.graph.factors.appearance import motion_constraints
 from savmap.graph.factors.checks import check_jacobians, require_valid_constraints
 from savmap.graph.factors.depths import ToldDepth, told_depths, with_depths
+from savmap.graph.factors.floor import floor_constraints, without_presumed
 from savmap.graph.factors.markers import marker_constraints
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
 from savmap.graph.initial.start import published_start
@@ -64,6 +65,7 @@ __all__ = [
     "equal_coordinate",
     "fixed_coordinate",
     "flat",
+    "floor_constraints",
     "frame_key",
     "graph_of",
     "image_measurements",
@@ -82,4 +84,5 @@ __all__ = [
     "solve_rows",
     "told_depths",
     "with_depths",
+    "without_presumed",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
 from savmap.pipeline.networks import choices_told, with_best_networks
-from savmap.pipeline.strips import FaceStrips, NoStrips, SeveralCutters, Stills, StripCutter
+from savmap.pipeline.strips import FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out
@@ -33,7 +33,7 @@ from savmap.types.progress import Monitor
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
-from savmap.vision.evidence import Look
+from savmap.vision.evidence import FloorTracks, Look
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.views import Renderer
@@ -46,7 +46,7 @@ class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
     plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
     failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured. `depths`: how deep flat
-    parts of structures lie."""
+    parts of structures lie. `floor`: points of the floor."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -58,6 +58,7 @@ class RowMeasurements:
     failed: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
     depths: tuple[FlatDepth, ...] = ()
+    floor: FloorTracks = field(default_factory=FloorTracks)
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
@@ -73,13 +74,16 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
     """What a walk over a row's passes gave: its measurements, how each pass was looked at, and, by plugin, its network's looks at the
-    views, for those plugins whose structure lies in planes; the plugins with the networks that looked; and strips for an orthophoto."""
+    views, for those plugins whose structure lies in planes; the plugins with the networks that looked; strips for an orthophoto; and looks at
+    the floor, with their views."""
 
     measurements: RowMeasurements
     plans: Sequence[PassPlan]
     looks: Mapping[str, Sequence[Look]]
     plugins: Sequence[LoadedPlugin] = ()
     strips: RowStrips = field(default_factory=RowStrips)
+    floor: tuple[Look, ...] = ()
+    floor_views: Mapping[str, ViewSpec] = field(default_factory=dict)
 
 
 def measure_row(
@@ -107,7 +111,8 @@ def measure_row(
     plugins, first_plan = with_best_networks(*first, plugins, renderer, known.get(first[0]))
     segmenters = SegmenterPool(plugins)
     flow = FlowTracker() if appearance else NullFlowTracker()
-    cutter = SeveralCutters([*([FaceStrips(renderer)] if strips else []), *([Stills()] if stills else [])])
+    floor = FloorCutter(renderer)
+    cutter = SeveralCutters([floor, *([FaceStrips(renderer)] if strips else []), *([Stills()] if stills else [])])
     walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter)
     walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices_told(plugins))]
     walk.over(row, first_plan, monitor)
@@ -130,7 +135,7 @@ def measure_row(
         failures,
         tuple(walk.doubts),
     )
-    return MeasuredPasses(measurements, plans, walk.looks, plugins, cutter.strips())
+    return MeasuredPasses(measurements, plans, walk.looks, plugins, cutter.strips(), floor.looks, floor.views)
 
 
 def rendered(

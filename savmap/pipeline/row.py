@@ -86,18 +86,20 @@ def locate(row: MeasuredRow) -> LocatedRow:
 
 
 def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
-    """Every plugin's tracks and constraints, and the markers'.
+    """Every plugin's tracks and constraints, the markers' and the floor's.
 
     What the first plugin tracks locates the camera for those after it, with an assumed scale where only these give it. One of these
     that finds no structure is left out of the map with a note. Raises StructureError where the first one finds none.
     """
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
-    markers, notes = marker_constraints(row)
+    others, notes = marker_constraints(row)
+    floor = floor_constraints(row)
+    others = (*others, *floor)
     path, assumed = row.request.path, False
     for plugin in plugins_in_order(row.request.plugins, row.measurements):
         if constraints and (path is None or assumed):
-            path, assumed = locate_camera(row, [*constraints.values(), *markers])
+            path, assumed = locate_camera(row, [*constraints.values(), *others])
         try:
             plugin_tracks = track_plugin(plugin, row, path)
         except StructureError as error:
@@ -107,18 +109,19 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
             continue
         plugin_constraints = plugin.constrain(plugin_tracks, row.measurements.facts, path or row.start)
         if plugin.failure is None:
-            tracks[plugin.name], constraints[plugin.name] = plugin_tracks, plugin_constraints
+            known = graph.without_presumed(plugin_constraints) if floor else plugin_constraints
+            tracks[plugin.name], constraints[plugin.name] = plugin_tracks, known
     metric_path = None if assumed else path
-    constraints, told = with_flat_depths(row, constraints, markers, metric_path)
+    constraints, told = with_flat_depths(row, constraints, others, metric_path)
     notes += [note_of(one, row.request.name) for one in told if not one.likely]
-    motion, figures = motion_constraints(row, [*constraints.values(), *markers], metric_path)
+    motion, figures = motion_constraints(row, [*constraints.values(), *others], metric_path)
     for note in notes:
         monitor.note(note)
     return TrackedRow(
         **vars(row),
         tracks=tracks,
         constraints=constraints,
-        camera_constraints=(*markers, *motion),
+        camera_constraints=(*others, *motion),
         notes=tuple(notes),
         figures={
             **figures,
@@ -228,7 +231,7 @@ def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[
 
 
 def with_flat_depths(
-    row: LocatedRow, constraints: Mapping[str, Constraints], markers: Sequence[Constraints], path: Trajectory | None
+    row: LocatedRow, constraints: Mapping[str, Constraints], others: Sequence[Constraints], path: Trajectory | None
 ) -> tuple[dict[str, Constraints], list[graph.ToldDepth]]:
     """The plugins' constraints with how deep flat parts of their structures lie, and what the pictures told of that."""
     depths = row.measurements.depths
@@ -236,7 +239,7 @@ def with_flat_depths(
         return dict(constraints), []
     if path is None:
         try:
-            path = graph.locate_camera(graph.merge(row.frames, *constraints.values(), *markers)).path
+            path = graph.locate_camera(graph.merge(row.frames, *constraints.values(), *others)).path
         except SolveError:  # the solve will tell
             return dict(constraints), []
     told = list(graph.told_depths(depths, constraints, path))
@@ -271,6 +274,15 @@ def marker_constraints(row: LocatedRow) -> tuple[tuple[Constraints, ...], list[s
     constraints, missed = graph.marker_constraints(marks.tracks, marks.views, markers, row.start)
     notes = [f"row {row.request.name}: marker {name} was not seen well enough; it is not used" for name in missed]
     return (constraints,) if constraints else (), notes
+
+
+def floor_constraints(row: LocatedRow) -> tuple[Constraints, ...]:
+    """Constraints of the floor where the pictures show it; none where an earlier map gives the path."""
+    floor = row.measurements.floor
+    if row.request.path is not None:
+        return ()
+    part = graph.floor_constraints(floor.tracks, floor.views, floor.sigma, row.frames.references, row.start)
+    return (part,) if part is not None else ()
 
 
 def _solved(row: PosedRow, solution: graph.Solution | SolveError, monitor: Monitor) -> SolvedRow:

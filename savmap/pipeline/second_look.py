@@ -3,7 +3,7 @@
 Once the camera's path is roughly known, the network's probabilities of all frames are added up on these planes
 (savmap.vision.evidence). Where a plugin finds other objects in them than were tracked, every frame is measured again with these in
 mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over. In the end the
-frames' pictures tell how deep flat parts of it lie, where a plugin asks for that.
+frames' pictures tell how deep flat parts of it lie, where a plugin asks for that, and where the floor is.
 """
 
 import logging
@@ -41,10 +41,12 @@ from savmap.types import (
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import (
+    FloorTracks,
     Look,
     LookSettings,
     depth_of,
     expected_detections,
+    floor_tracks,
     gather,
     inner_part,
     lies_behind,
@@ -111,6 +113,8 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
             measurements = replace(measurements, doubts=(*measurements.doubts, *found))
         depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
+        if walked.floor and not measurements.floor.tracks:
+            measurements = replace(measurements, floor=floor_of(alone, walked, measurements))
     return measurements
 
 
@@ -211,6 +215,15 @@ def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurement
         depth = depth_of(plugin.name, flat, looks, views, located.path)
         if depth is not None:
             yield depth
+
+
+def floor_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
+    """Points of the floor before the plugin's first plane, where the pictures tell."""
+    located, plugin = alone.located(measurements), alone.plugin
+    planes = plugin.planes(located.points[plugin.name]) if located is not None else []
+    if located is None or not planes:
+        return FloorTracks()
+    return floor_tracks(planes[0], walked.floor, walked.floor_views, located.path)
 
 
 @contextmanager

@@ -1,5 +1,5 @@
-"""Pictures kept while a row's frames go by: strips, what each frame shows straight ahead of the face at the panorama's own resolution, and
-stills, whole panoramas of some of them, smaller.
+"""Pictures kept while a row's frames go by: strips, what each frame shows straight ahead of the face at the panorama's own resolution;
+stills, whole panoramas of some of them, smaller; and the floor before the face.
 
 Networks look at wide views of few pixels. An orthophoto wants the opposite: of each frame only what is near and in front. The
 camera's path is known when the frames are long gone, and decoding them twice would take twice as long.
@@ -15,8 +15,9 @@ import numpy as np
 
 from savmap.geometry import pinhole
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import FilmedPanorama, Panorama, RowStrips, Still, Strip, Trajectory, ViewSpec
+from savmap.types import FilmedPanorama, Floats, Panorama, RowStrips, Still, Strip, Trajectory, ViewSpec
 from savmap.video.reader import expected_frames, probe
+from savmap.vision.evidence import Look
 from savmap.vision.views import Renderer
 
 HFOV_DEG = 50.0
@@ -30,6 +31,11 @@ STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
 STILL_S, MOST_STILLS = 0.7, 80
 """Of a pass: one every 0.7 m at a walking pace, before those that stand closer than `STILL_M` are left out."""
 STILL_M = 0.8
+FLOOR_PITCH_DEG, FLOOR_HFOV_DEG = -50.0, 110.0
+"""Shows the floor from the face's foot to beside the camera, and as far to both sides."""
+FLOOR_QUALITY = 92
+"""Concrete shows little but faint stains."""
+MOST_FLOORS = 240
 
 
 class StripCutter(Protocol):
@@ -127,6 +133,49 @@ class Stills:
 
     def strips(self) -> RowStrips:
         return RowStrips(stills=tuple(sorted(self._kept, key=lambda still: still.frame)))
+
+
+class FloorCutter:
+    """Keeps grey views of the floor before the face."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self._renderer, self._lock = renderer, Lock()
+        self._current: ViewSpec | None = None
+        self._kept: list[Look] = []
+        self.views: dict[str, ViewSpec] = {}
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """What was kept, in order of time."""
+        return tuple(sorted(self._kept, key=lambda look: look.frame))
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        attitude = plan.attitude() if plugin is not None else None
+        self._current = floor_view(plan, attitude) if attitude is not None else None
+        self.views |= {spec.name: spec for spec in (self._current,) if spec is not None}
+
+    def cut(self, panorama: Panorama) -> None:
+        if self._current is not None and self._current.shows(panorama.frame):
+            grey = cv2.cvtColor(self._renderer.render(panorama, self._current).image, cv2.COLOR_RGB2GRAY)
+            packed = bytes(cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, FLOOR_QUALITY])[1])
+            with self._lock:
+                self._kept.append(Look(panorama.frame, self._current.name, (), packed))
+
+    def strips(self) -> RowStrips:
+        """None: what is kept is looked at long before the map is drawn."""
+        return RowStrips()
+
+
+def floor_view(plan: PassPlan, world_from_rig: Floats) -> ViewSpec:
+    """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass, of so many frames as are needed."""
+    pitch = np.radians(FLOOR_PITCH_DEG)
+    forward = np.array([0.0, np.sin(pitch), -np.cos(pitch)])
+    right = np.array([1.0, 0.0, 0.0])
+    world_from_view = np.stack([right, np.cross(forward, right), forward], axis=1)
+    yaw, pitched, roll = pinhole.angles_from_rotation(world_from_rig.T @ world_from_view)
+    frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
+    every = max(1, -(-frames // MOST_FLOORS))
+    return ViewSpec(f"{plan.name} / floor", yaw, pitched, roll, FLOOR_HFOV_DEG, every=every)
 
 
 def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":

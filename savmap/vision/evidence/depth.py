@@ -11,6 +11,7 @@ The sweep works in shares of the camera's distance: the path's scale need not be
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import cv2
 import numpy as np
@@ -74,7 +75,7 @@ class Shot:
     pixels_from_part: Floats
 
     @classmethod
-    def of(cls, look: Look, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> "Shot":
+    def of(cls, look: Look, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> Self:
         """A look from a camera at a known pose."""
         axes = np.stack([part.right, part.up, np.cross(part.right, part.up)], axis=1)
         place = (world_from_rig[:3, 3] - part.origin) @ axes
@@ -159,8 +160,8 @@ class Sweep:
     tangents: Floats
 
     @classmethod
-    def over(cls, part: PlanePatch, shots: Sequence[Shot]) -> "Sweep | None":
-        """The sweep over a part; None where too few shots see it."""
+    def over(cls, part: PlanePatch, shots: Sequence[Shot], reach: float = REACH) -> "Sweep | None":
+        """The sweep over a part, by `reach` times the camera's distance to either side; None where too few shots see it."""
         width, tall = part.size.tolist()
         distance, height = (float(np.median([shot.place[axis] for shot in shots])) if shots else 0.0 for axis in (2, 1))
         near = [shot for shot in shots if abs(shot.place[2] - distance) < AWAY * distance]
@@ -173,7 +174,7 @@ class Sweep:
             return None
         sides = np.arange(count + 1) * columns * cell
         tangents = np.array([((sides[:-1] + sides[1:]) / 2 - shot.place[0]) / shot.place[2] for shot in near])
-        shown = np.array([shot.shows(sides, tall, REACH * ASLANT * distance) for shot in near])
+        shown = np.array([shot.shows(sides, tall, reach * ASLANT * distance) for shot in near])
         seen = shown[:, :-1] & shown[:, 1:] & (np.abs(tangents) < ASLANT)
         use = np.flatnonzero(seen.any(axis=1))
         use = use[np.unique(np.linspace(0, len(use) - 1, min(len(use), MOST_SHOTS)).astype(int))] if len(use) else use
@@ -186,6 +187,13 @@ class Sweep:
         """How many sections there are."""
         return int(self.seen.shape[1])
 
+    @property
+    def telling(self) -> Ints:
+        """Which sections (n,) enough shots see from directions that differ enough."""
+        first, last = (np.where(self.seen, self.tangents, fill) for fill in (np.inf, -np.inf))
+        spread = last.max(axis=0) - first.min(axis=0)
+        return np.flatnonzero((self.seen.sum(axis=0) >= LEAST_SHOTS) & (spread >= LEAST_SPREAD))
+
     def votes(self, number: int, column: int, unit: float, grey: Callable[[Look], Bytes]) -> Iterator[Vote]:
         """The votes of the sections that tell something: of part `number`, along axis `column`, in a `unit` of the path's; `grey` gives a look's picture."""
         forward = np.cross(self.part.right, self.part.up)[column]
@@ -197,21 +205,17 @@ class Sweep:
     def told(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
         """Depth before the part, weight and place along it of each section that tells its depth; `pictures` (h, w) grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
-        enough = self.seen.sum(axis=0) >= LEAST_SHOTS
-        spread = np.where(self.seen, self.tangents, -np.inf).max(axis=0) - np.where(
-            self.seen, self.tangents, np.inf
-        ).min(axis=0)
         likeness, contrast = (
-            np.array(values) for values in zip(*(self._likeness(depth, pictures) for depth in depths), strict=True)
+            np.array(values) for values in zip(*(self.likeness(depth, pictures) for depth in depths), strict=True)
         )
         told = []
-        for section in np.flatnonzero(enough & (spread >= LEAST_SPREAD)).tolist():
+        for section in self.telling.tolist():
             peak = _peak(depths, likeness[:, section], contrast[:, section], self.distance)
             if peak is not None:
                 told.append((*peak, (section + 0.5) * self.columns * self.cell))
         return told
 
-    def _likeness(self, depth: float, pictures: Sequence[Bytes]) -> tuple[Floats, Floats]:
+    def likeness(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
         """How much alike (sections,) the pictures of each section are on a plane `depth` before the part, on average over all pairs of
         frames, and how much (sections,) shows there, grey levels."""
         laid = np.zeros((len(self.shots), self.rows, self.count, self.columns), np.float32)

@@ -1,0 +1,94 @@
+"""The floor on its way from the pictures to the solve: the camera's height alone gives the scale, whatever hides the feet of what stands on it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from savmap import graph
+from savmap.errors import SolveError
+from savmap.graph import CameraHeight, References, camera_priors
+from savmap.graph.factors.floor import REFERENCE, without_presumed
+from savmap.pipeline import strips as cutting
+from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import LocatedRow, PosedRow, RowRequest, TrackedRow
+from savmap.pipeline.row import constrain, track
+from savmap.pipeline.strips import FloorCutter
+from savmap.pipeline.view_plans import PassPlan
+from savmap.types import Panorama, Trajectory, ViewPlan
+from savmap.types.progress import SilentMonitor
+from savmap.video.reader import Clip, VideoInfo
+from savmap.vision.evidence import FloorTracks
+from savmap.vision.markers import MarkerTracks
+from savmap.vision.views import Renderer
+
+from ..graph import made_up_wall as made
+
+FLOOR = FloorTracks(
+    tuple(made.track(f"floor {number}", point, "floor") for number, point in enumerate(made.CORNERS, 1)),
+    {made.VIEW: made.SPEC},
+    0.002,
+)
+HEIGHT = CameraHeight(1.5, 0.01)
+
+
+def posed(floor: FloorTracks, references: References, path: Trajectory | None = None) -> PosedRow:
+    """A row of posts on a wall, without feet, whose camera's path starts with a wrong scale."""
+    start = made.path(1.3)
+    seen = RowMeasurements(made.FACTS, {"wall": []}, {}, frozenset({"wall"}), (), MarkerTracks((), {}), floor=floor)
+    request = RowRequest("A", (), made.rooms(known=False)[:1], references, path=path)
+    row = LocatedRow(request, seen, start, camera_priors(made.FACTS, start, references))
+    tracked: TrackedRow = track(row, SilentMonitor())
+    return constrain(tracked, SilentMonitor())
+
+
+def test_the_cameras_height_over_the_floor_gives_the_scale() -> None:
+    solution = graph.solve(posed(FLOOR, References((HEIGHT,))).problem)
+    found = solution.landmarks_of("wall")
+    wide = found["post 14"].position - found["post 0"].position
+    assert wide == pytest.approx(made.WALL[14] - made.WALL[0], abs=0.02)
+    assert REFERENCE in [reference.name for reference in solution.references]
+
+
+def test_without_a_floor_the_cameras_height_gives_no_scale() -> None:
+    with pytest.raises(SolveError, match="a camera height alone does not give it"):
+        graph.solve(posed(FloorTracks(), References((HEIGHT,))).problem)
+
+
+def test_an_earlier_maps_path_needs_no_floor() -> None:
+    row = posed(FLOOR, References(), path=made.path())
+    assert not any(part.plugin == "floor" for part in row.camera_constraints)
+
+
+def test_what_a_plugin_takes_for_granted_of_heights_gives_way() -> None:
+    (part,) = posed(FLOOR, References((HEIGHT,))).camera_constraints
+    seen, presumed = part.relations[0], replace(part.relations[1], presumed="feet may be hidden")
+    along = replace(presumed, axis="x")
+    assert without_presumed(replace(part, relations=(seen, presumed, along))).relations == (seen, along)
+
+
+def test_the_floor_is_kept_as_the_face_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cutting, "probe", lambda path, fps: VideoInfo(path, 200, 100, "h264", "yuv420p", 30.0, 10.0))
+    monkeypatch.setattr(cutting, "expected_frames", lambda clip, info: 1000)
+    plan = PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan((), world_from_rig=made.LEVEL)})
+    cutter = FloorCutter(Renderer())
+    cutter.begin(plan, "one")
+    image = np.full((100, 200, 3), 40, np.uint8)
+    image[50:] = 200  # below the horizon
+    for frame in range(11):
+        cutter.cut(Panorama(frame, frame / 10, image))
+    (spec,) = cutter.views.values()
+    right, _, forward = (made.LEVEL @ spec.rig_from_view).T
+    assert right == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+    assert forward == pytest.approx([0.0, -np.sin(np.radians(50)), -np.cos(np.radians(50))], abs=1e-9)
+    assert [look.frame for look in cutter.looks] == [0, 5, 10]
+    assert np.median(cutter.looks[0].grey()) == pytest.approx(200, abs=3)
+
+
+def test_nothing_is_kept_where_no_face_was_found() -> None:
+    cutter = FloorCutter(Renderer())
+    cutter.begin(PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan(())}), "one")
+    cutter.cut(Panorama(0, 0.0, np.zeros((100, 200, 3), np.uint8)))
+    assert cutter.looks == ()
+    assert not cutter.views
