@@ -28,6 +28,8 @@ UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
+ABSURD = 10.0
+"""What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 
@@ -273,7 +275,10 @@ def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
 def _line(agreed: Agreement, name: str, out: Names) -> str:
     use = _given(agreed, name)
     otherwise, sigma = agreed.rest(name, out)
-    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {otherwise:.3f} m +- {sigma:.3f} m"
+    says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
+    if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
+        says = "does not fit it at all"
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}"
 
 
 def _given(agreed: Agreement, name: str) -> ReferenceUse:
