@@ -34,6 +34,8 @@ PIECE, MOST_PIECES = 5.0, 6
 """How long pieces of a strip are, in heights of the camera, and how many are looked at."""
 OTHER, LEAST_RATIO = 0.08, 1.3
 """At heights that differ by more than this share the pictures are less alike, by this factor."""
+LEAST_RISE = 0.01
+"""By how much more alike they are at the height than at most about it: a plain floor's noise stays below."""
 LEAST_GROUPS, MOST_SIGMA = 3, 0.015
 """So many stretches, each as long as the camera is high, and strips; and how sure the height must be, as a share."""
 FLATNESS = 0.003
@@ -45,11 +47,12 @@ LEAST_TANGENT = 0.5
 
 @dataclass(frozen=True)
 class Fineness:
-    """How far and in what steps planes are swept, as shares of the height, in pictures so many times smaller."""
+    """How far and in what steps planes are swept, as shares of the height, in pictures so many times smaller, over each so-manieth strip."""
 
     reach: float
     step: float
     smaller: int
+    every: int
 
     @property
     def shares(self) -> Floats:
@@ -57,7 +60,7 @@ class Fineness:
         return 1 + np.arange(-self.reach, self.reach + self.step / 2, self.step)
 
 
-COARSE, FINE = Fineness(0.16, 0.012, 4), Fineness(0.04, 0.004, 2)
+COARSE, FINE = Fineness(0.16, 0.012, 4, 2), Fineness(0.048, 0.004, 2, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +138,8 @@ class Floor:
         peak = _peak(total)
         sigmas = [_jackknife(groups, which, total) for which in (0, 1)]
         known = [sigma for sigma in sigmas if sigma is not None]
-        if peak is None or len(known) < len(sigmas):
+        count = sum(count for _, count in groups.values())
+        if peak is None or len(known) < len(sigmas) or total.max() - np.median(total) < LEAST_RISE * count:
             return None
         return rough * peak, max(known)
 
@@ -143,7 +147,7 @@ class Floor:
         """By stretch of the row and strip of the floor: how much alike (n,) the pictures are at heights about `height`, the sum over the sections, and
         the number of these."""
         groups: dict[tuple[int, int], tuple[Floats, int]] = {}
-        for strip, part in self._pieces(height):
+        for strip, part in self._pieces(height, fineness.every):
             shots = [self._shot(self.looks[k], part, fineness) for k in near_cameras(part, self.places)]
             sweep = Sweep.over(part, shots, fineness.reach)
             if sweep is None:
@@ -175,8 +179,8 @@ class Floor:
         """How far before the face the strips begin and end."""
         return BEFORE * self.away, max(1 - BESIDE * height, 2 * BEFORE) * self.away
 
-    def _pieces(self, height: float) -> Iterator[tuple[int, PlanePatch]]:
-        """Strips of the floor, so far below the camera, cut into pieces, with the strips' numbers."""
+    def _pieces(self, height: float, every: int) -> Iterator[tuple[int, PlanePatch]]:
+        """Each so-manieth strip of the floor, so far below the camera, cut into pieces, with the strips' numbers."""
         right, forward = self.face.right, np.cross(self.face.right, self.face.up)
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
@@ -186,7 +190,7 @@ class Floor:
         starts = np.linspace(low, high, count + 1)
         base = np.array([0.0, self.level - length, 0.0]) + (self.face.origin @ forward) * forward
         for k in np.unique(np.linspace(0, count - 1, min(count, MOST_PIECES)).astype(int)).tolist():
-            for strip, (near, far) in enumerate(pairwise(edges)):
+            for strip, (near, far) in [*enumerate(pairwise(edges))][::every]:
                 size = np.array([starts[k + 1] - starts[k], far - near])
                 corner = base + starts[k] * right + far * forward
                 yield strip, PlanePatch(LABEL, corner, right, -forward, size, float(size[1]))
