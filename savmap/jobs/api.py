@@ -5,13 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from savmap.assembly import aligned
-from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
-from savmap.maps.exports import export_map
+from savmap.maps.exports import export_map, format_of
 from savmap.maps.imports import elements_of
 from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
@@ -144,15 +143,12 @@ def import_survey(
 
 
 def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: by the path's ending.
+    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: what the path's ending tells.
 
-    Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
+    Raises SiteError for an unknown format or ending, PluginError for an exporter that fails, OutputError.
     """
-    target = where(path)
-    name = format or target.suffix.removeprefix(".").lower()
-    if not name:
-        raise SiteError(f"{target}: has no ending that names a format; give `format`")
-    export_map(_map_of(site_map), name, target, exporters())
+    target, known = where(path), exporters()
+    export_map(_map_of(site_map), format or format_of(target, known), target, known)
     return target
 
 
