@@ -168,7 +168,7 @@ def site_of(built: Built, known: Mapping[str, Any], passes: Sequence[TruePass] =
         "rows": {
             name: {"passes": row_passes, **_merged(name, said)}
             for name, row_passes in _drives(scene, passes).items()
-            if f"row_{name}" in known
+            if name in built.survey["rows"]
         },
     }
 
