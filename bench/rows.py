@@ -1,10 +1,11 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--references camera] [--keep DIR] [-o bench/results/rows.json]
 
 Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
 --times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a section without beams, so many metres
-wide, in the middle: a passage, or a column of the hall between two racks.
+wide, in the middle: a passage, or a column of the hall between two racks. --references: all that the footage comes with (camera height, lowest beams, a length),
+`length` (camera height and length), or `camera` (its height alone), which is what most users have at first.
 """
 
 import argparse
@@ -38,12 +39,17 @@ def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int
     return site
 
 
-def only_first_row(site: Path) -> Path:
-    """A copy of a site file that maps its first row alone."""
+def only_first_row(site: Path, references: str = "all") -> Path:
+    """A copy of a site file that maps its first row alone, with so many of its references."""
     content = yaml.safe_load(site.read_text(encoding="utf-8"))
     name = next(iter(content["rows"]))
-    content["rows"] = {name: content["rows"][name]}
-    path = site.with_name("first-row.yaml")
+    row = content["rows"][name]
+    content["rows"] = {name: row}
+    if references != "all":
+        row.pop("plugins", None)
+    if references == "camera":
+        row.pop("references", None)
+    path = site.with_name("first-row.yaml" if references == "all" else f"first-row-{references}.yaml")
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
 
@@ -95,6 +101,7 @@ def main() -> None:
     parser.add_argument("--style", choices=["any", "grey"], default="any")
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--gap", type=float, default=0.0)
+    parser.add_argument("--references", choices=["all", "length", "camera"], default="all")
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()
@@ -107,7 +114,7 @@ def main() -> None:
             folder = folder.with_name(f"{folder.name}-x{arguments.times}") if arguments.times > 1 else folder
             folder = folder.with_name(f"{folder.name}-gap{arguments.gap:g}") if arguments.gap else folder
             made = footage(seed, arguments.frames, folder, arguments.style, arguments.times, arguments.gap)
-            site = only_first_row(made)
+            site = only_first_row(made, arguments.references)
             results[seed] = score(site, folder / "out")
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())

@@ -17,6 +17,7 @@ from savmap.graph.measurements import ImageMeasurements, LinearForms, join, line
 from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
+SURE_PX, UNKNOWNS = 20.0, 6
 NUMBER = re.compile(r"\d+")
 
 
@@ -144,7 +145,17 @@ def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasur
     if not bound and not any(len(part.measurements) for part in parts):
         raise StructureError(f"row {camera.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
     measurements = join([part.measurements for part in parts])
-    return measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
+    measurements = measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
+    return measurements if camera.fixed is not None else _of_sure_frames(measurements)
+
+
+def _of_sure_frames(measurements: ImageMeasurements) -> ImageMeasurements:
+    """Those of frames with as many equations as a pose has unknowns: fewer do not say where the camera was, and a few such frames spoil the whole.
+    A pixel on a line gives one equation, for it may lie anywhere along it."""
+    equations = (np.linalg.eigvalsh(measurements.covariances) < SURE_PX**2).sum(axis=1)
+    frames, index = np.unique(measurements.frames, return_inverse=True)
+    sure = np.bincount(index, weights=equations, minlength=len(frames)) >= UNKNOWNS
+    return measurements.take(sure[index])
 
 
 def frames_bound(problem: Problem) -> Ints:

@@ -56,6 +56,7 @@ from savmap.vision.views import Renderer
 
 LOOKS = 2
 LEAST_LANDMARKS = 2
+UPRIGHT = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,12 +219,13 @@ def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurement
 
 
 def floor_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
-    """Points of the floor before the plugin's first plane, where the pictures tell."""
+    """Points of the floor before the plugin's first upright plane, where the pictures tell."""
     located, plugin = alone.located(measurements), alone.plugin
     planes = plugin.planes(located.points[plugin.name]) if located is not None else []
-    if located is None or not planes:
+    face = next((plane for plane in planes if plane.up[1] > UPRIGHT), None)
+    if located is None or face is None:
         return FloorTracks()
-    return floor_tracks(planes[0], walked.floor, walked.floor_views, located.path)
+    return floor_tracks(face, walked.floor, walked.floor_views, located.path)
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from savmap.pipeline.view_plans import PassPlan
 from savmap.types import FilmedPanorama, Floats, Panorama, RowStrips, Still, Strip, Trajectory, ViewSpec
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.evidence import Look
+from savmap.vision.view_planning import face_at, tilted
 from savmap.vision.views import Renderer
 
 HFOV_DEG = 50.0
@@ -168,14 +169,10 @@ class FloorCutter:
 
 def floor_view(plan: PassPlan, world_from_rig: Floats) -> ViewSpec:
     """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass, of so many frames as are needed."""
-    pitch = np.radians(FLOOR_PITCH_DEG)
-    forward = np.array([0.0, np.sin(pitch), -np.cos(pitch)])
-    right = np.array([1.0, 0.0, 0.0])
-    world_from_view = np.stack([right, np.cross(forward, right), forward], axis=1)
-    yaw, pitched, roll = pinhole.angles_from_rotation(world_from_rig.T @ world_from_view)
     frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
     every = max(1, -(-frames // MOST_FLOORS))
-    return ViewSpec(f"{plan.name} / floor", yaw, pitched, roll, FLOOR_HFOV_DEG, every=every)
+    spec = tilted(face_at(world_from_rig), FLOOR_PITCH_DEG, FLOOR_HFOV_DEG, f"{plan.name} / floor")
+    return replace(spec, every=every)
 
 
 def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":

@@ -62,10 +62,14 @@ def test_an_earlier_maps_path_needs_no_floor() -> None:
 
 
 def test_what_a_plugin_takes_for_granted_of_heights_gives_way() -> None:
+    """With the landmark that is there for it."""
     (part,) = posed(FLOOR, References((HEIGHT,))).camera_constraints
     seen, presumed = part.relations[0], replace(part.relations[1], presumed="feet may be hidden")
-    along = replace(presumed, axis="x")
-    assert without_presumed(replace(part, relations=(seen, presumed, along))).relations == (seen, along)
+    along = replace(part.relations[2], presumed="of no matter here", axis="x")
+    left = without_presumed(replace(part, relations=(seen, presumed, along)))
+    assert left.relations == (seen, along)
+    assert set(part.keys) - set(left.keys) == set(part.initial) - set(left.initial) == {"floor 2"}
+    assert presumed.a not in left.measurements.keys
 
 
 def test_the_floor_is_kept_as_the_face_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:

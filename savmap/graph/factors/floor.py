@@ -37,6 +37,16 @@ def floor_constraints(
 
 
 def without_presumed(constraints: Constraints) -> Constraints:
-    """A plugin's constraints without what it takes for granted of heights: the floor itself is seen, and guards may hide what stands on it."""
-    kept = tuple(one for one in constraints.relations if not (one.presumed and one.axis == "y"))
-    return replace(constraints, relations=kept) if len(kept) < len(constraints.relations) else constraints
+    """A plugin's constraints without what it takes for granted of heights, and the landmarks that are there for that: the floor itself is seen, and guards
+    may hide what stands on it."""
+    granted = {one.a for one in constraints.relations if one.presumed and one.axis == "y"}
+    if not granted:
+        return constraints
+    measurements = constraints.measurements
+    return replace(
+        constraints,
+        keys={name: key for name, key in constraints.keys.items() if key not in granted},
+        measurements=measurements.take(~np.isin(measurements.keys, list(granted))),
+        relations=tuple(one for one in constraints.relations if not granted.intersection(one.keys)),
+        initial={name: first for name, first in constraints.initial.items() if constraints.keys[name] not in granted},
+    )

@@ -36,8 +36,8 @@ OTHER, LEAST_RATIO = 0.08, 1.3
 """At heights that differ by more than this share the pictures are less alike, by this factor."""
 LEAST_GROUPS, MOST_SIGMA = 3, 0.015
 """So many stretches, each as long as the camera is high, and strips; and how sure the height must be, as a share."""
-FLATNESS = 0.002
-"""By how much the floor before the face may lie higher or lower than that under the camera: 4 mm at 2 m."""
+FLATNESS = 0.003
+"""By how much the floor before the face may lie higher or lower than that under the camera: 6 mm at 2 m."""
 POINTS, SIGMA_PX = 12, 0.5
 """Points of the floor that are told, and the standard deviation of their pixels."""
 LEAST_TANGENT = 0.5

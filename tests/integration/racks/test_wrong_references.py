@@ -90,6 +90,20 @@ def test_feet_that_guards_hide_do_not_contradict_a_measured_length(above: float)
     assert largest_error(world, solution) < 0.03
 
 
+def test_a_scale_that_rests_on_feet_alone_is_doubted() -> None:
+    """Guards may hide the feet of all uprights: the map is wrong by a sixth then, and nothing tells."""
+    world = made.world(11, sections=4, frames=50, bridge=None)
+    feet = [made.foot(world, upright, 0.0) for upright in range(5)]
+    begin = made.begin(world)
+    own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
+    for given, doubted in (made.references(world, length=False), True), (made.references(world), False):
+        solution = solve(merge(camera_priors(world.facts, begin, given), own))
+        doubts = [doubt.what for doubt in solution.doubts]
+        assert [what.startswith("scale or place rest on the floor under the uprights") for what in doubts] == [
+            True
+        ] * doubted
+
+
 def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:
     """Two of six or seven wrong are mistakes; three may be the measurements of another row, or of its other side."""
     world = made.world(11, sections=5, frames=50, bridge=None)

@@ -28,6 +28,8 @@ UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
+ABSURD = 10.0
+"""What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 
@@ -79,7 +81,8 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     mistakable = _presumed(problem, agreed).union(name for name in spans if spans[name].is_odd())
     explained = _merged(agreed, spans, agreed.explanations(mistakable))
     if explained and not explained[0]:
-        return Judgement(problem, unchecked=tuple(_unchecked(problem, agreed, explained[0])))
+        granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
+        return Judgement(problem, doubts=tuple(granted), unchecked=tuple(unchecked))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [_line(agreed, name, out) for name, out in suspects]
@@ -152,6 +155,7 @@ def _left_out(
             doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
     if len(doubts) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
         doubts.insert(0, Doubt("reference", _elsewhere(len(doubts), len(agreed.all_names))))
+    doubts += _granted(problem, agreed, out)
     unchecked = tuple(_unchecked(problem, agreed, out))
     return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
 
@@ -211,7 +215,7 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
     for what, names in _errors(problem, agreed, out):
         unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
         uses = [_given(agreed, name) for name in names]
-        if unnoticed > max(UNKNOWN_M, *(abs(use.value) for use in uses)):
+        if _is_alone(agreed, names, out):
             alone += [what] if len(names) == 1 or not alone else []
         elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
             loose.append((unnoticed, what))
@@ -226,6 +230,26 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
         sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
     if loose:
         yield f"nothing would notice an error {', '.join(sizes)}; a second measured length would tell"
+
+
+def _is_alone(agreed: Agreement, names: Names, out: Names) -> bool:
+    """Whether no other reference that is not `out` says anything of these."""
+    unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
+    return unnoticed > max(UNKNOWN_M, *(abs(_given(agreed, name).value) for name in names))
+
+
+def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[Doubt]:
+    """A doubt about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
+    names = dict.fromkeys(
+        relation.name for relation in problem.relations if relation.presumed and relation.name not in out
+    )
+    for name in names:
+        if _is_alone(agreed, frozenset({name}), out):
+            what = (
+                f"scale or place rest on the {name}, which nobody measured, and the floor itself does not show where it is: "
+                "guards or goods may hide it, and the map is wrong by as much then; add a length, or a height on the structure"
+            )
+            yield Doubt("reference", what)
 
 
 def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
@@ -251,7 +275,10 @@ def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
 def _line(agreed: Agreement, name: str, out: Names) -> str:
     use = _given(agreed, name)
     otherwise, sigma = agreed.rest(name, out)
-    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest says {otherwise:.3f} m +- {sigma:.3f} m"
+    says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
+    if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
+        says = "does not fit it at all"
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}"
 
 
 def _given(agreed: Agreement, name: str) -> ReferenceUse:
