@@ -31,6 +31,8 @@ KINDS = {
 MAY_BE_NUMBERS = ("float", "int", "model")
 OTHER_KIND = re.compile(rf"({'|'.join(KINDS)})_(type|parsing|parsing_size|from_float)")
 ENTRIES = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
+OF_KEY = "[key]"
+"""What pydantic puts behind a location where the key itself is wrong, not what stands under it."""
 MOST_KEYS = 8
 """Keys of a section that a line names."""
 
@@ -43,6 +45,8 @@ def text_of(problem: "ErrorDetails") -> str:
 def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
     """The problem in a user's words."""
     kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
+    if problem["loc"][-1:] == (OF_KEY,):
+        return f'this key must be text: write "{given}"'
     if problem["type"] in ENTRIES:
         least, limit = ENTRIES[problem["type"]]
         number = problem["ctx"][limit]
@@ -83,6 +87,8 @@ def _own(location: Location, model: type[BaseModel]) -> tuple[Location, Location
     found: list[Any] = [model]
     several = False
     for part in location:
+        if part == OF_KEY:
+            continue
         if several and isinstance(part, str):
             named = named if named[1] else (own, part)
             several = False

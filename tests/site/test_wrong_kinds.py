@@ -80,6 +80,7 @@ def test_nor_does_one_about_an_entry_of_a_list(tmp_path: Path, location: tuple[s
     [
         ("references:\n  camera_height_m: 3,055", "site.yaml:2: `references.camera_height_m.value`: a decimal point is expected: 3.055"),
         ("references:\n  camera_height_m: {value: 2,5}", "site.yaml:2: unknown key `references.camera_height_m.5`: is it from a number with a decimal comma"),
+        ("layout: {aisle_m: 3, rack_m: 2, lengths_m: {3: 11}}", "site.yaml:1: `layout.lengths_m[3]`: this key must be text: write \"3\" (it is 3)"),
         ("fps: 2,5", "site.yaml:1: `fps`: a decimal point is expected: 2.5"),
         ("references:\n  camera_height_m: [1, 2]", "a section with keys is expected: value, sigma (it is [1, 2])"),
         ("references: {markers: [{dictionary: abc, id: 7, size_m: 0.2}]}", "tag16h5, tag25h9, tag36h10, tag36h11, or 4x4_50 to 7x7_1000 is expected (it is 'abc')"),
