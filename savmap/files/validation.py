@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ValidationError
 
 from savmap.errors import OutputError, SiteError
-from savmap.files.mistakes import Location as Location
 from savmap.files.mistakes import OF_KEY, meant, text_of, words
+from savmap.files.mistakes import Location as Location
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -97,7 +97,7 @@ def _explained(
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
     number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
-    number = number and problem["loc"][-1] != OF_KEY
+    number = number and problem["loc"][-1:] != (OF_KEY,)
     units = "; lengths are metres, times seconds" if number else ""
     return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
 

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 import yaml
 
+from savmap.errors import SiteError
 from savmap.site.job import chosen_plugins
-from savmap.site.load import load_site, problems_in, read_draft, site_of
+from savmap.site.load import load_alignment, load_site, problems_in, read_draft, site_of
 from savmap.site.model import Pass, Row, Site
 from savmap.site.preflight import settings_problems
 from savmap.site.references import references_of
@@ -100,3 +101,10 @@ def test_the_cameras_height_may_stand_alone(tmp_path: Path) -> None:
     path.write_text("references: {camera_height_m: 3.055}" + ROWS)
     (height,) = references_of(load_site(path).row_references("A")).camera_heights
     assert (height.value_m, height.sigma_m) == (3.055, 0.02)
+
+
+@pytest.mark.parametrize("value", ["3", "abc", "[1, 2]", "true"])
+def test_a_section_alone_in_its_file_is_told_too(tmp_path: Path, value: str) -> None:
+    (tmp_path / "align.yaml").write_text(f"align: {value}\n")
+    with pytest.raises(SiteError, match=r"align.yaml:1: `align`: a section with keys is expected"):
+        load_alignment(tmp_path / "align.yaml")
