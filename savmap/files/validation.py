@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ValidationError
 
 from savmap.errors import OutputError, SiteError
+from savmap.files.mistakes import OF_KEY, meant, text_of, words
+from savmap.files.mistakes import Location as Location
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-Location = tuple[int | str, ...]
+UNKNOWN = ("extra_forbidden", "invalid_key")
 SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
@@ -39,11 +41,6 @@ def path_of(location: Location) -> str:
     """A location in the content as a path: "rows.A.passes[0].fps"."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return "".join(parts).lstrip(".")
-
-
-def text_of(problem: "ErrorDetails") -> str:
-    """The problem in pydantic's words."""
-    return problem["msg"].removeprefix("Value error, ")
 
 
 def one_line(error: ValidationError) -> str:
@@ -73,14 +70,14 @@ def explained(
     `at` gives a model key's location in the file. `place_of` gives the text for a location; its second argument is whether the
     problem concerns the whole section there.
     """
-    problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+    problems = sorted(error.errors(), key=lambda problem: problem["type"] not in UNKNOWN)
     first: dict[Location, ErrorDetails] = {}
-    for problem in problems:
+    for own, problem in meant(problems, model):
         follows = problem["type"] == "too_short" and any(
             inner is not problem and inner["loc"][: len(problem["loc"])] == problem["loc"] for inner in problems
         )
         if not follows:
-            first.setdefault(at(problem["loc"]), problem)
+            first.setdefault(at(own), problem)
     return {location: _explained(problem, location, model, place_of) for location, problem in first.items()}
 
 
@@ -89,16 +86,19 @@ def _explained(
 ) -> str:
     key = path_of(location)
     place = place_of(location, problem["type"] == "value_error")
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] in UNKNOWN:
         allowed = _keys(model, problem["loc"][:-1])
-        return f"{place}: unknown key `{key}`{_hint(str(location[-1]), allowed)}"
+        return (
+            f"{place}: unknown key `{path_of((*location[:-1], str(location[-1])))}`{_hint(str(location[-1]), allowed)}"
+        )
     if problem["type"] == "missing":
         return f"{place}: `{key}` is missing"
-    text = text_of(problem)
-    text = text[:1].lower() + text[1:]
+    text = words(problem, model)
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
-    units = "; lengths are metres, times seconds" if isinstance(problem["input"], int | float) else ""
+    number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
+    number = number and problem["loc"][-1:] != (OF_KEY,)
+    units = "; lengths are metres, times seconds" if number else ""
     return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
 
 
@@ -124,6 +124,8 @@ def _models_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def _hint(key: str, allowed: list[str]) -> str:
+    if key.isdigit():
+        return ": is it from a number with a decimal comma? A decimal point is expected, such as 2.5"
     stem = key.rsplit("_", 1)
     same_stem = [a for a in allowed if a.rsplit("_", 1)[0] == stem[0] and a != key]
     if len(stem) == 2 and stem[1] in UNITS and same_stem:

@@ -5,12 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from savmap.assembly import aligned
-from savmap.errors import SiteError
+from savmap.files.urls import where
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
-from savmap.maps.exports import export_map
+from savmap.maps.exports import export_map, format_of
 from savmap.maps.imports import elements_of
 from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
@@ -40,7 +40,7 @@ def map_site(
 ) -> SiteMap:
     """Map all rows of a site.
 
-    site: a site file. plugins: names of those that look at the rows; default: the site's, else all installed ones. output: a folder
+    site: a site file. plugins: names of those that look at the rows (or the one's); default: the site's, else all installed ones. output: a folder
     for all that `savmap map` writes, which also keeps what need not be done again; default: nothing is written. progress: is told what is
     done. jobs: rows mapped at a time, each in a process of its own (0: all in this one, in which a hook that never returns is never
     ended). overrides: single keys of the site file, such as "rows.A.fps=5".
@@ -48,8 +48,8 @@ def map_site(
     Rows that could not be mapped are in `failed` of the result. Raises SavmapError's kinds; the first row's error where no row could be
     mapped.
     """
-    folder = Path(output) if output is not None else Path()
-    job = job_for(Path(site), plugins, folder, overrides=overrides_of(list(overrides), {}))
+    folder = where(output) if output is not None else Path()
+    job = job_for(where(site), _several(plugins), folder, overrides=overrides_of(_several(overrides) or [], {}))
     return _mapped(job, output is not None, progress, jobs)
 
 
@@ -69,23 +69,24 @@ def map_video(
     camera_height_m: above the floor; it gives the map its scale. side: "left" or "right", the hand the face is on as one drives along;
     default: found in the pictures. The other arguments, and the errors raised, are those of `map_site`.
     """
-    folder = Path(output) if output is not None else Path()
-    job = job_for(Path(video), plugins, folder, camera_height_m, side, None, overrides_of(list(overrides), {}))
+    folder, keys = where(output) if output is not None else Path(), overrides_of(_several(overrides) or [], {})
+    job = job_for(where(video), _several(plugins), folder, camera_height_m, side, None, keys)
     return _mapped(job, output is not None, progress, jobs)
 
 
 def load_map(path: PathLike) -> SiteMap:
     """A map from map.json, or from the one in a folder that `savmap map` wrote. Raises OutputError where it is none."""
-    return read_map(map_in(Path(path)))
+    return read_map(map_in(where(path)))
 
 
-def evaluate(site_map: SiteMap, survey: PathLike | Survey) -> Evaluation:
-    """A map against a survey (a file's path, or a record), scored by the plugins that made it.
+def evaluate(site_map: SiteMap | PathLike, survey: PathLike | Survey) -> Evaluation:
+    """A map against a survey (records, or paths of their files), scored by the plugins that made it.
 
     Raises OutputError where they have no row in common, or the survey is malformed; PluginError for a plugin that is not installed.
     """
-    truth = survey if isinstance(survey, Survey) else read_survey(Path(survey))
-    return evaluation_of(site_map, truth, plugins_of_map(site_map))
+    truth = survey if isinstance(survey, Survey) else read_survey(where(survey))
+    scored = _map_of(site_map)
+    return evaluation_of(scored, truth, plugins_of_map(scored))
 
 
 def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEVEL) -> Comparison:
@@ -94,17 +95,17 @@ def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEV
     Rows are known by their names; how their frames lie is found from what both maps have. level: the share of false ones among the changes
     that is accepted. Raises OutputError for a file that is no map, PluginError for a plugin that fails.
     """
-    before, after = (one if isinstance(one, SiteMap) else load_map(one) for one in (old, new))
+    before, after = map(_map_of, (old, new))
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 
-def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
+def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
     """The map with its place in the user's world (`alignment`), from a file with the section `align` of a site file, or that alone.
 
     tell: is given a line for each thing that the user should know, such as a point that contradicts the others and was left out. Raises
     SiteError with file and line where the places do not tell where the site stands, or contradict one another.
     """
-    result = aligned(site_map, load_alignment(Path(known)))
+    result = aligned(_map_of(site_map), load_alignment(where(known)))
     if tell is not None:
         for note in result.notes:
             tell(note)
@@ -113,7 +114,7 @@ def align(site_map: SiteMap, known: PathLike, tell: Callable[[str], None] | None
 
 def import_survey(
     paths: Sequence[PathLike] | PathLike,
-    site_map: SiteMap | None = None,
+    site_map: SiteMap | PathLike | None = None,
     *,
     places: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
@@ -130,9 +131,9 @@ def import_survey(
 
     Raises SiteError for an option that is wrong, OutputError for a file that cannot be read, or does not say enough.
     """
-    stand = RowPlaces(site_map, dict(map(place_of, places)))
+    stand = RowPlaces(site_map if site_map is None else _map_of(site_map), dict(map(place_of, _several(places) or [])))
     options = options_of(columns or {}, labels or {}, unit, row, frame, stand.known)
-    files = [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
+    files = [where(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
     classes = {name: tuple(own.classes) for name, own in load_installed().classes.items()}
     known = {label.casefold(): label for own in classes.values() for label in own}
     found = [one for path in files for one in elements_of(path, options, known)]
@@ -141,17 +142,25 @@ def import_survey(
     return replace(result, notes=(*notes, *result.notes))
 
 
-def export(site_map: SiteMap, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: by the path's ending.
+def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = None) -> Path:
+    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: what the path's ending tells.
 
-    Raises SiteError for an unknown format, PluginError for an exporter that fails, OutputError.
+    Raises SiteError for an unknown format or ending, PluginError for an exporter that fails, OutputError.
     """
-    target = Path(path)
-    name = format or target.suffix.removeprefix(".").lower()
-    if not name:
-        raise SiteError(f"{target}: has no ending that names a format; give `format`")
-    export_map(site_map, name, target, exporters())
+    target, known = where(path), exporters()
+    export_map(_map_of(site_map), format or format_of(target, known), target, known)
     return target
+
+
+def _map_of(one: SiteMap | PathLike) -> SiteMap:
+    return one if isinstance(one, SiteMap) else load_map(one)
+
+
+def _several(names: Sequence[str] | None) -> list[str] | None:
+    """Texts that were given as a list, or as the one text that is meant."""
+    if names is None:
+        return None
+    return [names] if isinstance(names, str) else list(names)
 
 
 def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteMap:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from savmap.assembly import aligned, assembled
 from savmap.errors import DoubtfulError, OutputError, PluginsLeftOutError, RowsFailedError, SavmapError, format_error
-from savmap.files.atomic import file_name, sha256, write_text
+from savmap.files.atomic import file_name, read_json, sha256, write_text
+from savmap.files.kinds import kind_of
 from savmap.files.texts import json_visible
 from savmap.files.urls import is_url
 from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
@@ -210,6 +211,7 @@ def _write_results(
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
     the box plot where there is a survey; the scores, and the files worth a look."""
+    gone = _rows_of(job.output / MAP) - set(job.site.rows)
     write_map(site_map, job.output / MAP)
     write_log(mapped.log, job.output / LOG)
     write_text(
@@ -233,11 +235,39 @@ def _write_results(
     view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
     write_view(view, job.output / VIEW)
     files += [job.output / "report.html", job.output / VIEW]
+    _remove_files_of(gone, set(job.site.rows), job.output)
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
     write_box_plot(evaluation, job.output / "errors.png")
     return evaluation, (*files, job.output / "errors.png")
+
+
+def _rows_of(map_file: Path) -> set[str]:
+    """Names of the rows that an earlier map has or lacks; none where there is no such map."""
+    try:
+        content = read_json(map_file)
+    except OutputError:
+        return set()
+    if not isinstance(content, dict) or kind_of(content) != "a map":
+        return set()
+    sections = [content.get(key) for key in ("rows", "failed")]
+    return {name for section in sections if isinstance(section, dict) for name in section}
+
+
+def _remove_files_of(gone: set[str], rows: set[str], folder: Path) -> None:
+    """Take away the pictures that an earlier run wrote of rows that the site has no more, and nothing else."""
+    kept = {path.name.casefold() for row in rows for path in _files_of(row, folder)}
+    for path in (path for row in gone for path in _files_of(row, folder)):
+        if path.name.casefold() not in kept:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def _files_of(row: str, folder: Path) -> list[Path]:
+    """The pictures of a row, and what is said of them."""
+    photo = orthophoto_files(row, folder)
+    return [*_row_views(row, folder), *photo, photo[0].with_suffix(".svg")]
 
 
 def _row_views(row: str, folder: Path) -> list[Path]:

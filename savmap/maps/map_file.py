@@ -18,6 +18,7 @@ from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.files.kinds import kind_of
 from savmap.files.texts import json_of, json_visible
+from savmap.files.urls import where
 from savmap.files.validation import checked
 from savmap.maps import schema
 from savmap.maps.joint_covariance import joint_entry, joint_of
@@ -65,9 +66,9 @@ def require_other(output: Path | None, *maps: Path) -> None:
                 raise OutputError(f"{output}: is the map itself; choose another file")
 
 
-def write_map(site: SiteMap, path: Path) -> None:
+def write_map(site: SiteMap, path: str | Path) -> None:
     """Write map.json, whole or not at all. Raises OutputError."""
-    write_text(path, map_text(site))
+    write_text(where(path), map_text(site))
 
 
 def read_map(path: Path) -> SiteMap:

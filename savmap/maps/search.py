@@ -58,7 +58,9 @@ class SearchHit:
 def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dict) -> list[SearchHit]:
     """The structures whose id, text or code is `name`, whatever its case; else those, their vertices and the places between structures (`places`,
     asked for where they are needed), that it describes: "section 2", "beam 2", "level 3 of section 2", "row B, section 2". Of what it describes, the
-    largest is meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none."""
+    largest is meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none, and for an empty name."""
+    if not name.strip():
+        raise SiteError("the name to find is empty: give an id, or what is written on a structure")
     mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
     hits = _called(mapped, name)
     if not hits:

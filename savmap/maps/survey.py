@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
 from savmap.files.kinds import kind_of
+from savmap.files.urls import where
 from savmap.files.validation import checked
 from savmap.maps.schema import FARTHEST_M
 from savmap.types import Survey
@@ -65,7 +66,7 @@ def read_survey(path: Path) -> Survey:
     return Survey(checked(SurveyFile, content, str(path)).rows)
 
 
-def write_survey(survey: Survey, path: Path) -> None:
+def write_survey(survey: Survey, path: str | Path) -> None:
     """Write a survey file. Raises OutputError."""
     content = {"format": FORMAT, "version": VERSION, "units": "m", "rows": survey.rows}
-    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    write_text(where(path), json.dumps(content, indent=1, allow_nan=False) + "\n")

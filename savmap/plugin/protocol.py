@@ -56,6 +56,8 @@ class Plugin(Protocol):
     - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one changes, the
       row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
+    - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use, with "#" for each
+      number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them has is refused before any work.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
     - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more than the plugin
       needs: those that its training teaches.
@@ -125,6 +127,9 @@ def _attribute_faults(plugin_class: Any) -> Iterator[str]:
         yield "`classes` must be a tuple of names"
     if not isinstance(getattr(plugin_class, "model", None), Path):
         yield "`model` must be a Path"
+    names = getattr(plugin_class, "reference_names", ())
+    if not (isinstance(names, tuple) and all(isinstance(name, str) for name in names)):
+        yield "`reference_names` must be a tuple of names"
     config = getattr(plugin_class, "Config", None)
     if not (isinstance(config, type) and issubclass(config, BaseModel)):
         yield "`Config` must be a pydantic model"

@@ -22,6 +22,7 @@ from savmap.sim.drive.cart import Drive, drive
 from savmap.sim.drive.passes import TruePass, passes_file, true_passes
 from savmap.sim.random_scene import classes_of
 from savmap.sim.render.panorama import encode, frames, view_classes
+from savmap.sim.render.raycast import require_ray_caster
 from savmap.sim.render.shade import Renderer, renderer
 from savmap.sim.scene.build import Built, SceneMaker, build
 from savmap.sim.scene.files import Scene
@@ -52,6 +53,7 @@ def simulate(
     The same scene gives the same files. `masks` are views whose classes are written for every frame; `makers` as in
     `build`. Raises SceneError, RayCasterMissingError, and OutputError where the folder cannot be written.
     """
+    require_ray_caster()
     built = build(scene, makers)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +168,7 @@ def site_of(built: Built, known: Mapping[str, Any], passes: Sequence[TruePass] =
         "rows": {
             name: {"passes": row_passes, **_merged(name, said)}
             for name, row_passes in _drives(scene, passes).items()
-            if f"row_{name}" in known
+            if name in built.survey["rows"]
         },
     }
 

@@ -4,6 +4,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
 from savmap.files.atomic import reason
 from savmap.files.places import PREFIX, guard, new_file, opened_folder
 from savmap.files.urls import is_url
+from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
 from savmap.site.load import draft_of, read_draft, site_of
@@ -125,10 +127,16 @@ def video_content(video: Path, camera_height_m: float | None, side: str | None) 
     """The content of a site of one row and one pass. Raises SiteError for options out of range."""
     if side not in (None, "left", "right"):
         raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
+    _require_number(camera_height_m)
     if camera_height_m is not None and not LEAST_HEIGHT_M < camera_height_m < MOST_HEIGHT_M:
         raise SiteError(f"--camera-height {camera_height_m:g}: metres are expected{_in_metres(camera_height_m)}")
     height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
     return {"references": height, "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}}}
+
+
+def _require_number(height: object) -> None:
+    if height is not None and (isinstance(height, bool) or not isinstance(height, Real)):
+        raise SiteError(f"camera_height_m: a number of metres is expected, such as 3.05 (it is {SHORT.repr(height)})")
 
 
 def _in_metres(height: float) -> str:

@@ -27,6 +27,8 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, plugins_for, prepare
 from savmap.site.locations import SourceMap, explained
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
+from savmap.site.references import misnamed
+from savmap.site.sections import ReferenceSection
 from savmap.video.clip import VideoInfo, time_range
 from savmap.video.reader import check_camera, expected_frames, probe
 from savmap.vision.markers import MarkerTracker
@@ -126,25 +128,43 @@ def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
 
 
 def references(job: Job) -> Iterator[SavmapError]:
-    """Markers that cannot be printed, and rows whose scale nothing could fix."""
+    """References to what no plugin can find, markers that cannot be printed, and rows whose scale nothing could fix."""
     told = set[str]()
     for row in job.site.rows:
         known = job.site.row_references(row)
-        own = "markers" in job.site.rows[row].references.model_fields_set
-        for number, marker in enumerate(known.markers):
-            try:
-                MarkerTracker([(marker.dictionary, marker.id)])
-            except SiteError as error:
-                at = (*(("rows", row) if own else ()), "references", "markers", number)
-                if str(problem := with_location(error, job.places, at)) not in told:
-                    told.add(str(problem))
-                    yield problem
+        for problem in (*_misnamed(job, row, known), *_unprintable(job, row, known)):
+            if str(problem) not in told:
+                told.add(str(problem))
+                yield problem
         if job.earlier is None and not tells_scale(job.site, row, job.plugins):
             text = (
                 "the map's scale is not known; give the camera's height (--camera-height with a video), a length or a marker "
                 "(see docs/site-file.md)"
             )
             yield with_location(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
+
+
+def _unprintable(job: Job, row: str, known: ReferenceSection) -> Iterator[SavmapError]:
+    for number, marker in enumerate(known.markers):
+        try:
+            MarkerTracker([(marker.dictionary, marker.id)])
+        except SiteError as error:
+            yield with_location(error, job.places, _of_reference(job, row, ("markers", number)))
+
+
+def _misnamed(job: Job, row: str, known: ReferenceSection) -> Iterator[SavmapError]:
+    """References to what no plugin can find; nothing where a plugin does not say what it calls things, or an earlier map has names too."""
+    declared = [getattr(load_class(name), "reference_names", None) for name in dict.fromkeys(job.plugins)]
+    if job.earlier is not None or None in declared:
+        return
+    for location, text in misnamed(known, [name for names in declared for name in names or ()]):
+        yield with_location(SiteError(text), job.places, _of_reference(job, row, location))
+
+
+def _of_reference(job: Job, row: str, location: Location) -> Location:
+    """Where in the site file a reference was given: with the row, or for all of them."""
+    own = location[0] in job.site.rows[row].references.model_fields_set
+    return (*(("rows", row) if own else ()), "references", *location)
 
 
 def survey(job: Job) -> Iterator[SavmapError | str]:

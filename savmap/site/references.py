@@ -1,5 +1,10 @@
 """From the site file's references and calibration to the factor graph's."""
 
+import re
+from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
+
+from savmap.files.validation import Location
 from savmap.graph import (
     Calibration,
     CameraHeight,
@@ -11,6 +16,10 @@ from savmap.graph import (
     SurveyedPoint,
 )
 from savmap.site.sections import CalibrationSection, ReferenceSection
+
+NUMBER = re.compile(r"\d+")
+OF_MARKERS = "marker "
+"""Names of markers begin so."""
 
 
 def references_of(section: ReferenceSection) -> References:
@@ -25,6 +34,24 @@ def references_of(section: ReferenceSection) -> References:
     )
 
 
+def misnamed(section: ReferenceSection, known: Sequence[str]) -> Iterator[tuple[Location, str]]:
+    """Names in references that no plugin can have: the key within the section, and what is wrong with it. known: all names there are,
+    with "#" for each number; those of markers need not be among them."""
+    named: list[tuple[Location, str]] = [
+        (("lengths", n, "between", end), name)
+        for n, one in enumerate(section.lengths)
+        for end, name in enumerate(one.between)
+    ]
+    named += [(("points", n, "vertex"), one.vertex) for n, one in enumerate(section.points)]
+    for location, name in named:
+        if NUMBER.sub("#", name) not in known and not name.startswith(OF_MARKERS):
+            near = get_close_matches(NUMBER.sub("#", name), known, 1)
+            hint = (
+                f"did you mean `{_numbered(near[0], name)}`?" if near else f"known are {', '.join(known)} (#: a number)"
+            )
+            yield location, f"nothing is called `{name}`: {hint}"
+
+
 def calibration_of(section: CalibrationSection) -> Calibration | None:
     """What of the camera is estimated; None if nothing is."""
     panorama, shutter = section.panorama, section.rolling_shutter
@@ -35,6 +62,12 @@ def calibration_of(section: CalibrationSection) -> Calibration | None:
         Shutter(shutter.sigma_s, shutter.axis) if shutter else None,
         section.front_deg,
     )
+
+
+def _numbered(pattern: str, name: str) -> str:
+    """The pattern with the name's numbers."""
+    numbers = iter(NUMBER.findall(name))
+    return re.sub("#", lambda _: next(numbers, "#"), pattern)
 
 
 def _position(axis: str, value: float) -> tuple[float | None, float | None, float | None]:

@@ -1,11 +1,13 @@
 """Sections of a site file: what is known without mapping, views aimed by hand, the camera, where rows stand."""
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -20,9 +22,11 @@ from pydantic import (
 from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
+from savmap.files.validation import SHORT
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
 Sigma = Annotated[float, Field(gt=0, le=10)]
+HeightOfCamera = Annotated[float, Field(gt=0.1, lt=50)]
 Span = Annotated[float, Field(gt=0, lt=1000)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
@@ -76,10 +80,14 @@ class Known(Strict):
 class CameraHeight(Strict):
     """Height of the camera above the floor, in metres (a value above 50 is taken for a wrong unit)."""
 
-    value: Annotated[float, Field(gt=0.1, lt=50)]
+    value: HeightOfCamera
     """Metres."""
     sigma: Sigma = 0.02
     """Its standard deviation."""
+
+
+def _height_alone(value: object) -> object:
+    return {"value": value} if isinstance(value, int | float | str) and not isinstance(value, bool) else value
 
 
 class Length(Known):
@@ -104,10 +112,20 @@ class SurveyedPoint(Strict):
     """Its standard deviation."""
 
 
+DICTIONARY = r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$"
+
+
+def _dictionary(name: str) -> str:
+    if not re.fullmatch(DICTIONARY, name):
+        known = "tag16h5, tag25h9, tag36h10, tag36h11, or 4x4_50 to 7x7_1000"
+        raise ValueError(f"{known} is expected (it is {SHORT.repr(name)})")
+    return name
+
+
 class Marker(Strict):
     """An AprilTag or ArUco marker somewhere in the footage; its size is the side of its black square."""
 
-    dictionary: Annotated[str, Field(pattern=r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))$")]
+    dictionary: Annotated[str, AfterValidator(_dictionary), WithJsonSchema({"type": "string", "pattern": DICTIONARY})]
     """AprilTag: tag16h5, tag25h9, tag36h10, tag36h11; ArUco: 4x4_50 to 7x7_1000."""
     id: Annotated[int, Field(ge=0)]
     """Its number in the dictionary."""
@@ -120,8 +138,11 @@ class Marker(Strict):
 class ReferenceSection(Strict):
     """What is known without mapping. Scale comes from the camera's height, a length, a marker or surveyed points."""
 
-    camera_height_m: CameraHeight | None = None
-    """Height of the camera above the floor."""
+    camera_height_m: Annotated[
+        CameraHeight | None,
+        BeforeValidator(_height_alone, json_schema_input_type=HeightOfCamera | CameraHeight | None),
+    ] = None
+    """Height of the camera above the floor; the value may stand alone, without a sigma."""
     travel_m: Annotated[float, Field(gt=0.5, lt=1000)] | None = None
     """Roughly how far the camera goes: a first guess, not a reference."""
     lengths: tuple[Length, ...] = ()

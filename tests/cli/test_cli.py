@@ -267,6 +267,18 @@ def test_a_map_is_named_by_its_folder_too(tmp_path: Path, arguments: list[str]) 
     assert "map.json: cannot be read (no such file" in missing.stderr
 
 
+@pytest.mark.parametrize("output", ["a.csv", "A.GLB", "a.building.yaml"])
+def test_the_ending_of_an_exported_file_tells_its_format(
+    output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_map(_one_row(), tmp_path / "map.json")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", "export", "map.json", "-o", output])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, capsys.readouterr().out) == (0, f"wrote {output}\n")
+
+
 def test_align_writes_the_map_where_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -321,7 +333,11 @@ def test_pipes_are_refused_in_one_line(
         (["align", "map.json", "survey.json", "-o", "made.json"], 3, "survey.json: is a survey, not a file with `align:`"),
         (["align", "map.json", "map.json", "-o", "made.json"], 3, "map.json: is a map, not a file with `align:`"),
         (["find", "map.json"], 9, "out/map.json: cannot be read"),
-        (["find", "", "map.json"], 3, "`` is not in the map"),
+        (["find", "", "map.json"], 3, "the name to find is empty: give an id, or what is written on a structure"),
+        (["find", "  ", "map.json"], 3, "the name to find is empty"),
+        (["export", "map.json", "-o", "a.xyz"], 3, "a.xyz: its ending tells no format; give one with --format: colmap, csv, dxf"),
+        (["export", "map.json", "-o", "a"], 3, "a: its ending tells no format"),
+        (["export", "map.json", "-o", "a.json"], 3, "a.json: its ending tells no format"),
         (["measure", "post 1 / 0", "post 1", "map.json"], 3, "`post 1` is no vertex of the map; nearest: post 1 / 0"),
         (["measure", "post 1 / 0", "post 1 / 1", "survey.json"], 9, "survey.json: is a survey, not a map"),
     ],

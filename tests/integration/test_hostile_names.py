@@ -54,7 +54,7 @@ def test_the_map_keeps_names_and_shows_them_escaped(map_file: Path) -> None:
 
 
 def test_ply_headers_hold_no_lines_of_others(map_file: Path, tmp_path: Path) -> None:
-    export(map_file, "ply", tmp_path / "map.ply")
+    export(map_file, tmp_path / "map.ply", "ply")
     text = (tmp_path / "map.ply").read_bytes().decode("ascii")
     assert not acts(text)
     assert text.split("\n").count("end_header") == 1
@@ -63,7 +63,7 @@ def test_ply_headers_hold_no_lines_of_others(map_file: Path, tmp_path: Path) -> 
 
 
 def test_csv_cells_are_neither_formulas_nor_lines(map_file: Path, tmp_path: Path) -> None:
-    export(map_file, "csv", tmp_path / "map.csv")
+    export(map_file, tmp_path / "map.csv", "csv")
     text = (tmp_path / "map.csv").read_text(encoding="utf-8")
     assert not acts(text)
     lines = list(csv.reader(text.splitlines()))

@@ -36,7 +36,7 @@ def test_every_wrong_setting_is_told_once_with_its_line(tmp_path: Path) -> None:
     assert [one[:40] for one in found] == [
         "site.yaml:3: unknown key `plugins.shelve",
         "site.yaml:10: `rows.B.plugins.shelves.be",
-        "site.yaml:4: `plugins.lights.line`: inpu",
+        "site.yaml:4: `plugins.lights.line`: true",
         "unknown plugin `shelfs`: did you mean `s",
     ]
 

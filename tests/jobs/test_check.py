@@ -121,6 +121,24 @@ def test_nothing_wrong(folder: Path) -> None:
             3,
             "site.yaml:4: references.markers: 4x4_50 has the numbers 0 to 49, not 50",
         ),
+        (
+            "rows:",
+            "  lengths:\n  - {between: [upright 1 / left, upright 5 / rigth], value: 9, sigma: 0.1}\nrows:",
+            3,
+            "site.yaml:6: nothing is called `upright 5 / rigth`: did you mean `upright 5 / right`?",
+        ),
+        (
+            "rows:",
+            "  points: [{vertex: section 2 / beam 1 / lower lft, axis: y, value: 9, sigma: 0.1}]\nrows:",
+            3,
+            "site.yaml:5: nothing is called `section 2 / beam 1 / lower lft`: did you mean `section 2 / beam 1 / lower left`?",
+        ),
+        (
+            "rows:",
+            "  points: [{vertex: x, axis: y, value: 9, sigma: 0.1}]\nrows:",
+            3,
+            "site.yaml:5: nothing is called `x`: known are upright # / foot,",
+        ),
         ("plugins:", "survey: none.json\nplugins:", 9, "site.yaml:1: none.json: cannot be read"),
         (
             "plugins:",

@@ -9,6 +9,7 @@ import pytest
 from savmap.errors import PluginError
 from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
 from savmap.jobs.scheduler import MappedRows, RunOptions
+from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog
 from savmap.report.site_report import viewed
 from savmap.site.job import job_for
@@ -62,3 +63,39 @@ def test_viewer_of_a_run_is_of_its_map(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
     map_job_into(job, RunOptions(jobs=0), NoteCollector())
     assert viewed(tmp_path, job.site.survey) == (tmp_path / "view.html", False)
+
+
+def test_pictures_of_rows_that_are_gone_are_removed_and_nothing_else(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    name = next(iter(job.site.rows))
+    rows = {row: RowMap(row, FrameTable(np.zeros(0), ()), {}, path, {}, ()) for row in (name, "old")}
+    write_map(SiteMap({"old": rows["old"]}, {}, {"older": "no scale"}), tmp_path / "map.json")
+    ours = [f"{kind}-{row}.png" for kind in ("face", "plan") for row in ("old", "older")]
+    ours += [f"face-old.{end}" for end in ("jpg", "json", "jgw", "jpg.aux.xml", "svg")]
+    theirs = ["face-mine.png", "plan-oldest.png", "notes-old.txt", "face-old.pdf", "errors-old.png"]
+    for file in (*ours, *theirs):
+        (tmp_path / file).write_text("of an earlier run", encoding="utf-8")
+    mapped = MappedRows({name: rows[name]}, {}, RunLog(rows={}))
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
+    map_job_into(job, RunOptions(jobs=0), NoteCollector())
+    left = {file.name for file in tmp_path.iterdir()}
+    assert not left & set(ours)
+    assert {*theirs, "map.json", f"face-{name}.png", f"plan-{name}.png"} <= left
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"rows": {"old": 1}}', '{"format": "savmap-map", "rows": ["old"]}'])
+def test_where_no_earlier_map_tells_its_rows_nothing_is_removed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: str
+) -> None:
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    name = next(iter(job.site.rows))
+    mapped = MappedRows({name: RowMap(name, FrameTable(np.zeros(0), ()), {}, path, {}, ())}, {}, RunLog(rows={}))
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
+    (tmp_path / "map.json").write_text(content, encoding="utf-8")
+    (tmp_path / "face-old.png").touch()
+    map_job_into(job, RunOptions(jobs=0), NoteCollector())
+    assert (tmp_path / "face-old.png").is_file()

@@ -51,10 +51,10 @@ def test_it_is_listed_with_the_reason_beside_the_others(broken: str) -> None:
 
 def test_maps_are_exported_and_an_unknown_format_names_it(broken: str, tmp_path: Path) -> None:
     write_map(SiteMap({}, {}), tmp_path / "map.json")
-    export(tmp_path / "map.json", "csv", tmp_path / "map.csv")
+    export(tmp_path / "map.json", tmp_path / "map.csv", "csv")
     assert (tmp_path / "map.csv").is_file()
     with pytest.raises(SiteError, match=r"known formats are .*csv, .*ply") as caught:
-        export(tmp_path / "map.json", "obj", tmp_path / "map.obj")
+        export(tmp_path / "map.json", tmp_path / "map.obj", "obj")
     assert REASONS[broken] in str(caught.value)
 
 

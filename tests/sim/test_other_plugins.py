@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from savmap.sim.dataset import view_mask
+from savmap.sim.drive.cart import drive
 from savmap.sim.drive.views import sample_camera
+from savmap.sim.posts import build_posts
 from savmap.sim.random_scene import random_scene
 from savmap.sim.render.raycast import Caster
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import Scene
+from savmap.sim.simulate import references, site_of
 from savmap.types.scenes import FACES, Box, Material, RandomSection, SceneError, SceneParts, Site
 
 CLASSES = ("upright", "beam", "light")
@@ -100,3 +103,14 @@ def test_a_plugin_switches_off_and_adds_distractors(scene_with: Callable[..., Sc
     cartons = [own.material.texture == "carton" for own in built.boxes]
     assert not any(cartons)
     assert any(own.material.texture == "carton" for own in build(plain).boxes)
+
+
+def test_a_row_of_which_nothing_is_known_beforehand_is_in_the_site_file() -> None:
+    def posts(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+        return build_posts(section, site, "posts", "post")
+
+    content = {"rows": {"A": {"x": 0.0, "z": 0.0}}, "structures": {"posts": {"stands": [{"x": 1.0, "z": 0.0}]}}}
+    built = build(Scene.model_validate(content), {"posts": posts})
+    known = references(built, drive(built.scene.cart, built.scene.seed))
+    assert "row_A" not in known
+    assert list(site_of(built, known)["rows"]) == ["A"]

@@ -2,11 +2,17 @@
 
 import pickle
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from savmap.cli.commands.sources import simulate as simulate_command
 from savmap.sim.render.raycast import Caster, RayCasterMissingError
+from savmap.sim.scene.files import Scene
+from savmap.sim.simulate import simulate
 from savmap.types.scenes import FACES, Box, Material
 
 PAINT = Material((0.5, 0.5, 0.5))
@@ -68,3 +74,19 @@ def test_without_embreex_the_error_names_the_extra(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
     with pytest.raises(RayCasterMissingError, match="`sim` extra"):
         Caster(boxes())
+
+
+def test_without_embreex_nothing_is_begun(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, scene_with: Callable[..., Scene]
+) -> None:
+    def begun(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    monkeypatch.setattr("savmap.sim.simulate.build", begun)
+    with pytest.raises(RayCasterMissingError, match="`sim` extra"):
+        simulate(scene_with(), tmp_path / "out")
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_with().model_dump(mode="json")), encoding="utf-8")
+    with pytest.raises(RayCasterMissingError, match="`sim` extra"):
+        simulate_command(tmp_path / "scene.yaml", tmp_path / "out")
+    assert not (tmp_path / "out").exists()

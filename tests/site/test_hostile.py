@@ -29,7 +29,7 @@ def row(name: str = "A", more: str = "") -> str:
         (row('"\\e[31mred"'), "a row's name holds no control characters"),
         (row('"\\ud800"'), "site.yaml:2: not valid YAML"),
         ("rows:\n  ? " + "x" * 5000 + "\n  : {}\n", "site.yaml:2: not valid YAML: a text has 5000 letters"),
-        (row(more=", start_s: 2021-13-45"), "site.yaml:2: `rows.A.passes[0].start_s`: input should be a valid number"),
+        (row(more=", start_s: 2021-13-45"), "site.yaml:2: `rows.A.passes[0].start_s`: a number is expected"),
         (row(more=", start_s: .inf"), "site.yaml:2: not valid YAML: .inf is not a finite number"),
         (row(more=", end_s: .nan"), "site.yaml:2: not valid YAML: .nan is not a finite number"),
         (row(more=", start_s: !!float abc"), "site.yaml:2: not valid YAML: 'abc' is no float"),

@@ -8,7 +8,8 @@ from savmap.errors import SiteError
 from savmap.graph import Calibration, KnownMarker, Shutter, Stitching
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
-from savmap.site.references import calibration_of, references_of
+from savmap.site.references import calibration_of, misnamed, references_of
+from savmap.site.sections import ReferenceSection
 
 GOOD = """\
 plugins:
@@ -237,3 +238,19 @@ def test_a_map_says_not_where_the_site_stands(tmp_path: Path) -> None:
     path.write_text('{"format": "savmap-map"}')
     with pytest.raises(SiteError, match=r"is a map, not a file with `align:`$"):
         load_alignment(path)
+
+
+@pytest.mark.parametrize("name", ["post 3 / left", "post 10", "marker tag36h11 7 / corner 1"])
+def test_names_that_plugins_have_are_not_refused(name: str) -> None:
+    section = ReferenceSection.model_validate({"points": [{"vertex": name, "axis": "x", "value": 1, "sigma": 0.1}]})
+    assert not list(misnamed(section, ("post #", "post # / left")))
+
+
+def test_names_that_no_plugin_has_are_told_with_the_nearest() -> None:
+    content = {"lengths": [{"between": ["post 3 / lef", "quoin"], "value": 1, "sigma": 0.1}]}
+    first, second = misnamed(ReferenceSection.model_validate(content), ("post #", "post # / left"))
+    assert first == (("lengths", 0, "between", 0), "nothing is called `post 3 / lef`: did you mean `post 3 / left`?")
+    assert second == (
+        ("lengths", 0, "between", 1),
+        "nothing is called `quoin`: known are post #, post # / left (#: a number)",
+    )

@@ -72,6 +72,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
+    reference_names = tuple(f"light # / {part}" for part in ("centre", "end #", "glimpse", "middle", "side"))
     scale_settings = ()
     after_pixels = ("line",)
     needs_path = True

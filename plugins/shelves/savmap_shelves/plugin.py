@@ -5,6 +5,7 @@ Hooks import their stage when they are called, so that a run that only asks for 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -49,6 +50,12 @@ class Shelves:
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings
+    reference_names = (
+        *(f"upright # / {part}" for part in ("foot", "left", "right")),
+        *(f"upright # / {side} / {end}" for side, end in product(("left", "right"), ("bottom", "top"))),
+        *(f"section # / beam # / {edge}" for edge in ("lower", "upper")),
+        *(f"section # / beam # / {edge} {side}" for edge, side in product(("lower", "upper"), ("left", "right"))),
+    )
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
 

@@ -49,6 +49,7 @@ class Signs:
     model = Path(__file__).parent / "model" / "signs.int8.onnx"
     Config = Settings
     libraries = ("rapidocr", "zxing-cpp")
+    reference_names = tuple(f"sign # / {height} {side}" for height in ("upper", "lower") for side in ("left", "right"))
     scale_settings = ("sizes_m",)
     after_pixels = ("pattern", "least_confidence", "shape", "shape_sigma_m", "sizes_m", "size_sigma_m", "parallel")
 

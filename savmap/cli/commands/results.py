@@ -124,17 +124,24 @@ def view(
 
 def export(
     map_file: MapFile,
-    name: Annotated[str, typer.Option("--format", help="Such as csv or ply; docs/exports.md has all of them.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help="Such as csv or ply (default: by the file's ending); docs/exports.md has all of them."
+        ),
+    ] = None,
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
 ) -> None:
     """Write a map in another format."""
     from savmap.errors import SiteError
-    from savmap.maps.exports import export_map
+    from savmap.maps.exports import export_map, format_of
     from savmap.maps.exports.frames import only_row
     from savmap.maps.map_file import read_map, require_other
     from savmap.plugin.manager import exporters, load_installed
 
+    known = exporters()
+    name = name or format_of(output, known)
     site_map = read_map(map_file)
     require_other(output, map_file)
     if row is not None:
@@ -144,7 +151,7 @@ def export(
         if note:
             say(f"note: {note}")
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
-    export_map(site_map, name, output, exporters(), broken)
+    export_map(site_map, name, output, known, broken)
     say(f"wrote {output}")
 
 

@@ -58,12 +58,14 @@ def simulate(
 ) -> None:
     """Make footage of a made-up place, with its truth."""
     from savmap.cli.console import Console
+    from savmap.sim.render.raycast import require_ray_caster
     from savmap.sim.scene.files import load_scene
     from savmap.sim.simulate import mask_view
     from savmap.sim.simulate import simulate as render_footage
     from savmap.site.job import prepare
 
     loaded, views = load_scene(scene), [mask_view(number, text) for number, text in enumerate(mask or [], start=1)]
+    require_ray_caster()
     prepare(output)
     with Console(output / "savmap.log") as console:
         footage = render_footage(loaded, output, console, masks=views)

@@ -4,7 +4,7 @@ A format is a function `(SiteMap, Path)` in a module of this package, named in `
 by its function, and are extras.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -37,6 +37,21 @@ FORMATS = {
     "imdf": "plans.imdf:write_imdf",
 }
 """Formats that come with savmap, by name: the module and the function."""
+
+
+ENDINGS = {".lif.json": "lif", ".building.yaml": "open-rmf"}
+"""Formats by endings of files that are not the formats' names."""
+
+
+def format_of(path: Path, formats: Iterable[str]) -> str:
+    """The name of the format that a file's ending tells. Raises SiteError, which names the formats, where it tells none."""
+    known, name = sorted(formats), path.name.lower()
+    own = [ENDINGS[ending] for ending in ENDINGS if name.endswith(ending)]
+    own += [path.suffix.removeprefix(".").lower()]
+    for one in own:
+        if one in known:
+            return one
+    raise SiteError(f"{path}: its ending tells no format; give one with --format: {', '.join(known)}")
 
 
 def core_exporters() -> dict[str, Exporter]:

@@ -53,6 +53,11 @@ def corners(box: Box) -> Floats:
     return world
 
 
+def require_ray_caster() -> None:
+    """Raise RayCasterMissingError where rays cannot be cast, before anything is made for them."""
+    _embree()
+
+
 def _embree() -> tuple[Any, Any]:
     try:
         mesh = importlib.import_module("embreex.mesh_construction")

@@ -10,6 +10,7 @@ import pytest
 
 from savmap.cli.commands.results import export
 from savmap.errors import OutputError, PluginError, SiteError
+from savmap.maps.exports import FORMATS, format_of
 from savmap.maps.exports.marks import bytes_of, colours
 from savmap.maps.map_file import write_map
 from savmap.plugin import manager
@@ -46,7 +47,7 @@ def test_ply_has_vertices_edges_and_a_colour_for_each_label(
     one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "new" / "map.ply"
-    export(one, "ply", path)
+    export(one, path, "ply")
     assert capsys.readouterr().out == f"wrote {path}\n"
     head, body = path.read_text(encoding="ascii").split("end_header\n")
     assert head.startswith("ply\nformat ascii 1.0\n")
@@ -63,16 +64,16 @@ def test_a_row_without_a_place_is_noted(tmp_path: Path, capsys: pytest.CaptureFi
     placed, aligned = Placement(0, 0, 0, np.zeros((3, 3))), Alignment(5.0, 6.0, 0.0, np.zeros((3, 3)))
     site = SiteMap({"A": row("A"), "B": row("B")}, {"savmap": "0"}, placements={"A": placed}, alignment=aligned)
     write_map(site, tmp_path / "map.json")
-    export(tmp_path / "map.json", "nerfstudio", tmp_path / "b.json", "B")
+    export(tmp_path / "map.json", tmp_path / "b.json", "nerfstudio", "B")
     assert "note: row B has no place in the site's frame" in capsys.readouterr().out
     frames = json.loads((tmp_path / "b.json").read_text())["frames"]
     assert np.array(frames[0]["transform_matrix"])[:3, 3] == pytest.approx([0, 0, 0])
-    export(tmp_path / "map.json", "nerfstudio", tmp_path / "a.json", "A")
+    export(tmp_path / "map.json", tmp_path / "a.json", "nerfstudio", "A")
     assert "note" not in capsys.readouterr().out
 
 
 def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
-    export(two, "csv", tmp_path / "map.csv")
+    export(two, tmp_path / "map.csv", "csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     assert len(lines) == 12
@@ -84,11 +85,11 @@ def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
 
 def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"rows A, B have no place in the site's frame; choose one with --row"):
-        export(two, "ply", tmp_path / "map.ply")
-    export(two, "ply", tmp_path / "map.ply", row="B")
+        export(two, tmp_path / "map.ply", "ply")
+    export(two, tmp_path / "map.ply", "ply", row="B")
     assert "row B" in (tmp_path / "map.ply").read_text(encoding="ascii")
     with pytest.raises(SiteError, match="--row C"):
-        export(two, "ply", tmp_path / "map.ply", row="C")
+        export(two, tmp_path / "map.ply", "ply", row="C")
 
 
 def placed_site(tmp_path: Path, *names: str) -> Path:
@@ -104,7 +105,7 @@ def placed_site(tmp_path: Path, *names: str) -> Path:
 
 def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) -> None:
     site = placed_site(tmp_path, "A", "B")
-    export(site, "csv", tmp_path / "map.csv")
+    export(site, tmp_path / "map.csv", "csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         lines = [line for line in csv.DictReader(file) if line["structure"] == "bar 1"]
     first, other = lines[2], lines[5]
@@ -113,7 +114,7 @@ def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) ->
     assert [float(first[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.1005, 0.01, 0.2002], abs=1e-4)
     assert [float(other[f"{axis}_m"]) for axis in "xyz"] == pytest.approx([6, 7, 5])
     assert [float(other[f"sigma_{axis}_m"]) for axis in "xyz"] == pytest.approx([0.5001, 0.01, 0.6001], abs=1e-4)
-    export(site, "ply", tmp_path / "map.ply")
+    export(site, tmp_path / "map.ply", "ply")
     head, body = (tmp_path / "map.ply").read_text(encoding="ascii").split("end_header\n")
     assert "comment savmap site, rows A, B, metres\n" in head
     assert "element vertex 12\n" in head
@@ -123,19 +124,19 @@ def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) ->
 
 def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
     site = placed_site(tmp_path, "A")
-    export(site, "csv", tmp_path / "map.csv")
+    export(site, tmp_path / "map.csv", "csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         frames = {(line["row"], line["frame"]) for line in csv.DictReader(file)}
     assert frames == {("A", "site"), ("B", "row")}
     with pytest.raises(OutputError, match="rows B have no place"):
-        export(site, "ply", tmp_path / "map.ply")
-    export(site, "ply", tmp_path / "map.ply", row="B")
+        export(site, tmp_path / "map.ply", "ply")
+    export(site, tmp_path / "map.ply", "ply", row="B")
     assert "row B, metres" in (tmp_path / "map.ply").read_text(encoding="ascii")
 
 
 def test_unknown_format_names_the_known_ones(one: Path, tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="format obj: known formats are colmap, csv, "):
-        export(one, "obj", tmp_path / "map.obj")
+        export(one, tmp_path / "map.obj", "obj")
 
 
 def test_a_plugins_format_is_written_whole_or_not_at_all(
@@ -155,9 +156,22 @@ def test_a_plugins_format_is_written_whole_or_not_at_all(
     monkeypatch.setattr(manager.load_class("lights"), "exporters", hookimpl(formats), raising=False)
     before = set(tmp_path.iterdir())
     with pytest.raises(PluginError, match="exporter `half` failed: ValueError: no more"):
-        export(one, "half", tmp_path / "map.half")
+        export(one, tmp_path / "map.half", "half")
     assert set(tmp_path.iterdir()) == before
-    export(one, "csv", tmp_path / "map.csv")
+    export(one, tmp_path / "map.csv", "csv")
     assert (tmp_path / "map.csv").read_text(encoding="utf-8") == "fine"
     with pytest.raises(OutputError, match="cannot be written"):
-        export(one, "csv", one / "map.csv")
+        export(one, one / "map.csv", "csv")
+
+
+@pytest.mark.parametrize(
+    ("file", "name"), [("a.ply", "ply"), ("hall.lif.json", "lif"), ("a.building.yaml", "open-rmf"), ("b.x", "x")]
+)
+def test_the_ending_tells_the_format(file: str, name: str) -> None:
+    assert format_of(Path(file), (*FORMATS, "x")) == name
+
+
+@pytest.mark.parametrize("file", ["a", "a.json", "a.zip", "lif.json", ".ply"])
+def test_an_ending_that_tells_none_is_refused_with_the_formats(file: str) -> None:
+    with pytest.raises(SiteError, match=r"its ending tells no format; give one with --format: colmap, csv, dxf"):
+        format_of(Path(file), FORMATS)

@@ -1,0 +1,142 @@
+"""What pydantic finds wrong with a value, in a user's words: at the value's own key, and of the kinds of value that may stand there the
+one that was meant."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+Location = tuple[int | str, ...]
+Found = tuple[Location, "ErrorDetails"]
+COMMA = re.compile(r"\s*([+-]?\d+),(\d+)\s*")
+SECTION = "a section with keys is expected"
+KINDS = {
+    "float": "a number is expected",
+    "int": "a whole number is expected",
+    "bool": "true or false is expected",
+    "string": "text is expected",
+    "path": "a path is expected",
+    "tuple": "a list is expected",
+    "list": "a list is expected",
+    "dict": SECTION,
+    "mapping": SECTION,
+    "model": SECTION,
+}
+"""What is expected, by the first word of the types of pydantic's errors that say that a value is of another kind."""
+MAY_BE_NUMBERS = ("float", "int", "model")
+OTHER_KIND = re.compile(rf"({'|'.join(KINDS)})_(type|parsing|parsing_size|from_float)")
+ENTRIES = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
+OF_KEY = "[key]"
+"""What pydantic puts behind a location where the key itself is wrong, not what stands under it."""
+MOST_KEYS = 8
+"""Keys of a section that a line names."""
+
+
+def text_of(problem: "ErrorDetails") -> str:
+    """The problem in pydantic's words."""
+    return problem["msg"].removeprefix("Value error, ")
+
+
+def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
+    """The problem in a user's words."""
+    kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
+    if problem["loc"][-1:] == (OF_KEY,):
+        return f'this key must be text: write "{given}"'
+    if problem["type"] in ENTRIES:
+        least, limit = ENTRIES[problem["type"]]
+        number = problem["ctx"][limit]
+        return f"{least} {number} {'entry is' if number == 1 else 'entries are'} expected"
+    if kind is None:
+        text = text_of(problem)
+        return text[:1].lower() + text[1:]
+    comma = COMMA.fullmatch(given) if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS else None
+    if comma:
+        return f"a decimal point is expected: {comma[1]}.{comma[2]}"
+    return KINDS[kind[1]] + (_keys_of_section(problem, model) if kind[1] == "model" else "")
+
+
+def meant(problems: Iterable["ErrorDetails"], model: type[BaseModel]) -> Iterator[Found]:
+    """The problems with the locations of their keys. Where a value may be of several kinds, pydantic tells why it is none of them: only
+    what the kind lacks is kept that the value is nearest to."""
+    kinds: dict[Location, dict[str, list[Found]]] = {}
+    for number, problem in enumerate(problems):
+        location, at, kind = _own(problem["loc"], model)
+        place, name = ((number,), "") if kind is None else (at, kind)
+        kinds.setdefault(place, {}).setdefault(name, []).append((location, problem))
+    for found in kinds.values():
+        yield from min(found.values(), key=_distance)
+
+
+def annotations_at(model: Any, location: Location) -> list[Any]:
+    """What may stand at the location of a key: the types that the model gives it."""
+    found = [model]
+    for part in location:
+        found = [inner for one in found for inner in _inside(one, part)]
+    return [choice for one in found for choice in _choices(one)]
+
+
+def _own(location: Location, model: type[BaseModel]) -> tuple[Location, Location, str | None]:
+    """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the name."""
+    own: Location = ()
+    named: tuple[Location, str | None] = ((), None)
+    found: list[Any] = [model]
+    several = False
+    for part in location:
+        if part == OF_KEY:
+            continue
+        if several and isinstance(part, str):
+            named = named if named[1] else (own, part)
+            several = False
+            continue
+        found = [inner for one in found for inner in _inside(one, part)]
+        own = (*own, part)
+        several = any(len(_choices(one)) > 1 for one in found)
+    return own, *named
+
+
+def _distance(found: list[Found]) -> tuple[int, bool, int]:
+    """How far a value is from a kind with these problems: those that lie deeper in it, or are not of kind, are nearer; so are lists that
+    may be longer."""
+    deepest = max(len(location) for location, _ in found)
+    other = all(OTHER_KIND.fullmatch(problem["type"]) for _, problem in found)
+    longest = max(int(problem.get("ctx", {}).get("max_length", 0)) for _, problem in found)
+    return -deepest, other, -longest
+
+
+def _keys_of_section(problem: "ErrorDetails", model: type[BaseModel]) -> str:
+    sections = [one for one in annotations_at(model, _own(problem["loc"], model)[0]) if _is_model(one)]
+    fields = sections[0].model_fields if sections else {}
+    needed = [name for name, field in fields.items() if field.is_required()]
+    number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
+    if number and len(needed) == 1 and float in annotations_at(sections[0], (needed[0],)):
+        return f": {{{needed[0]}: {problem['input']}}}"
+    return f": {', '.join(fields)}" if 0 < len(fields) <= MOST_KEYS else ""
+
+
+def _inside(annotation: Any, part: int | str) -> Iterator[Any]:
+    """The types of a key, or entry, of what an annotation says."""
+    for one in _choices(annotation):
+        if _is_model(one):
+            yield from (field.annotation for name, field in one.model_fields.items() if name == part)
+        elif isinstance(part, int):
+            yield from (inner for inner in get_args(one) if inner is not Ellipsis)
+        elif isinstance(get_origin(one), type) and issubclass(get_origin(one), Mapping):
+            yield get_args(one)[1]
+
+
+def _choices(annotation: Any) -> list[Any]:
+    """The types that an annotation allows, beside none."""
+    if get_origin(annotation) is Annotated:
+        return _choices(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [inner for one in get_args(annotation) for inner in _choices(one) if inner is not NoneType]
+    return [annotation]
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
