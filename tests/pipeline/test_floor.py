@@ -48,7 +48,8 @@ def test_the_cameras_height_over_the_floor_gives_the_scale() -> None:
     found = solution.landmarks_of("wall")
     wide = found["post 14"].position - found["post 0"].position
     assert wide == pytest.approx(made.WALL[14] - made.WALL[0], abs=0.02)
-    assert REFERENCE in [reference.name for reference in solution.references]
+    assert [reference.name for reference in solution.references] == [HEIGHT.name, REFERENCE]
+    assert solution.references[1].sigma == pytest.approx(0.002 * HEIGHT.value_m)
 
 
 def test_without_a_floor_the_cameras_height_gives_no_scale() -> None:
@@ -64,12 +65,13 @@ def test_an_earlier_maps_path_needs_no_floor() -> None:
 def test_what_a_plugin_takes_for_granted_of_heights_gives_way() -> None:
     """With the landmark that is there for it."""
     (part,) = posed(FLOOR, References((HEIGHT,))).camera_constraints
-    seen, presumed = part.relations[0], replace(part.relations[1], presumed="feet may be hidden")
-    along = replace(part.relations[2], presumed="of no matter here", axis="x")
+    seen, second = part.relations[0], part.keys["floor 2"]
+    presumed = replace(seen, a=second, presumed="feet may be hidden")
+    along = replace(seen, a=part.keys["floor 3"], presumed="of no matter here", axis="x")
     left = without_presumed(replace(part, relations=(seen, presumed, along)))
     assert left.relations == (seen, along)
     assert set(part.keys) - set(left.keys) == set(part.initial) - set(left.initial) == {"floor 2"}
-    assert presumed.a not in left.measurements.keys
+    assert second not in left.measurements.keys
 
 
 def test_the_floor_is_kept_as_the_face_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:

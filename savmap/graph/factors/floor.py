@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.graph.constraints import Constraints, known_coordinate
+from savmap.graph.constraints import Constraints, equal_coordinate, known_coordinate
 from savmap.graph.keys import KeySpace
 from savmap.graph.measurements import image_measurements
 from savmap.graph.references import References
@@ -22,15 +22,17 @@ def floor_constraints(
 ) -> Constraints | None:
     """The floor's part of the graph; None without points. sigma: of their common depth below the camera, as a share of it.
 
-    The points are of one floor, which is one reference: what is wrong of one is wrong of all.
+    The points are on one level, which is one reference: what is wrong of one is wrong of all.
     """
     known = [track for track in tracks if np.isin(track.frames, start.frames).all()]
     if not known:
         return None
     keys = KeySpace(PLUGIN).keys(track.name for track in known)
     heights = [height.value_m for height in references.camera_heights]
-    sigma_m = sigma * (float(np.median(heights)) if heights else USUAL_HEIGHT_M) * float(np.sqrt(len(known)))
-    relations = tuple(known_coordinate("y", keys[track.name], 0.0, sigma_m, REFERENCE) for track in known)
+    sigma_m = sigma * (float(np.median(heights)) if heights else USUAL_HEIGHT_M)
+    first, *others = (keys[track.name] for track in known)
+    level = (equal_coordinate("y", first, other) for other in others)
+    relations = (known_coordinate("y", first, 0.0, sigma_m, REFERENCE), *level)
     along = [float(start.world_from_rig[np.isin(start.frames, track.frames), 0, 3].mean()) for track in known]
     initial = {track.name: np.array([x, 0.0, FIRST_BEFORE_M]) for track, x in zip(known, along, strict=True)}
     return Constraints(PLUGIN, keys, image_measurements(known, keys, views), relations, initial)
