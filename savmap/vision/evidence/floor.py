@@ -40,8 +40,9 @@ LEAST_GROUPS, MOST_SIGMA = 3, 0.015
 """So many stretches, each as long as the camera is high, and strips; and how sure the height must be, as a share."""
 FLATNESS = 0.003
 """By how much the floor before the face may lie higher or lower than that under the camera: 6 mm at 2 m."""
-POINTS, SIGMA_PX = 12, 0.5
-"""Points of the floor that are told, and the standard deviation of their pixels."""
+POINTS, SIGMA_PX = 12, 2.0
+"""Points of the floor that are told, and the standard deviation of their pixels, which follow from this path: another, of rows solved together, may turn by a
+fraction of a degree."""
 LEAST_TANGENT = 0.5
 
 
