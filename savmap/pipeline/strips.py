@@ -151,9 +151,11 @@ class FloorCutter:
         return tuple(sorted(self._kept, key=lambda look: look.frame))
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
-        attitude = plan.attitude() if plugin is not None else None
-        self._current = floor_view(plan, attitude) if attitude is not None else None
-        self.views |= {spec.name: spec for spec in (self._current,) if spec is not None}
+        attitude = plan.attitude()
+        self._current = None
+        if plugin is not None and attitude is not None:
+            self._current = floor_view(plan, plugin, attitude)
+            self.views[self._current.name] = self._current
 
     def cut(self, panorama: Panorama) -> None:
         if self._current is not None and self._current.shows(panorama.frame):
@@ -167,12 +169,13 @@ class FloorCutter:
         return RowStrips()
 
 
-def floor_view(plan: PassPlan, world_from_rig: Floats) -> ViewSpec:
-    """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass, of so many frames as are needed."""
+def floor_view(plan: PassPlan, plugin: str, world_from_rig: Floats) -> ViewSpec:
+    """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass: of as many as are needed of the frames in
+    which the plugin looks at the face, for where the others were taken is not known."""
+    every = max((spec.every for spec in plan.plans[plugin].views), default=1)
     frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
-    every = max(1, -(-frames // MOST_FLOORS))
     spec = tilted(face_at(world_from_rig), FLOOR_PITCH_DEG, FLOOR_HFOV_DEG, f"{plan.name} / floor")
-    return replace(spec, every=every)
+    return replace(spec, every=every * max(1, -(-frames // (every * MOST_FLOORS))))
 
 
 def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":

@@ -16,7 +16,7 @@ from savmap.pipeline.records import LocatedRow, PosedRow, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
 from savmap.pipeline.strips import FloorCutter
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Panorama, Trajectory, ViewPlan
+from savmap.types import Panorama, Trajectory, ViewPlan, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, VideoInfo
 from savmap.vision.evidence import FloorTracks
@@ -74,10 +74,14 @@ def test_what_a_plugin_takes_for_granted_of_heights_gives_way() -> None:
     assert second not in left.measurements.keys
 
 
-def test_the_floor_is_kept_as_the_face_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("every", "kept"), [(1, [0, 5, 10]), (4, [0, 8])])
+def test_the_floor_is_kept_of_frames_in_which_the_face_is_looked_at(
+    every: int, kept: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cutting, "probe", lambda path, fps: VideoInfo(path, 200, 100, "h264", "yuv420p", 30.0, 10.0))
     monkeypatch.setattr(cutting, "expected_frames", lambda clip, info: 1000)
-    plan = PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan((), world_from_rig=made.LEVEL)})
+    face = ViewSpec("face", 0.0, every=every)
+    plan = PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan((face,), world_from_rig=made.LEVEL)})
     cutter = FloorCutter(Renderer())
     cutter.begin(plan, "one")
     image = np.full((100, 200, 3), 40, np.uint8)
@@ -88,7 +92,7 @@ def test_the_floor_is_kept_as_the_face_is_looked_at(monkeypatch: pytest.MonkeyPa
     right, _, forward = (made.LEVEL @ spec.rig_from_view).T
     assert right == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
     assert forward == pytest.approx([0.0, -np.sin(np.radians(50)), -np.cos(np.radians(50))], abs=1e-9)
-    assert [look.frame for look in cutter.looks] == [0, 5, 10]
+    assert [look.frame for look in cutter.looks] == kept
     assert np.median(cutter.looks[0].grey()) == pytest.approx(200, abs=3)
 
 

@@ -48,7 +48,7 @@ LEAST_TANGENT = 0.5
 
 @dataclass(frozen=True)
 class Fineness:
-    """How far and in what steps planes are swept, as shares of the height, in pictures so many times smaller, over each so-manieth strip."""
+    """How far and in what steps planes are swept, as shares of the height, in pictures so many times smaller; `every`: 2 for every other strip."""
 
     reach: float
     step: float
@@ -181,7 +181,7 @@ class Floor:
         return BEFORE * self.away, max(1 - BESIDE * height, 2 * BEFORE) * self.away
 
     def _pieces(self, height: float, every: int) -> Iterator[tuple[int, PlanePatch]]:
-        """Each so-manieth strip of the floor, so far below the camera, cut into pieces, with the strips' numbers."""
+        """Strips of the floor, so far below the camera, all or every other one, cut into pieces, with the strips' numbers."""
         right, forward = self.face.right, np.cross(self.face.right, self.face.up)
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
