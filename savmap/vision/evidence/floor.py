@@ -244,12 +244,13 @@ def _mean(groups: Mapping[tuple[int, int], tuple[Floats, int]]) -> Floats:
 
 
 def _peak(curve: Floats) -> float | None:
-    """Where a curve (n,) over the fine sweep's shares has its maximum, between samples; None at its ends."""
+    """Where a curve (n,) over the fine sweep's shares has its maximum, between samples; None at its ends, or where it has none."""
     best = int(curve.argmax())
     if not 0 < best < len(curve) - 1:
         return None
-    before, after = curve[best - 1 : best + 2 : 2].tolist()
-    return float(FINE.shares[best] + 0.5 * FINE.step * (after - before) / (2 * curve[best] - before - after))
+    before, top, after = curve[best - 1 : best + 2].tolist()
+    bend = 2 * top - before - after
+    return float(FINE.shares[best] + 0.5 * FINE.step * (after - before) / bend) if bend > 0 else None
 
 
 def _jackknife(groups: Mapping[tuple[int, int], tuple[Floats, int]], which: int, total: Floats) -> float | None:
