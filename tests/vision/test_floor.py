@@ -32,8 +32,10 @@ def stains(rng: np.random.Generator, contrast: float) -> Floats:
     return np.asarray(120 + contrast * fine / fine.std(), np.float64)
 
 
-def looks_at(floor: Callable[[Floats, Floats], Floats], noise: float = 1.0) -> list[Look]:
-    """Looks at a floor whose brightness at (x, z) is known, seen through the view's pixels. Beyond the face it is black."""
+def looks_at(
+    floor: Callable[[Floats, Floats], Floats], noise: float = 1.0, mirrored: Floats | None = None
+) -> list[Look]:
+    """Looks at a floor whose brightness at (x, z) is known, seen through the view's pixels, and the face, `mirrored` in it."""
     rng, looks = np.random.default_rng(7), []
     columns, rows = np.meshgrid(np.arange(SPEC.width), np.arange(SPEC.height))
     rays = pinhole.rays_from_pixels(np.stack([columns, rows], axis=-1), SPEC.camera) @ SPEC.rig_from_view.T @ AT_FACE
@@ -41,9 +43,19 @@ def looks_at(floor: Callable[[Floats, Floats], Floats], noise: float = 1.0) -> l
         down = np.minimum(rays[..., 1], -1e-3)
         hit = pose[:3, 3] + rays * (-pose[1, 3] / down)[..., None]
         image = np.where(rays[..., 1] < -1e-2, floor(hit[..., 0], hit[..., 2]), 0.0)
+        if mirrored is not None:
+            below = pose[:3, 3] - rays * (pose[2, 3] / np.minimum(rays[..., 2], -1e-3))[..., None]
+            shown = (below[..., 1] < 0) & (below[..., 1] > -2.0) & (hit[..., 2] > 0)
+            image += np.where(shown, sampled(mirrored, below[..., 0], -1.0 - below[..., 1]) - 120, 0.0)
         image = np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
         looks.append(Look(frame, SPEC.name, (), bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1])))
     return looks
+
+
+def sampled(texture: Floats, x: Floats, z: Floats) -> Floats:
+    """A texture at places."""
+    along, across = (((value + room) / CELL_M).astype(np.float32) for value, room in ((x, 3.0), (z, 1.0)))
+    return np.asarray(cv2.remap(texture.astype(np.float32), along, across, cv2.INTER_LINEAR), np.float64)
 
 
 def at_level(texture: Floats, level: float) -> Callable[[Floats, Floats], Floats]:
@@ -53,10 +65,7 @@ def at_level(texture: Floats, level: float) -> Callable[[Floats, Floats], Floats
         camera = XS[np.abs(XS - np.median(x)).argmin()]
         near = (HEIGHT_M - level) / HEIGHT_M
         across, along = AWAY_M + near * (z - AWAY_M), camera + near * (x - camera)
-        pixels = [((value + room) / CELL_M).astype(np.float32) for value, room in ((across, 1.0), (along, 3.0))]
-        return np.asarray(
-            cv2.remap(texture.astype(np.float32), pixels[1].T, pixels[0].T, cv2.INTER_LINEAR).T, np.float64
-        )
+        return sampled(texture, along, across)
 
     return seen
 
@@ -93,6 +102,16 @@ def test_faint_stains_tell_where_the_floor_is(scale: float, zero: float) -> None
     assert heights(found) == pytest.approx(0.0, abs=3 * found.sigma * HEIGHT_M)
     assert 0.003 <= found.sigma < 0.006
     assert all(2 <= len(track.frames) <= 3 for track in found.tracks)
+
+
+def test_the_face_mirrored_in_the_floor_is_outvoted() -> None:
+    """It is upright: every strip of the floor shows it at another depth."""
+    floor = at_level(stains(np.random.default_rng(1), 1.5), 0.0)
+    found = told(looks_at(floor, mirrored=stains(np.random.default_rng(3), 4.5)))
+    assert heights(found) == pytest.approx(0.0, abs=0.004)
+    assert not told(
+        looks_at(lambda x, z: np.full_like(x, 120.0), mirrored=stains(np.random.default_rng(3), 4.5))
+    ).tracks
 
 
 def test_a_plain_floor_tells_nothing() -> None:
