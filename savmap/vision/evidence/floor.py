@@ -117,7 +117,8 @@ class Floor:
     ) -> None:
         self.face, self.looks, self.views, self.poses = face, looks, views, poses
         self.places = np.array([poses[look.frame][:3, 3] for look in looks])
-        self.away = float(np.median((self.places - face.origin) @ np.cross(face.right, face.up)))
+        self.forward = np.cross(face.right, face.up)
+        self.away = float(np.median((self.places - face.origin) @ self.forward))
         self.level = float(np.median(self.places[:, 1]))
         self._detail = lru_cache(4 * MOST_SHOTS)(_detail)
 
@@ -166,15 +167,18 @@ class Floor:
 
     def tracks(self, height: float) -> Iterator[Track]:
         """Points of the floor all along the row, each as it is seen from before it, from where it is nearest, and from behind it."""
-        right, forward = self.face.right, np.cross(self.face.right, self.face.up)
         first, last = self._reach(height)
-        along = self.places @ right
-        base = np.array([0.0, self.level - height * self.away, 0.0]) + (self.face.origin @ forward) * forward
+        along = self.places @ self.face.right
         for number, place in enumerate(np.linspace(along.min(), along.max(), POINTS).tolist(), 1):
             far = first + (last - first) * (number % 3 + 1) / 4
-            track = self._track(number, base + place * right + far * forward)
+            track = self._track(number, self._point(height, place, far))
             if track is not None:
                 yield track
+
+    def _point(self, height: float, along: float, before: float) -> Floats:
+        """The point (3,) so far below the camera, along the face, and before it."""
+        level = np.array([0.0, self.level - height * self.away, 0.0])
+        return np.asarray(level + along * self.face.right + (self.face.origin @ self.forward + before) * self.forward)
 
     def _reach(self, height: float) -> tuple[float, float]:
         """How far before the face the strips begin and end."""
@@ -182,19 +186,17 @@ class Floor:
 
     def _pieces(self, height: float, every: int) -> Iterator[tuple[int, PlanePatch]]:
         """Strips of the floor, so far below the camera, all or every other one, cut into pieces, with the strips' numbers."""
-        right, forward = self.face.right, np.cross(self.face.right, self.face.up)
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
-        along = self.places @ right
+        along = self.places @ self.face.right
         low, high = float(along.min()) - length / 2, float(along.max()) + length / 2
         count = max(round((high - low) / (PIECE * length)), 1)
         starts = np.linspace(low, high, count + 1)
-        base = np.array([0.0, self.level - length, 0.0]) + (self.face.origin @ forward) * forward
         for k in np.unique(np.linspace(0, count - 1, min(count, MOST_PIECES)).astype(int)).tolist():
             for strip, (near, far) in [*enumerate(pairwise(edges))][::every]:
                 size = np.array([starts[k + 1] - starts[k], far - near])
-                corner = base + starts[k] * right + far * forward
-                yield strip, PlanePatch(LABEL, corner, right, -forward, size, float(size[1]))
+                corner = self._point(height, float(starts[k]), far)
+                yield strip, PlanePatch(LABEL, corner, self.face.right, -self.forward, size, float(size[1]))
 
     def _shot(self, look: Look, part: PlanePatch, fineness: Fineness) -> FloorShot:
         spec = self.views[look.view]

@@ -213,7 +213,7 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
     first."""
     alone, loose = list[str](), list[tuple[float, str]]()
     for what, names in _errors(problem, agreed, out):
-        unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
+        unnoticed = _unnoticed(agreed, names, out)
         uses = [_given(agreed, name) for name in names]
         if _is_alone(agreed, names, out):
             alone += [what] if len(names) == 1 or not alone else []
@@ -234,8 +234,12 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
 
 def _is_alone(agreed: Agreement, names: Names, out: Names) -> bool:
     """Whether no other reference that is not `out` says anything of these."""
-    unnoticed = (agreed.critical + SURELY) * agreed.common_error(names, out)
-    return unnoticed > max(UNKNOWN_M, *(abs(_given(agreed, name).value) for name in names))
+    return _unnoticed(agreed, names, out) > max(UNKNOWN_M, *(abs(_given(agreed, name).value) for name in names))
+
+
+def _unnoticed(agreed: Agreement, names: Names, out: Names) -> float:
+    """The error of references, common to all of them, m, that the rest notices in five of six cases only."""
+    return (agreed.critical + SURELY) * agreed.common_error(names, out)
 
 
 def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[Doubt]:
