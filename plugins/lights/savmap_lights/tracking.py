@@ -11,10 +11,10 @@ import numpy as np
 
 from savmap.plugin import Feature, Floats, Ints, RowFacts, Track, Trajectory, project, sightings, track_of
 from savmap_lights.space.ends import Fitted, Rays, fit
-from savmap_lights.space.lamps import Lamp, lamps_of, lit_stretches
+from savmap_lights.space.lamps import lamps_of, lit_stretches
 from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
 from savmap_lights.space.partial import completed
-from savmap_lights.space.places import Aisle, Place
+from savmap_lights.space.places import Aisle, Lamp, Place
 from savmap_lights.space.scatter import scatter
 from savmap_lights.space.ties import place_of
 from savmap_lights.space.unmapped import Light, light_before, light_beyond, shining

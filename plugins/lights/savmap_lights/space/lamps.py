@@ -7,14 +7,13 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.plugin import Floats, RowFacts, Sightings
+from savmap_lights.space.crossed import joined
 from savmap_lights.space.line import SAME_LINE_M
-from savmap_lights.space.places import SAME_LAMP_M, Aisle, Place, places_of, shown
+from savmap_lights.space.places import SAME_LAMP_M, Aisle, Lamp, Place, places_of, shown
 
 LIT = 0.75
 LEAST_OPEN_M = 0.3
 SHORTEST_M = 0.1
-
-Lamp = dict[str, Place]
 
 
 def lamps_of(aisle: Aisle) -> list[Lamp]:
@@ -24,7 +23,7 @@ def lamps_of(aisle: Aisle) -> list[Lamp]:
     kind = int(np.argmax(counts))
     if kind == 0:
         starts, stops = (places_of(aisle, (sign, 0)) for sign in (-1, 1))
-        return _along(shown(starts, stops, aisle), shown(stops, starts, aisle), aisle.lit)
+        return joined(_along(shown(starts, stops, aisle), shown(stops, starts, aisle), aisle.lit))
     if kind == 1:
         nears, fars = (places_of(aisle, (0, sign)) for sign in (-1, 1))
         return _across(shown(nears, (), aisle), shown(fars, (), aisle))

@@ -26,6 +26,10 @@ class Place:
     seen_to: float | None = None
 
 
+Lamp = dict[str, Place]
+"""A lamp's places by their names: "end 0" and "end 1", one of these, or "centre"."""
+
+
 @dataclass(frozen=True, eq=False)
 class Aisle:
     """What was seen of a line of lamps: its marks, height and z, m, the stretches (n, 2) of x that are lit, places (k, 2) x and z of

@@ -7,9 +7,8 @@ import numpy as np
 
 from savmap.plugin import Sightings
 from savmap.vision import peaks
-from savmap_lights.space.lamps import Lamp
 from savmap_lights.space.line import LEAST_FRAMES
-from savmap_lights.space.places import SAME_LAMP_M
+from savmap_lights.space.places import SAME_LAMP_M, Lamp
 
 BESIDE_M = 0.4
 ASIDE_M = 0.25
