@@ -18,6 +18,8 @@ NEAR, SAME = 0.06, 0.025
 """How far from its place an edge may be, and second readings of it from each other, as shares of the usual height."""
 LEAST_READINGS, LEAST_SHARE, LEAST_AGREEING = 3, 0.1, 0.7
 """So many second readings agree, in so large a share of the frames that read the edge elsewhere, and so large a share of those that there are."""
+LEAST_PAIRS, LEAST_PAIR_SHARE = 4, 0.2
+"""So many frames, and so large a share, put both edges of a beam elsewhere than most do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +41,31 @@ def believed(section: Ints, which: Ints, first: Floats, second: Floats) -> Settl
         levels = np.array([np.nanmedian(first[which == k], axis=0) for k in range(len(section))])
         for level, (heights, like) in enumerate(_profiles(section, np.diff(levels, axis=1)[:, 0])):
             mine = np.flatnonzero(which == level)
-            votes = [*_votes(levels[level], first[mine], second[mine], heights, like)]
-            edge, same, anew = max(votes, key=lambda vote: len(vote[2]), default=(0, mine[:0], mine[:0]))
-            if len(anew) >= LEAST_READINGS:
+            edge, same, anew = _best(levels[level], first[mine], second[mine], heights, like)
+            if len(anew):
                 edges[level, edge], of_first[mine[same], edge], of_second[mine[anew], edge] = True, True, True
+                continue
+            pair = None if like else _elsewhere(first[mine], second[mine], heights)
+            if pair is not None:
+                edges[level], (of_first[mine], of_second[mine]) = True, pair
     return Settled(edges, of_first, of_second)
 
 
+def _best(level: Floats, first: Floats, second: Floats, heights: Sequence[float], like: bool) -> tuple[int, Ints, Ints]:
+    """The edge of a level, and its first and second readings, for which most second readings speak; none of these where too few do. Of a level
+    that is not `like` the others first readings count, too, and these agree less closely among themselves."""
+    votes = [*_votes(level, first, second, heights, like, SAME)]
+    best = max(votes, key=lambda vote: len(vote[2]), default=None)
+    if best is not None and len(best[2]) >= LEAST_READINGS:
+        return best
+    votes = [] if like else [*_votes(level, first, second, heights, like, 2 * SAME)]
+    enough = [vote for vote in votes if len(vote[2]) and len(vote[1]) + len(vote[2]) > LEAST_READINGS]
+    none = np.zeros(0, np.int64)
+    return max(enough, key=lambda vote: len(vote[1]) + len(vote[2]), default=(0, none, none))
+
+
 def _votes(
-    level: Floats, first: Floats, second: Floats, heights: Sequence[float], like: bool
+    level: Floats, first: Floats, second: Floats, heights: Sequence[float], like: bool, same: float
 ) -> Iterator[tuple[int, Ints, Ints]]:
     """For either edge of a level at (2,), and each height that it may have, which first (n, 2) and second readings (n, 2) agree. What is `like` the
     others of its section has the row's height only where the first readings of that edge disagree among themselves.
@@ -61,7 +79,27 @@ def _votes(
             there = np.abs(np.nan_to_num(off, nan=np.inf)) < 2 * NEAR * height
             own, again = (readings[:, edge] - np.where(there, off, 0.0) for readings in (first, second))
             if height == heights[0] or not like or not _steady(own[there], height):
-                yield edge, *_agreeing(own, again, there, float(level[1 - edge]) + side * height, height)
+                yield edge, *_agreeing(own, again, there, float(level[1 - edge]) + side * height, height, same)
+
+
+def _elsewhere(first: Floats, second: Floats, heights: Sequence[float]) -> tuple[Bools, Bools] | None:
+    """Which first and second readings (n, 2) show a beam of one of the heights where neither edge is the level's: what stands on the beam or hangs
+    before it was taken for it by most frames. None where too few frames show the beam, or second readings are of several minds."""
+    told = np.isfinite(second).sum()
+    for height in heights:
+        for edge in (0, 1):
+            size = np.abs(second[:, edge] - first[:, 1 - edge])
+            fits = np.flatnonzero(np.abs(np.nan_to_num(size, nan=np.inf) - height) < NEAR * height)
+            alike = np.abs(first[fits][:, None, 1 - edge] - first[fits, 1 - edge]) < 2 * NEAR * height
+            own = fits[alike[alike.sum(axis=1).argmax()]] if len(fits) else fits
+            if len(own) < max(LEAST_PAIRS, LEAST_PAIR_SHARE * len(first), LEAST_AGREEING * told):
+                continue
+            at = np.where(np.arange(2) == edge, np.median(second[own], axis=0), np.median(first[own], axis=0))
+            same = np.abs(np.nan_to_num(first - at, nan=np.inf)) < NEAR * height
+            anew = np.zeros_like(same)
+            anew[own, edge] = True
+            return same & ~anew, anew
+    return None
 
 
 def _steady(readings: Floats, height: float) -> bool:
@@ -92,20 +130,23 @@ def _of_the_others(heights: Floats, section: Ints, level: int, usual: float) -> 
     return float(np.median(others)) if len(others) > 1 else usual
 
 
-def _agreeing(first: Floats, second: Floats, there: Bools, place: float, height: float) -> tuple[Ints, Ints]:
-    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place; none where second readings that were
-    looked for `there` (n,) are of several minds, or too few for how often the edge was read elsewhere."""
+def _agreeing(
+    first: Floats, second: Floats, there: Bools, place: float, height: float, same: float
+) -> tuple[Ints, Ints]:
+    """The numbers of the first (n,) and of the second readings (n,) of an edge that agree near a place to the share `same` of the height;
+    none where second readings that were looked for `there` (n,) are of several minds, or all are too few for how often the edge was read elsewhere."""
     both = np.concatenate([first, second])
     near = np.flatnonzero(np.abs(np.nan_to_num(both, nan=np.inf) - place) < NEAR * height)
     none = near[:0]
     if not len(near):
         return none, none
-    alike = np.abs(both[near][:, None] - both[near]) < SAME * height
+    alike = np.abs(both[near][:, None] - both[near]) < same * height
     best = near[alike[alike.sum(axis=1).argmax()]]
-    same, anew = best[best < len(first)], best[best >= len(first)] - len(first)
-    anew = np.setdiff1d(anew, same)
-    elsewhere = np.isfinite(first).sum() - len(same)
+    agreed, anew = best[best < len(first)], best[best >= len(first)] - len(first)
+    anew = np.setdiff1d(anew, agreed)
+    elsewhere = np.isfinite(first).sum() - len(agreed)
     voices = np.isfinite(second) & there
     voices[anew] = True
-    few = len(anew) < max(LEAST_AGREEING * np.delete(voices, same).sum(), LEAST_SHARE * elsewhere)
-    return (none, none) if few else (same, anew)
+    doubtful = len(anew) < LEAST_AGREEING * np.delete(voices, agreed).sum()
+    few = len(agreed) + len(anew) < LEAST_SHARE * elsewhere
+    return (none, none) if doubtful or few else (agreed, anew)

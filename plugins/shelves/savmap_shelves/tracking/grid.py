@@ -117,7 +117,7 @@ def _settled(grid: FaceGrid) -> FaceSightings | None:
         return None
     corners = np.where(settled.second[:, None], sightings.second, sightings.corners)
     lost = settled.edges[levels.which] & (levels.which >= 0)[:, None] & ~settled.first & ~settled.second
-    return replace(sightings, corners=np.where(lost[:, None], -1, corners))
+    return replace(sightings, corners=np.where(lost[:, None], -1, corners)).without_beams(np.asarray(lost.all(axis=1)))
 
 
 def _require_sightings(sightings: Sightings, facts: RowFacts, settings: TrackingSettings) -> None:

@@ -7,7 +7,7 @@ face at tangents p = X / -Z, q = Y / -Z, in units of the camera's distance from 
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,6 +93,11 @@ class FaceSightings(Sightings):
             within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
             inside |= within & self.open_views[frame, number]
         return inside
+
+    def without_beams(self, gone: Bools) -> "FaceSightings":
+        """All but some sightings (m,) of beams."""
+        of_beams = ("corners", "second", "bounds", "spans", "beam_frame", "beam_view")
+        return replace(self, **{name: getattr(self, name)[~gone] for name in of_beams})
 
     def horizon(self) -> Floats:
         """Tangents p (n, 2) of the uprights' edges (left, right) at q = 0."""
