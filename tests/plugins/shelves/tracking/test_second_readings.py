@@ -113,3 +113,44 @@ def test_a_section_keeps_a_profile_of_its_own() -> None:
     second = np.full(first.shape, np.nan)
     second[which == len(BOTTOMS), 1] = HEIGHT
     assert not believed(section, which, first, second).edges.any()
+
+
+@pytest.mark.parametrize(("firsts", "enough"), [(2, True), (1, False)])
+def test_first_readings_count_beside_two_second_ones(firsts: int, enough: bool) -> None:
+    """Where most frames put the edge far off, those that read it itself speak for the second readings."""
+    upper = np.where(np.arange(FRAMES) < firsts, 1.03 * HEIGHT, 1.7 * HEIGHT)
+    second = np.where(np.arange(FRAMES) >= FRAMES - 2, HEIGHT, np.nan)
+    found = settled(upper, second)
+    assert found.edges[ODD, 1] == enough
+    assert found.first.sum() == (firsts if enough else 0)
+    assert found.second.sum() == (2 if enough else 0)
+
+
+def below(frames: int, height: float = HEIGHT, scattered: float = 0.0) -> Settled:
+    """What is believed where a tote that stands on a beam was taken for it, and so many frames saw the beam's lower edge, and by a second
+    reading its upper one, `height` above."""
+    which, first = sighted(np.full(FRAMES, 2 * HEIGHT))
+    again = np.full(first.shape, np.nan)
+    seeing = np.flatnonzero(which == ODD)[:frames]
+    at = BOTTOMS[ODD] - HEIGHT + scattered * np.linspace(-1, 1, frames)
+    first[seeing, 0], again[seeing, 1] = at, at + height
+    return believed(np.zeros(len(BOTTOMS), np.int64), which, first, again)
+
+
+def test_a_beam_is_found_below_what_was_taken_for_it() -> None:
+    found = below(6)
+    assert found.edges.tolist() == [[k == ODD, k == ODD] for k in range(len(BOTTOMS))]
+    assert found.first.sum(axis=0).tolist() == [6, 0]
+    assert found.second.sum(axis=0).tolist() == [0, 6]
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        pytest.param(below(3), id="three frames"),
+        pytest.param(below(6, 1.1 * HEIGHT), id="of no profile of the row"),
+        pytest.param(below(6, scattered=0.5), id="at any height"),
+    ],
+)
+def test_what_is_below_is_not_believed_without_reason(found: Settled) -> None:
+    assert not found.edges.any()
