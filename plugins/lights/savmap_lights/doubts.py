@@ -49,14 +49,16 @@ def _middle(lamp: Structure) -> tuple[float, float, float]:
 
 
 def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A lamp at another height than the others, further off than its uncertainty explains."""
+    """A lamp with a vertex at another height than the others, further off than its uncertainty explains."""
     if len(lamps) < FEWEST:
         return
-    heights = np.array([lamp.vertices[:, 1].mean() for lamp in lamps])
-    usual = float(np.median(heights))
-    for lamp, height in zip(lamps, heights.tolist(), strict=True):
-        sigma = float(np.sqrt(lamp.covariances[:, 1, 1].max()))
-        if abs(height - usual) > max(OFF_SIGMA * sigma, OFF_M):
+    usual = float(np.median([lamp.vertices[:, 1].mean() for lamp in lamps]))
+    for lamp in lamps:
+        heights = lamp.vertices[:, 1]
+        sigmas = np.sqrt(lamp.covariances[:, 1, 1])
+        off = np.abs(heights - usual) - np.maximum(OFF_SIGMA * sigmas, OFF_M)
+        if off.max() > 0:
+            height = float(heights[off.argmax()])
             what = f"{lamp.id} is at {height:.2f} m, the other lamps at {usual:.2f} m: is it a lamp, and theirs?"
             yield Doubt("shape", what, (lamp.id,), _middle(lamp))
 

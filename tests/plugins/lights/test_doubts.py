@@ -64,6 +64,16 @@ def test_a_lamp_at_another_height_is_doubted() -> None:
     assert line == "light 2 is at 6.40 m, the other lamps at 6.00 m: is it a lamp, and theirs?"
 
 
+def test_an_end_at_another_height_is_doubted() -> None:
+    """Half of a strip that is 12 cm off at one end is 6 cm off, which its ends' uncertainty may explain."""
+    lamps = [lamp(k, 3.0 * k) for k in range(1, 7)]
+    vertices, covariances = lamps[2].vertices.copy(), lamps[2].covariances.copy()
+    vertices[0, 1], covariances[0, 1, 1] = 5.88, 0.013**2
+    lamps[2] = replace(lamps[2], vertices=vertices, covariances=covariances)
+    (line,) = lines(lamps)
+    assert line == "light 3 is at 5.88 m, the other lamps at 6.00 m: is it a lamp, and theirs?"
+
+
 @pytest.mark.parametrize("which", [1, 4])
 def test_a_strip_longer_than_its_likes_is_doubted(which: int) -> None:
     lamps = [lamp(k, 3.0 * k, length=2.4 if k == which else 1.2) for k in range(1, 7)]
