@@ -211,7 +211,7 @@ def _write_results(
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
     the box plot where there is a survey; the scores, and the files worth a look."""
-    gone = _rows_of(job.output / MAP) - set(job.site.rows)
+    gone = _rows_of(job.output / MAP) - set(site_map.rows)
     write_map(site_map, job.output / MAP)
     write_log(mapped.log, job.output / LOG)
     write_text(
@@ -235,7 +235,7 @@ def _write_results(
     view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
     write_view(view, job.output / VIEW)
     files += [job.output / "report.html", job.output / VIEW]
-    _remove_files_of(gone, set(job.site.rows), job.output)
+    _remove_files_of(gone, set(site_map.rows), job.output)
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
@@ -256,7 +256,7 @@ def _rows_of(map_file: Path) -> set[str]:
 
 
 def _remove_files_of(gone: set[str], rows: set[str], folder: Path) -> None:
-    """Take away the pictures that an earlier run wrote of rows that the site has no more, and nothing else."""
+    """Take away the pictures that an earlier run wrote of rows that the map has no more, and nothing else."""
     kept = {path.name.casefold() for row in rows for path in _files_of(row, folder)}
     for path in (path for row in gone for path in _files_of(row, folder)):
         if path.name.casefold() not in kept:

@@ -14,6 +14,7 @@ from savmap.jobs.scheduler import SOLVED
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
 from savmap.pipeline.row import measure
+from savmap.pipeline.second_look import warnings_untold
 from savmap.site.job import Job, plugins_for
 from savmap.site.preflight import Footage
 
@@ -111,7 +112,8 @@ def _rate(job: Job, part: Footage) -> Rate:
         strips=job.site.orthophotos,
         stills=job.site.panoramas,
     )
-    measured = measure(request, probe)
+    with warnings_untold():  # of a few frames, which show a part of the row
+        measured = measure(request, probe)
     stored = packed(measured.measurements) + packed(measured.strips)
     warm = min(WARM, len(probe.clock) - 2)
     timed = probe.clock[warm:]

@@ -1,7 +1,7 @@
 """The distance between two vertices of a map, with a standard deviation that knows what errors they share."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +72,7 @@ class VertexDistance:
 
 def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
     """From a vertex to another, each by its label ("upright 1 / right / bottom"), after its row and a colon where rows have the same
-    ("A: upright 1 / right / bottom"). Raises SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
+    ("A: upright 1 / right / bottom"), or by its edge as site files call it ("upright 1 / right"). Raises SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
     a, b = _vertex(site, first), _vertex(site, second)
     if a.row != b.row:
         return _between_rows(site, a, b)
@@ -120,7 +120,8 @@ def _assumed(site: SiteMap, one: MapVertex) -> Iterator[tuple[str, float]]:
 def _vertex(site: SiteMap, name: str) -> MapVertex:
     row, _, label = name.rpartition(":")
     vertices = [vertex for vertex in _vertices(site) if not row or vertex.row == row.strip()]
-    hits = [vertex for vertex in vertices if vertex.label.lower() == label.strip().lower()]
+    wanted = label.strip().lower()
+    hits = [vertex for vertex in vertices if vertex.label.lower() == wanted] or _first_of_edge(vertices, wanted)
     if not hits:
         labels = sorted({vertex.label for vertex in vertices})
         near = [known for known in labels if known.lower().startswith(f"{label.strip().lower()} /")][:8]
@@ -130,6 +131,18 @@ def _vertex(site: SiteMap, name: str) -> MapVertex:
         rows = ", ".join(sorted({vertex.row for vertex in hits}))
         raise SiteError(f"`{name}` is in rows {rows}: put the row before it, such as `{hits[0].row}: {label.strip()}`")
     return hits[0]
+
+
+def _first_of_edge(vertices: Iterable[MapVertex], name: str) -> list[MapVertex]:
+    """The first vertex in each row of an edge, "upright 1 / left", as site files call it; none for the name of a whole structure, which has
+    several edges."""
+    own = [
+        vertex
+        for vertex in vertices
+        if vertex.structure.id.lower() != name and vertex.label.lower().startswith((f"{name} ", f"{name} /"))
+    ]
+    whole = [vertex for vertex in own if name.startswith(vertex.structure.id.lower())]
+    return [*{vertex.row: vertex for vertex in reversed(whole)}.values()]
 
 
 def _vertices(site: SiteMap) -> Iterator[MapVertex]:

@@ -76,6 +76,14 @@ def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dic
     return [_hit(site, row, structure) for row, structure in hits]
 
 
+def places_within(site: SiteMap, hit: SearchHit, places: Places) -> list[SearchHit]:
+    """The places that a place consists of, such as the levels of a section; none of a structure."""
+    known = [own for group in places.get(hit.row, {}).values() for own in group]
+    if all(own.id != hit.structure.id for own in known):
+        return []
+    return [_hit(site, hit.row, own) for own in known if own.id.startswith(f"{hit.structure.id}{PART}")]
+
+
 def _without_texts(site: SiteMap) -> str:
     """What a map has instead, where nothing was read in it; nothing where something was."""
     every = [own for row in site.rows.values() for group in row.structures.values() for own in group]
@@ -101,6 +109,8 @@ def _called(known: Sequence[InRow], name: str) -> list[InRow]:
 
 def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
     """What fits all parts of a description, of which no other is a larger part."""
+    for row in site.rows:
+        name = re.sub(rf"\brow\s+{re.escape(row)}\s+(?=\w)", f"row {row}, ", name, flags=re.IGNORECASE)
     terms = _terms(name)
     rows = {f"row {row}".lower(): row for row in site.rows} | {row.lower(): row for row in site.rows}
     wanted = {rows[term] for term in terms if term in rows}

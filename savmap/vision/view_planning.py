@@ -28,6 +28,8 @@ LEAST_SUPPORT, CLEAR_SUPPORT, CLEARER = 0.25, 0.5, 1.4
 """Of the building's axes: least support; where all frames together have less than the second, each is asked alone, and counts where it shows
 axes so many times as clearly."""
 Side = Literal["left", "right"]
+HANDS: dict[int, Side] = {1: "left", -1: "right"}
+"""The hand of the way that a face is on by which way the camera goes along it."""
 Score = Callable[[ViewSpec, Panorama], float]
 # world_from_view of a level view straight at the face, and of one straight up
 LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
@@ -96,11 +98,17 @@ class PassPreview:
 @dataclass(frozen=True)
 class Face:
     """The direction of a face: a view straight at it, level in the building, which way the camera goes along it (+1:
-    towards +x, -1: towards -x, 0: not known), and its score."""
+    towards +x, -1: towards -x, 0: not known), its score, and that of the best face on the other hand."""
 
     spec: ViewSpec
     travel: int
     score: float
+    across_score: float = 0.0
+
+    @property
+    def hand(self) -> Side | None:
+        """The hand of the way that the face is on; None where that is not known."""
+        return HANDS.get(self.travel)
 
     @property
     def rig_from_world(self) -> Floats:
@@ -147,15 +155,16 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
     specs = face_candidates(pass_preview.rig_from_manhattan, hfov_deg)
     travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
     ways = list(zip(specs, travels, strict=True))
-    wanted = {"left": 1, "right": -1}.get(side or "", 0)
-    across = [(spec, travel) for spec, travel in ways if travel and wanted in (0, travel)]
-    best = max((_scored(pass_preview, score, *way) for way in across or ways), key=lambda face: face.score)
+    across = [(spec, travel) for spec, travel in ways if travel and side in (None, HANDS[travel])]
+    faces = [_scored(pass_preview, score, *way) for way in across or ways]
+    best = max(faces, key=lambda face: face.score)
     if best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"
         raise StructureError(
             f"no structure is seen {where}; check the side, or give the view's angles in the site file"
         )
-    return best
+    others = (face.score for face in faces if best.travel and face.travel == -best.travel)
+    return replace(best, across_score=max(others, default=0.0))
 
 
 def _scored(pass_preview: PassPreview, score: Score, spec: ViewSpec, travel: int) -> Face:

@@ -129,11 +129,11 @@ def test_one_of_the_things_is_called(name: str, thing: str) -> None:
 
 def test_the_template_is_packaged() -> None:
     content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = content["tool"]["setuptools"]["package-data"]["savmap"]
-    packaged = {path for pattern in patterns for path in (ROOT / "savmap").glob(pattern) if path.is_file()}
+    wheel = content["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert "savmap" in wheel["packages"]
+    left_out = [ROOT / folder.lstrip("/") for folder in wheel["exclude"]]
     for template in (TEMPLATE, LOCATES_CAMERA):
-        files = {path for path in template.rglob("*.*") if path.is_file() and "__pycache__" not in path.parts}
-        assert files <= packaged
+        assert not any(template.is_relative_to(folder) for folder in left_out)
     assert len(project_files("posts")) == len(project_files("posts", locates_camera=True)) == 10
 
 

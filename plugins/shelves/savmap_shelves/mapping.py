@@ -7,14 +7,19 @@ import numpy as np
 
 from savmap.errors import OutputError
 from savmap.graph import Landmark, Solution
-from savmap.types import CrossRowLandmark, Floats, Solid, Structure, Track
+from savmap.types import Attribute, CrossRowLandmark, Floats, Solid, Structure, Track
 from savmap_shelves.constraints.track_grid import TrackGrid, corner_column, grid_of
 
-FLOOR_SIGMA_M, TOP_SIGMA_M = 0.05, 0.3
+FLOOR_SIGMA_M, TOP_SIGMA_M = 0.05, 0.6
 DEEPEST_RACK_M = 1.6
 FRAME_SIGMA_M = 0.005
 RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 AROUND = [0, 1, 3, 2]  # the corners in order
+UNMEASURED_M = 0.15
+"""An edge that is unsure by more was measured nowhere: what was taken for it in single pictures is at no one place."""
+PROFILE_SHARE, LEAST_PROFILES = 0.25, 3
+"""Such an edge is where a beam as high as most, of so many at least, has it, give or take this share of the height."""
+NOT_SEEN, NEITHER = "edges", "neither edge seen"
 USUAL_RACK_DEPTH_M, USUAL_BEAM_DEPTH_M = 1.1, 0.05  # for pallets of 1.2 m, which stand out by 5 cm on either side
 BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
 UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
@@ -25,12 +30,15 @@ def describe(
 ) -> list[Structure]:
     """Uprights, then beams, from left to right and from the bottom up.
 
-    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured. As a solid it is its
-    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual).
+    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured, and the attribute `ends` that the
+    top is assumed: uprights end a metre above their highest beam as often as at it. As a solid it is its
+    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual). Of a beam of which one edge was measured
+    nowhere, that is where a beam as high as most has it, and the attribute `edges` says so.
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
-    structures = [*_uprights(grid, landmarks, solution, plugin), *_beams(grid, landmarks, solution, plugin)]
+    beams = _with_usual_height([*_beams(grid, landmarks, solution, plugin)])
+    structures = [*_uprights(grid, landmarks, solution, plugin, beams), *beams]
     return [replace(structure, solid=_solid(structure, depth_m)) for structure in structures]
 
 
@@ -42,17 +50,18 @@ def _solid(structure: Structure, depth_m: float | None) -> Solid:
 
 
 def _uprights(
-    grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, plugin: str
+    grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, plugin: str, beams: Sequence[Structure]
 ) -> Iterator[Structure]:
     """The uprights of which both edges were tracked."""
     for upright in sorted({number for number, _ in grid.columns}):
         if (upright, "left") not in grid.columns or (upright, "right") not in grid.columns:
             continue
         left, right = grid.columns[upright, "left"][0], grid.columns[upright, "right"][0]
-        heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, grid, landmarks), TOP_SIGMA_M))
+        heights = ((0.0, FLOOR_SIGMA_M), (_top(upright, beams), TOP_SIGMA_M))
         ends = [_at_height(landmarks[name], y, sigma) for y, sigma in heights for name in (left, right)]
-        attributes = {
+        attributes: dict[str, Attribute] = {
             "upright": upright,
+            "ends": "top assumed",
             "width_m": float(landmarks[right].position[0] - landmarks[left].position[0]),
             "width_sigma_m": solution.difference_sigma(plugin, left, right, 0),
         }
@@ -64,7 +73,7 @@ def _structure(
     label: str,
     corners: Sequence[str],
     vertices: Sequence[tuple[Floats, Floats]],
-    attributes: Mapping[str, float],
+    attributes: Mapping[str, Attribute],
 ) -> Structure:
     """The structure whose corners have these positions and covariances."""
     positions, covariances = (np.array(part) for part in zip(*vertices, strict=True))
@@ -72,9 +81,10 @@ def _structure(
     return Structure(name, label, positions, covariances, labels, RING, attributes)
 
 
-def _top(upright: int, grid: TrackGrid, landmarks: Mapping[str, Landmark]) -> float:
-    beside = [names[0] for (section, _, _), names in grid.rows.items() if section in (upright - 1, upright)]
-    return max(float(landmarks[name].position[1]) for name in beside or [names[0] for names in grid.rows.values()])
+def _top(upright: int, beams: Sequence[Structure]) -> float:
+    """The highest edge beside an upright, or of all where no beam is beside it."""
+    beside = [beam for beam in beams if beam.attributes["section"] in (upright - 1, upright)]
+    return max((float(beam.vertices[:, 1].max()) for beam in beside or beams), default=0.0)
 
 
 def _at_height(landmark: Landmark, y: float, sigma: float) -> tuple[Floats, Floats]:
@@ -92,13 +102,50 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             continue
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
         lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
-        attributes = {
+        attributes: dict[str, Attribute] = {
             "section": section,
             "beam": beam,
             "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
             "height_sigma_m": solution.difference_sigma(plugin, lower, upper, 1),
         }
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
+
+
+def _with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
+    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere."""
+    unmeasured = [_unmeasured(beam) for beam in beams]
+    heights = [_height(beam) for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
+    if len(heights) < LEAST_PROFILES:
+        return [*beams]
+    usual = float(np.median(heights))
+    return [_as_high(beam, usual, edges) if any(edges) else beam for beam, edges in zip(beams, unmeasured, strict=True)]
+
+
+def _height(beam: Structure) -> float:
+    return float(beam.vertices[2:, 1].mean() - beam.vertices[:2, 1].mean())
+
+
+def _unmeasured(beam: Structure) -> tuple[bool, bool]:
+    """Whether a beam's lower and upper edge were measured nowhere."""
+    unsure = beam.covariances[:, 1, 1] > UNMEASURED_M**2
+    return bool(unsure[:2].all()), bool(unsure[2:].all())
+
+
+def _as_high(beam: Structure, height: float, unmeasured: tuple[bool, bool]) -> Structure:
+    """A beam of a height, which was measured nowhere at one edge or at both."""
+    if all(unmeasured):
+        return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER})
+    vertices, covariances, sigma = beam.vertices.copy(), beam.covariances.copy(), PROFILE_SHARE * height
+    free, held = (slice(2), slice(2, None)) if unmeasured[0] else (slice(2, None), slice(2))
+    vertices[free, 1] = vertices[held, 1] + (-height if unmeasured[0] else height)
+    covariances[free, 1, :] = covariances[free, :, 1] = 0.0
+    covariances[free, 1, 1] = covariances[held, 1, 1] + sigma**2
+    sizes: dict[str, Attribute] = {
+        "height_m": height,
+        "height_sigma_m": sigma,
+        NOT_SEEN: f"{'lower' if unmeasured[0] else 'upper'} edge not seen",
+    }
+    return replace(beam, vertices=vertices, covariances=covariances, attributes={**beam.attributes, **sizes})
 
 
 def _corner(

@@ -188,7 +188,12 @@ class Shelves:
 
             write_json(site, path, self.name)
 
-        return {"slots-csv": write_csv, "slots-json": write_json}
+        def write_elements(site: "SiteMap", path: Path) -> None:
+            from savmap_shelves.report import element_files
+
+            element_files.write_csv(site, path, self.name)
+
+        return {"elements-csv": write_elements, "slots-csv": write_csv, "slots-json": write_json}
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":

@@ -7,14 +7,13 @@ a view is widened until it mostly shows two, which tracking needs.
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 
 from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.field_of_view import Fitted, fit_count, fit_height
 from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, tilted
+from savmap.vision.view_planning import Face, Manual, PassPreview, Side, choose_face, tilted
 
 Predict = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
@@ -22,6 +21,8 @@ MAX_SLOPE = 0.2
 MOST_FRAMES = 0.6
 CACHED_VIEWS = 20
 LARGEST_STEP_RAD = 0.13
+SEEN_TOO = 0.3
+"""A face on the other hand that scores so large a share of the best one's is a rack, too."""
 HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 
 
@@ -29,7 +30,7 @@ def aim_at_face(
     pass_preview: PassPreview,
     predict: Predict,
     extract: Extract,
-    side: Literal["left", "right"] | None,
+    side: Side | None,
     manual: Mapping[str, Manual],
 ) -> ViewPlan:
     """The view "face" of a pass, the attitude and the direction of travel that go with it."""
@@ -43,12 +44,21 @@ def aim_at_face(
     manual_face = manual.get("face", Manual())
     whole = fit_height(pass_preview, face, lambda view: extent(predict(view)), manual=manual_face, name="face")
     if whole.warning and manual_face == Manual():
-        return ViewPlan(
-            halves(face), face.world_from_rig, face.travel, ("view face: too high for one view, two are used",)
-        )
+        notes = (*which_hand(face, side), "view face: too high for one view, two are used")
+        return ViewPlan(halves(face), face.world_from_rig, face.travel, notes)
     wide = widened(pass_preview, whole.spec, lambda view: count_uprights(extract(view, predict(view))), manual_face)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
-    return ViewPlan((wide.spec,), face.world_from_rig, face.travel, notes)
+    return ViewPlan((wide.spec,), face.world_from_rig, face.travel, (*which_hand(face, side), *notes))
+
+
+def which_hand(face: Face, side: Side | None) -> tuple[str, ...]:
+    """A note on which of two racks is mapped where either side of the way shows one and nobody said which is meant."""
+    if side or face.hand is None or face.across_score < SEEN_TOO * face.score:
+        return ()
+    other = "right" if face.hand == "left" else "left"
+    return (
+        f"there are racks on both sides; the one on the {face.hand} of the way is mapped; `--side {other}`, in a site file `side: {other}`, maps the other",
+    )
 
 
 def frame_interval(pass_preview: PassPreview, spec: ViewSpec) -> int:

@@ -1,13 +1,17 @@
 """Commands about maps that are made: scores, report, other formats, where a structure is."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from savmap.cli.commands.options import MapFile, warn_of_earlier
 from savmap.cli.speech import say, say_all
+
+if TYPE_CHECKING:
+    from savmap.types import SiteMap
 
 
 def evaluate(
@@ -153,6 +157,18 @@ def export(
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
     export_map(site_map, name, output, known, broken)
     say(f"wrote {output}")
+    for note in _left_out_or_doubted(site_map, row):
+        say(f"note: {note}")
+
+
+def _left_out_or_doubted(site_map: "SiteMap", row: str | None) -> Iterator[str]:
+    """What a file that was written of a map does not show: the rows that it lacks, and those that are to be checked first."""
+    for name in site_map.failed if row is None else ():
+        yield f"row {name} could not be mapped, and is not in it"
+    for name, mapped in site_map.rows.items():
+        count = len(mapped.verdict.doubts) if mapped.verdict else 0
+        if count:
+            yield f"check row {name} before use: its verdict names {count} {'doubts' if count > 1 else 'doubt'} (`savmap view`, report.html)"
 
 
 def align(
@@ -186,12 +202,14 @@ def find(
 ) -> None:
     """Say where in a map a structure is, or a place between structures."""
     from savmap.maps.map_file import read_map
-    from savmap.maps.search import find_structures
+    from savmap.maps.search import find_structures, places_within
     from savmap.report.site_report import places_of
 
     site_map = read_map(map_file)
     for hit in find_structures(site_map, name, lambda: places_of(site_map)):
         say(hit)
+        for part in places_within(site_map, hit, places_of(site_map)):
+            say(f"  {part}")
 
 
 def measure(

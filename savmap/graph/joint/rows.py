@@ -25,6 +25,7 @@ from savmap.graph.keys import centre_key, frame_key, rekey, row_of
 from savmap.graph.problem import Problem
 from savmap.graph.solver.elimination import KeyPosition, aisle_positions, hub_keys, ordering_of
 from savmap.graph.solver.halves import half_differences
+from savmap.graph.solver.judgement.contradictions import LOOSELY
 from savmap.graph.solver.judgement.reference_tests import tested_keys
 from savmap.graph.solver.levenberg_marquardt import LevenbergMarquardt
 from savmap.graph.solver.optimise import (
@@ -69,7 +70,10 @@ def _beside_refused(
     if isinstance(result, SolveError):
         return result
     refused = [
-        Doubt("reference", f"row {problems[other].camera.facts.name}, on the same drive, cannot be mapped: {error}")
+        Doubt(
+            "reference",
+            f"row {problems[other].camera.facts.name}, on the same drive, cannot be mapped, and what is wrong with it may be given for both",
+        )
         for other, error in enumerate(results)
         if isinstance(error, SolveError) and set(moments[row]) & set(moments[other])
     ]
@@ -134,7 +138,19 @@ class JointRows:
             for alone, joint, *parts in zip(self.iterates, moved, tested, reported, strict=True)
         ]
         _require_references_fit(self.iterates, solutions)
-        return [replace(row, report={**row.report, "solved_together": self._names}) for row in solutions]
+        return [
+            replace(row, report={**row.report, "solved_together": self._names}, unchecked=self._by_itself(row))
+            for row in solutions
+        ]
+
+    def _by_itself(self, row: Solution) -> tuple[str, ...]:
+        """What nothing would notice in a row by itself: the others' references give the scale of all."""
+        return tuple(
+            line
+            if line.startswith(LOOSELY)
+            else f"{line} ({self._names} are solved together: another's references count here, too)"
+            for line in row.unchecked
+        )
 
     @property
     def _names(self) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 from savmap.types import Floats, Measured, SiteMap, Structure
 
 Colour = tuple[float, float, float]
+BETWEEN = " | "
+"""Between several texts in one cell."""
 IN_BRACKETS = "{} ({})"
 """The form of a name with a number, for people to read."""
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999")

@@ -13,7 +13,7 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_bytes, write_text
 from savmap.maps.exports.frames import in_site, require_one_frame
-from savmap.maps.exports.marks import bytes_of, colours, sigmas
+from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, doubts, sigmas
 from savmap.types import SiteMap, Structure
 
 FORMULAS = tuple("=+-@")
@@ -31,13 +31,14 @@ COLUMNS = [
     "sigma_y_m",
     "sigma_z_m",
     "text",
+    "doubts",
 ]
 
 
 def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
-    standard deviations, m. Raises OutputError."""
-    stream = io.StringIO()
+    standard deviations, m; last what is written on it and what speaks against it. Raises OutputError."""
+    stream, said = io.StringIO(), doubts(site)
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
@@ -47,7 +48,8 @@ def write_csv(site: SiteMap, path: Path) -> None:
                 vertices = _vertices(in_site(structure, site.placements.get(row.name)))
                 start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
                 text = cell(str(structure.attributes.get("text", "")))
-                table.writerows((*start, *vertex, text) for vertex in vertices)
+                against = cell(BETWEEN.join(said.get((row.name, structure.id), ())))
+                table.writerows((*start, *vertex, text, against) for vertex in vertices)
     write_text(path, stream.getvalue())
 
 

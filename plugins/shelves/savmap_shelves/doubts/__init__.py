@@ -8,13 +8,13 @@ import numpy as np
 from savmap.types import Doubt, Structure
 from savmap_shelves.doubts.levels import odd_levels
 from savmap_shelves.doubts.sides import beams_with_sides
-from savmap_shelves.doubts.sizes import odd_bays, odd_scale, odd_sizes
+from savmap_shelves.doubts.sizes import odd_bays, odd_scale, odd_sizes, unmeasured_edges
 
 
 def doubts_of(structures: Sequence[Structure]) -> list[Doubt]:
     """Doubts of kind `shape`, each with the ids of the elements that it is about."""
     by_id = {structure.id: structure for structure in structures}
-    checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels)
+    checks = (odd_scale, odd_bays, odd_sizes, unmeasured_edges, beams_with_sides, odd_levels)
     found = [doubt for check in checks for doubt in check(structures)]
     return [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Floats, Structure
-from savmap_shelves.mapping import Elements, MappedSection, sections_of, uprights_of
+from savmap_shelves.mapping import NEITHER, NOT_SEEN, Elements, MappedSection, sections_of, uprights_of
 
 WIDE, NARROW = 1.8, 0.4
 THICK, THIN = 1.7, 0.55
@@ -75,6 +75,16 @@ def odd_sizes(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str,
     told = {name for _, ids in implausible for name in ids}
     beams = [section.beams for section in sections]
     yield from (odd for odd in _unlike_their_section(beams) if odd[1][0] not in told)
+
+
+def unmeasured_edges(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Beams of which an edge was measured nowhere."""
+    for beam in structures:
+        said, height = beam.attributes.get(NOT_SEEN), beam.attributes.get("height_m")
+        if said == NEITHER:
+            yield f"{beam.id}: what the pictures show of its edges is at no one place", (beam.id,)
+        elif said is not None and isinstance(height, float):
+            yield f"{beam.id}: {said}: it is put where a beam {100 * height:.1f} cm high has it", (beam.id,)
 
 
 def _is_of_another_rack(section: MappedSection, uprights: Floats) -> bool:

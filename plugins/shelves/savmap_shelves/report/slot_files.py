@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.files.atomic import write_text
 from savmap.files.texts import json_visible
+from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.plain import cell
 from savmap.types import Measured, SiteMap
 from savmap_shelves.report.slots import Slot, slots_of
@@ -18,9 +19,6 @@ FORMAT, VERSION = "savmap-slots", 1
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 LENGTH, SIGMA = 4, 5
 """Decimals."""
-BETWEEN = " | "
-"""Between the texts of several signs in one cell."""
-
 Sigma = Annotated[float, Field(ge=0)]
 Vector = tuple[float, float, float]
 Deviations = tuple[Sigma, Sigma, Sigma]
@@ -65,6 +63,8 @@ class SlotEntry(_Part):
     """From the face to the back."""
     depth: Literal["given", "assumed"]
     """Whether the depth was given in the site file, or assumed to be the usual."""
+    doubts: tuple[str, ...]
+    """What speaks against the uprights and beams around the opening, by the row's verdict: look before its sizes are used."""
 
 
 class SlotFile(_Part):
@@ -80,7 +80,7 @@ COLUMNS = [
     *("row", "frame", "bay", "level", "sign", "bay_sign"),
     *("x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m"),
     *("clear_width_m", "sigma_clear_width_m", "clear_height_m", "sigma_clear_height_m"),
-    *("load_height_m", "sigma_load_height_m", "depth_m", "depth"),
+    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "doubts"),
 ]
 
 
@@ -122,6 +122,7 @@ def _entry(slot: Slot) -> dict[str, Any]:
         **_measured("load_height", slot.load_height),
         "depth_m": _rounded(slot.depth_m, LENGTH),
         "depth": "assumed" if slot.depth_assumed else "given",
+        "doubts": list(slot.doubts),
     }
 
 
@@ -136,7 +137,7 @@ def _rounded(value: float, decimals: int) -> float:
 
 def _cells(slot: Slot) -> list[str]:
     entry = _entry(slot)
-    texts = {"sign": entry.pop("signs"), "bay_sign": entry.pop("bay_signs")}
+    texts = {"sign": entry.pop("signs"), "bay_sign": entry.pop("bay_signs"), "doubts": entry.pop("doubts")}
     axes = zip("xyz", entry.pop("centre_m"), entry.pop("sigma_centre_m"), strict=True)
     entry |= {key: value for axis, at, sigma in axes for key, value in ((f"{axis}_m", at), (f"sigma_{axis}_m", sigma))}
     entry |= {key: BETWEEN.join(several) for key, several in texts.items()}

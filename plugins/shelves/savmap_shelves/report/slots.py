@@ -1,12 +1,13 @@
 """The openings of racks: where goods stand, how wide and high each is, and how surely that is known."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.maps.exports.frames import alignment_of, in_site, in_world
+from savmap.maps.exports.marks import doubts
 from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
@@ -22,7 +23,8 @@ class Slot:
 
     `centre` (3,) m lies in the face, in the world's frame (z up), or, with `frame` "row", in the row's own turned z up; `covariance` (3, 3).
     The topmost opening is open above (`clear_height` None): its centre is on its load level. `load_height` is that of what goods stand on
-    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's.
+    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's. `doubts`: what speaks
+    against the uprights and beams around it.
     """
 
     row: str
@@ -38,12 +40,13 @@ class Slot:
     load_height: Measured
     depth_m: float
     depth_assumed: bool
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Bay:
-    """A section of a row: from where to where it is open along x, its clear width, its depth, z of its face and the beams from the floor
-    up, each as its lower and its upper edge; all m in the row's frame."""
+    """A section of a row: from where to where it is open along x, its clear width, its depth, z of its face, the beams from the floor up, and the ids of
+    the uprights beside it; all m in the row's frame."""
 
     number: int
     extent: tuple[Measured, Measured]
@@ -52,17 +55,19 @@ class Bay:
     depth_assumed: bool
     face: Measured
     beams: Sequence[Structure]
+    uprights: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Opening:
     """A space of a bay: its level (0 on the floor), the height of what goods stand on, of the beam above and of the clear space between,
-    m; the last two are None where it is open above."""
+    m; the last two are None where it is open above. `beams`: the ids of those below and above."""
 
     level: int
     floor: Measured
     roof: Measured | None
     clear_height: Measured | None
+    beams: tuple[str, ...]
 
 
 def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
@@ -79,7 +84,8 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     placement = site.placements.get(row.name)
     alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
     known = placement is not None or alignment is not None
-    slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs)]
+    said = {name: doubt for (owner, name), doubt in doubts(site).items() if owner == row.name}
+    slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs, said)]
     if not slots:
         return []
     centres = np.array([slot.centre for slot in slots])
@@ -131,6 +137,7 @@ def _bay(
         solid is None or solid.assumed,
         face,
         beams,
+        tuple(upright.id for upright in beside),
     )
 
 
@@ -142,7 +149,7 @@ def openings_of(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterato
         height = roof
         if above is not None and below is not None:
             height = gap(joint, plugin, (below, "upper"), (above, "lower"), 1)
-        yield Opening(level, floor, roof, height)
+        yield Opening(level, floor, roof, height, tuple(beam.id for beam in (below, above) if beam is not None))
 
 
 def edge(structure: Structure, axis: int, side: str = "") -> Measured:
@@ -171,8 +178,10 @@ def _vertex_on(structure: Structure, side: str) -> int:
     return next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
 
 
-def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]) -> Iterator[Slot]:
-    """The openings of a bay from the floor up, in the row's frame."""
+def _slots_of_bay(
+    row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure], said: Mapping[str, Sequence[str]]
+) -> Iterator[Slot]:
+    """The openings of a bay from the floor up, in the row's frame. `said`: what speaks against structures, by id."""
     here = sorted((part for part in signs if part.attributes["bay"] == f"section {bay.number}"), key=_middle_x)
     at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
     for opening in openings_of(bay, row.joint, plugin):
@@ -192,6 +201,7 @@ def _slots_of_bay(row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure]
             opening.clear_height,
             opening.floor,
             *depth,
+            tuple(dict.fromkeys(doubt for name in (*bay.uprights, *opening.beams) for doubt in said.get(name, ()))),
         )
 
 

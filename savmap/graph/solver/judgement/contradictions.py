@@ -32,6 +32,9 @@ ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
+LOOSELY = "nothing would notice an error"
+UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
+SAME_IN_UNIT = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,11 +228,19 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
     elif alone:
         yield f"nothing checks {' and '.join(alone)}: scale and place are as right as these; a second measured length would tell"
     loose.sort(key=lambda one: -one[0])
-    sizes = [f"of {unnoticed:.2f} m in {name}" for unnoticed, name in loose[:NAMED]]
+    sizes = [f"of {unnoticed:.2f} m in {name}{_otherwise(agreed, name, out)}" for unnoticed, name in loose[:NAMED]]
     if len(loose) > NAMED:
         sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
     if loose:
-        yield f"nothing would notice an error {', '.join(sizes)}; a second measured length would tell"
+        yield f"{LOOSELY} {', '.join(sizes)}; a second measured length would tell"
+
+
+def _otherwise(agreed: Agreement, name: str, out: Names) -> str:
+    """What the others say of a reference; nothing of several together."""
+    if name not in agreed.all_names:
+        return ""
+    value, sigma = agreed.rest(name, out)
+    return f" (without it {value:.3f} m +- {sigma:.3f} m)"
 
 
 def _is_alone(agreed: Agreement, names: Names, out: Names) -> bool:
@@ -282,7 +293,15 @@ def _line(agreed: Agreement, name: str, out: Names) -> str:
     says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
     if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
         says = "does not fit it at all"
-    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}"
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}{_in_other_units(use.value, otherwise, sigma)}"
+
+
+def _in_other_units(value: float, otherwise: float, sigma: float) -> str:
+    """A hint where a value is what the rest says in a unit other than metres."""
+    for unit, metres in UNITS.items():
+        if abs(value * metres - otherwise) < max(2 * sigma, SAME_IN_UNIT * abs(otherwise)) and value:
+            return f" ({value:.3f} {unit} are {value * metres:.3f} m)"
+    return ""
 
 
 def _given(agreed: Agreement, name: str) -> ReferenceUse:

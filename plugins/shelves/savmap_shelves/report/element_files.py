@@ -1,0 +1,56 @@
+"""Uprights and beams as a table: CSV with a line for each, its edges, sizes and standard deviations, and what speaks against it."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from savmap.files.atomic import write_text
+from savmap.maps.exports.marks import BETWEEN, doubts
+from savmap.maps.exports.plain import cell
+from savmap.types import SiteMap, Structure
+from savmap_shelves.report.slots import edge
+
+SIDES = ("left", "right", "bottom", "top")
+SIZES = ("width", "height")
+COLUMNS = [
+    *("row", "element", "label", "section", "number"),
+    *(f"{side}_m" for side in SIDES),
+    *(f"sigma_{side}_m" for side in SIDES),
+    *(name for size in SIZES for name in (f"{size}_m", f"sigma_{size}_m")),
+    *("remark", "doubts"),
+]
+ON_BEAMS = {"bottom": "lower", "top": "upper"}
+"""What beams call these sides."""
+
+
+def write_csv(site: SiteMap, path: Path, plugin: str) -> None:
+    """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes, m. An empty cell for what an
+    element has not, such as an upright a section. Raises OutputError."""
+    text, said = io.StringIO(), doubts(site)
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for row in site.rows.values():
+        for element in row.structures.get(plugin, ()):
+            table.writerow(_cells(row.name, element, said.get((row.name, element.id), ())))
+    write_text(path, text.getvalue())
+
+
+def _cells(row: str, element: Structure, against: Sequence[str]) -> list[str]:
+    own = element.attributes
+    names = [ON_BEAMS.get(side, side) if element.label == "beam" else side for side in SIDES]
+    sides = [edge(element, number // 2, name) for number, name in enumerate(names)]
+    sizes = {name: (value, sigma) for name, value, sigma in element.sizes()}
+    return [
+        *map(cell, (row, element.id, element.label)),
+        *(str(own.get(key, "")) for key in ("section", element.label)),
+        *(f"{side.value:.4f}" for side in sides),
+        *(f"{side.sigma:.5f}" for side in sides),
+        *(
+            text
+            for size in SIZES
+            for text in ((f"{value:.5f}" for value in sizes[size]) if size in sizes else ("", ""))
+        ),
+        cell(str(own.get("edges", own.get("ends", "")))),
+        cell(BETWEEN.join(against)),
+    ]
