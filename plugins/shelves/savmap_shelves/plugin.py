@@ -188,12 +188,12 @@ class Shelves:
 
             write_json(site, path, self.name)
 
-        def write_elements(site: "SiteMap", path: Path) -> None:
-            from savmap_shelves.report import element_files
+        def write_all(site: "SiteMap", path: Path) -> None:
+            from savmap_shelves.report.element_files import write_elements
 
-            element_files.write_csv(site, path, self.name)
+            write_elements(site, path, self.name)
 
-        return {"elements-csv": write_elements, "slots-csv": write_csv, "slots-json": write_json}
+        return {"elements-csv": write_all, "slots-csv": write_csv, "slots-json": write_json}
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":

@@ -24,7 +24,7 @@ ON_BEAMS = {"bottom": "lower", "top": "upper"}
 """What beams call these sides."""
 
 
-def write_csv(site: SiteMap, path: Path, plugin: str) -> None:
+def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
     """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes, m. An empty cell for what an
     element has not, such as an upright a section. Raises OutputError."""
     text, said = io.StringIO(), doubts(site)
