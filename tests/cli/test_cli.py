@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pytest
 
 from savmap.cli.app import main
 from savmap.maps.map_file import write_map
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Trajectory, Verdict
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
@@ -277,6 +278,24 @@ def test_the_ending_of_an_exported_file_tells_its_format(
     with pytest.raises(SystemExit) as end:
         main()
     assert (end.value.code, capsys.readouterr().out) == (0, f"wrote {output}\n")
+
+
+def test_an_export_tells_what_the_file_does_not_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = _one_row()
+    doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
+    write_map(replace(site, rows={"A": doubted}, failed={"B": "no scale"}), tmp_path / "map.json")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", "export", "map.json", "-o", "posts.csv"])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().out.splitlines() == [
+        "wrote posts.csv",
+        "note: row B could not be mapped, and is not in it",
+        "note: check row A before use: its verdict names 1 doubt (`savmap view`, report.html)",
+    ]
+    assert (tmp_path / "posts.csv").read_text(encoding="utf-8").splitlines()[1].endswith(",odd")
 
 
 def test_align_writes_the_map_where_it_stands(

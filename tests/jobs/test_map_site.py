@@ -1,14 +1,16 @@
 """What ends a run, and what only is told."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from savmap.errors import PluginError
+from savmap.errors import PluginError, SolveError
 from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
 from savmap.jobs.scheduler import MappedRows, RunOptions
+from savmap.jobs.tasks import Failure
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog
 from savmap.report.site_report import viewed
@@ -84,6 +86,21 @@ def test_pictures_of_rows_that_are_gone_are_removed_and_nothing_else(
     left = {file.name for file in tmp_path.iterdir()}
     assert not left & set(ours)
     assert {*theirs, "map.json", f"face-{name}.png", f"plan-{name}.png"} <= left
+
+
+def test_pictures_of_a_row_that_is_refused_now_are_removed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    name, other = next(iter(job.site.rows)), "other"
+    job = replace(job, site=job.site.model_copy(update={"rows": {**job.site.rows, other: job.site.rows[name]}}))
+    rows = {row: RowMap(row, FrameTable(np.zeros(0), ()), {}, path, {}, ()) for row in (name, other)}
+    write_map(SiteMap(rows, {}), tmp_path / "map.json")
+    (tmp_path / f"face-{other}.jpg").write_text("of an earlier run", encoding="utf-8")
+    failed = Failure(SolveError("no scale"))
+    mapped = MappedRows({name: rows[name]}, {other: failed}, RunLog(rows={}))
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
+    map_job_into(job, RunOptions(jobs=0), NoteCollector())
+    assert not (tmp_path / f"face-{other}.jpg").exists()
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"rows": {"old": 1}}', '{"format": "savmap-map", "rows": ["old"]}'])

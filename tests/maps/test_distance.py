@@ -77,3 +77,24 @@ def test_what_nothing_measured_is_said() -> None:
         vertex_distance(SiteMap({"A": replace(whole, structures={"posts": posts})}, {}), "post 1 / top", "post 2 / top")
     )
     assert both.count("was not measured") == 2
+
+
+def test_an_edge_as_site_files_call_it_is_measured_from() -> None:
+    own = row("A")
+    labels = ("left / bottom", "left / top", "right / bottom", "right / top")
+    corners = np.array([[x, y, 0.0] for x in (0.0, 0.1) for y in (0.0, 5.0)])
+    posts = tuple(
+        Structure(
+            f"post {number}",
+            "post",
+            corners + np.array([3.0 * number, 0, 0]),
+            np.tile(OWN * np.eye(3), (4, 1, 1)),
+            tuple(f"post {number} / {label}" for label in labels),
+            np.zeros((0, 2), np.int64),
+        )
+        for number in (1, 2)
+    )
+    site = SiteMap({"A": replace(own, structures={"posts": posts}, joint=None)}, {})
+    assert vertex_distance(site, "post 1 / left", "A: Post 2 / right").apart.tolist() == pytest.approx([3.1, 0.0, 0.0])
+    with pytest.raises(SiteError, match="`post 1` is no vertex"):
+        vertex_distance(site, "post 1", "post 2 / right")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError
-from savmap.maps.search import find_structures
+from savmap.maps.search import find_structures, places_within
 from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 
@@ -146,10 +146,22 @@ def places() -> dict[str, dict[str, list[Structure]]]:
         ("level 1 of section 2 in A", ["A section 2 / level 1"]),
         ("row A / section 02 / level 0", ["A section 2 / level 0"]),
         ("row A, section 1 / bar 1", ["A section 1 / bar 1"]),
+        ("row A section 1", ["A section 1"]),
+        ("Row b bar 2 of section 1", ["B section 1 / bar 2"]),
     ],
 )
 def test_what_a_description_means_is_found(hall: SiteMap, name: str, found: list[str]) -> None:
     assert [f"{hit.row} {hit.structure.id}" for hit in find_structures(hall, name, places)] == found
+
+
+def test_a_place_is_told_with_the_places_within(hall: SiteMap) -> None:
+    section = next(hit for hit in find_structures(hall, "section 2", places) if hit.structure.label == "section")
+    assert [hit.structure.id for hit in places_within(hall, section, places())] == [
+        "section 2 / level 0",
+        "section 2 / level 1",
+    ]
+    (bar,) = find_structures(hall, "row A, section 1 / bar 1", places)
+    assert places_within(hall, bar, places()) == []
 
 
 def test_without_places_its_parts_are_found(hall: SiteMap) -> None:

@@ -82,6 +82,14 @@ def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side:
     assert other.travel == -travel
 
 
+def test_the_other_hands_face_is_scored_too() -> None:
+    pass_ = pass_preview(*TURNS[0])
+    both = choose_face(pass_, lambda spec, panorama: 1.0)
+    assert (both.score, both.across_score) == (1.0, 1.0)
+    assert choose_face(pass_, lambda spec, panorama: 1.0, "left").across_score == 0.0
+    assert choose_face(pass_, redness).across_score < 0.1 * choose_face(pass_, redness).score
+
+
 @pytest.mark.parametrize("drift", [0.0, 9.0])
 def test_axes_are_found_where_the_heading_drifts(drift: float) -> None:
     """A stabiliser's heading, or a cart that is not pushed straight: each key frame is turned by so much more than the last."""

@@ -37,7 +37,7 @@ def describe(
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
-    beams = _with_usual_height([*_beams(grid, landmarks, solution, plugin)])
+    beams = with_usual_height([*_beams(grid, landmarks, solution, plugin)])
     structures = [*_uprights(grid, landmarks, solution, plugin, beams), *beams]
     return [replace(structure, solid=_solid(structure, depth_m)) for structure in structures]
 
@@ -111,7 +111,7 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 
-def _with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
+def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
     """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere."""
     unmeasured = [_unmeasured(beam) for beam in beams]
     heights = [_height(beam) for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]

@@ -158,7 +158,17 @@ def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> 
 def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
     [line] = made.solved(four).unchecked
     assert "nothing would notice an error of" in line
-    assert " m in length upright 1 / left to upright 5 / right" in line
+    assert " m in length upright 1 / left to upright 5 / right (without it " in line
+    said = line.split("upright 5 / right (without it ")[1].split()
+    length = next(iter(made.references(four).lengths)).value_m
+    assert float(said[0]) == pytest.approx(length, abs=4 * float(said[3]))
+
+
+def test_a_length_in_feet_is_told(four: made.World) -> None:
+    lengths = tuple(replace(one, value_m=one.value_m / 0.3048) for one in made.references(four).lengths)
+    references = replace(made.references(four), lengths=lengths)
+    (doubt,) = solve(problem(four, list(four.rack.lowest), references)).doubts
+    assert f"feet are {made.references(four).lengths[0].value_m:.3f} m" in doubt.what
 
 
 @pytest.mark.parametrize("height_m", [3.05, 2.0])

@@ -1,9 +1,14 @@
-"""What two rows have of one rack."""
+"""What two rows have of one rack, and beams of which an edge was measured nowhere."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
+from perfect_maps import structures_of, surveyed_row
 
 from savmap.types import Structure
-from savmap_shelves.mapping import DEEPEST_RACK_M, FRAME_SIGMA_M, cross_row_landmarks
+from savmap_shelves.doubts import doubts_of
+from savmap_shelves.mapping import DEEPEST_RACK_M, FRAME_SIGMA_M, cross_row_landmarks, with_usual_height
 
 
 def thing(label: str, left: float) -> Structure:
@@ -18,3 +23,35 @@ def test_uprights_are_shared_along_the_rack_with_its_other_face() -> None:
     assert (found.id, found.kind, found.axes, found.behind_m) == ("upright 1", "upright", ("x",), DEEPEST_RACK_M)
     assert np.isclose(found.place[0], 3.65)
     assert np.isclose(found.covariance[0, 0], 0.012**2 / 2 + 0.5e-8 + FRAME_SIGMA_M**2)
+
+
+def beams_with_free_edges(*edges: str) -> list[Structure]:
+    """The beams of a perfect map; these edges of one 1.2 to 1.3 m above the floor were measured nowhere, and lie below the other."""
+    beams = [part for part in structures_of(surveyed_row()) if part.label == "beam"]
+    vertices, covariances = beams[1].vertices.copy(), beams[1].covariances.copy()
+    for edge in edges:
+        own = slice(2) if edge == "lower" else slice(2, None)
+        vertices[own, 1], covariances[own, 1, 1] = 1.24, 70.0**2
+    beams[1] = replace(beams[1], vertices=vertices, covariances=covariances)
+    return beams
+
+
+@pytest.mark.parametrize("edge", ["lower", "upper"])
+def test_an_edge_measured_nowhere_is_where_most_beams_have_it(edge: str) -> None:
+    beams = with_usual_height(beams_with_free_edges(edge))
+    np.testing.assert_allclose(beams[1].vertices[:, 1], [1.2, 1.2, 1.3, 1.3])
+    assert 0.01 < np.sqrt(beams[1].covariances[0 if edge == "lower" else 2, 1, 1]) < 0.05
+    assert beams[1].attributes["height_m"] == pytest.approx(0.1)
+    assert [one.what for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
+        f"section 1 / beam 2: {edge} edge not seen: it is put where a beam 10.0 cm high has it"
+    ]
+
+
+def test_a_beam_of_which_no_edge_was_measured_is_doubted() -> None:
+    beams = with_usual_height(beams_with_free_edges("lower", "upper"))
+    assert any("its edges is at no one place" in one.what for one in doubts_of(beams))
+
+
+def test_a_beam_that_was_measured_stays() -> None:
+    beams = beams_with_free_edges()
+    assert with_usual_height(beams) == beams

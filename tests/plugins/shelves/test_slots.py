@@ -14,6 +14,7 @@ from savmap.errors import OutputError
 from savmap.maps.exports.frames import only_row, world_from_row
 from savmap.types import (
     Alignment,
+    Doubt,
     FrameTable,
     JointCovariance,
     Placement,
@@ -22,7 +23,9 @@ from savmap.types import (
     Solid,
     Structure,
     Trajectory,
+    Verdict,
 )
+from savmap_shelves.report.element_files import write_elements
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_json
 from savmap_shelves.report.slots import slots_of
 
@@ -145,6 +148,30 @@ def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
     assert [slot.frame for slot in kept] == [slot.frame for slot in chosen]
     alone = slots_of(SiteMap({"A": row("A")}, {}, alignment=aligned), "shelves")
     assert {slot.frame for slot in alone} == {"world"}
+
+
+def doubted_row() -> RowMap:
+    against = Doubt("shape", "one of its edges may be something else's", ("section 1 / beam 2",))
+    return replace(row(), verdict=Verdict((against,)))
+
+
+def test_openings_beside_what_is_doubted_say_so(tmp_path: Path) -> None:
+    site = SiteMap({"A": doubted_row()}, {})
+    doubted = [(slot.bay, slot.level) for slot in slots_of(site, "shelves") if slot.doubts]
+    assert doubted == [(1, 1), (1, 2)]
+    write_csv(site, tmp_path / "slots.csv", "shelves")
+    lines = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
+    assert [line["doubts"] for line in lines[:3]] == ["", *["one of its edges may be something else's"] * 2]
+
+
+def test_elements_are_a_line_each(tmp_path: Path) -> None:
+    write_elements(SiteMap({"A": doubted_row()}, {}), tmp_path / "elements.csv", "shelves")
+    lines = list(csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines()))
+    assert [line["element"] for line in lines[:2]] == ["upright 1", "upright 2"]
+    beam = next(line for line in lines if line["element"] == "section 1 / beam 2")
+    assert (beam["section"], beam["number"], beam["bottom_m"], beam["top_m"]) == ("1", "2", "1.2000", "1.3000")
+    assert (beam["left_m"], beam["right_m"], beam["sigma_top_m"]) == ("0.1000", "3.7000", "0.01000")
+    assert [line["element"] for line in lines if line["doubts"]] == ["section 1 / beam 2"]
 
 
 def test_json_is_as_the_published_schema_says(tmp_path: Path) -> None:

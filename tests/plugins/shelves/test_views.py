@@ -9,9 +9,9 @@ import pytest
 from savmap.geometry import pinhole
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
 from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, PassPreview
+from savmap.vision.view_planning import Face, Manual, PassPreview, Side
 from savmap.vision.views import Renderer
-from savmap_shelves.views import cached, count_uprights, frame_interval, halves, widened
+from savmap_shelves.views import cached, count_uprights, frame_interval, halves, which_hand, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -105,3 +105,18 @@ def test_uprights_are_counted_once() -> None:
         for label, part, number in (("upright", "left", 0), ("upright", "right", 0), ("upright", "left", 1))
     ]
     assert count_uprights(edges) == 2
+
+
+@pytest.mark.parametrize(("travel", "hand", "other"), [(1, "left", "right"), (-1, "right", "left")])
+def test_which_of_two_racks_is_mapped_is_told(travel: int, hand: str, other: str) -> None:
+    (note,) = which_hand(Face(SPEC, travel, 1.0, 0.8), None)
+    assert f"on the {hand} of the way is mapped" in note
+    assert f"--side {other}" in note
+
+
+@pytest.mark.parametrize(
+    ("face", "side"),
+    [(Face(SPEC, 1, 1.0, 0.8), "left"), (Face(SPEC, 1, 1.0, 0.1), None), (Face(SPEC, 0, 1.0, 0.8), None)],
+)
+def test_a_single_rack_or_one_that_is_asked_for_needs_no_note(face: Face, side: Side | None) -> None:
+    assert which_hand(face, side) == ()
