@@ -5,7 +5,7 @@ stand beside the mean absolute error: a map with a good mean and a missing eleme
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -113,11 +113,20 @@ def named_counts(counts: Mapping[str, int]) -> str:
 
 
 def _row_scores(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> dict[str, Score]:
-    """By plugin."""
+    """By plugin. Where one finds that the map begins elsewhere in the row than the survey, the others' structures are moved there."""
     try:
-        return {plugin: score(row.name, plugin, group, surveyed) for plugin, group in row.structures.items()}
+        scores = {plugin: score(row.name, plugin, group, surveyed) for plugin, group in row.structures.items()}
+        begins_m = next((one.begins_m for one in scores.values() if one.begins_m), 0.0)
+        return {
+            plugin: one if one.begins_m == begins_m else score(row.name, plugin, _moved(group, begins_m), surveyed)
+            for (plugin, group), one in zip(row.structures.items(), scores.values(), strict=True)
+        }
     except OutputError as error:
         raise OutputError(f"row {row.name}: {error}") from error
+
+
+def _moved(structures: Sequence[Structure], x_m: float) -> list[Structure]:
+    return [replace(one, vertices=one.vertices + np.array([x_m, 0.0, 0.0])) for one in structures]
 
 
 def _statistics_json(errors: Floats) -> Fragment:

@@ -1,6 +1,7 @@
 """Scores of plugins pooled over rows, as JSON and as a table."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,19 @@ def test_rows_are_asked_of_the_plugins_that_mapped_them() -> None:
     assert asked == [("one", 1), ("two", 1), ("one", 2)]
     assert set(evaluation.rows) == {"A", "B"}
     assert (evaluation.not_mapped, evaluation.not_surveyed) == (("C",), ("Z",))
+
+
+def test_where_one_plugin_finds_that_the_map_begins_elsewhere_the_others_are_moved_there() -> None:
+    lamp = Structure("lamp 1", "lamp", np.zeros((1, 3)), np.eye(3)[None], ("centre",), np.zeros((0, 2), np.int64))
+    begun = replace(row("A"), structures={"racks": (), "lamps": (lamp,)})
+
+    def ask(row: str, plugin: str, structures: Sequence[Structure], surveyed: Mapping[str, Any]) -> Score:
+        if plugin == "racks":
+            return Score(begins_m=2.7)
+        return Score(errors={"place": 2.7 - structures[0].vertices[:, 0]})
+
+    (own,) = evaluate_site(site(begun), Survey({"A": {}}), ask).rows.values()
+    assert own.errors["place"].tolist() == [0.0]
 
 
 def test_deviations_are_those_of_row_and_plugin() -> None:

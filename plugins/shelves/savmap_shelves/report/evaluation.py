@@ -5,7 +5,7 @@ order. A gap is scored where both its elements are matched and nothing unmatched
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
 
@@ -181,7 +181,8 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
     pairs = _align_uprights(surveyed.upright_intervals(), uprights.intervals)
     warp = Warp(surveyed.upright_intervals(), uprights.intervals, pairs)
     beams = _score_sections(surveyed, sections_of(structures), warp)
-    return pool([_score_uprights(surveyed, uprights, pairs, warp), *beams])
+    begins_m = _beginning(surveyed.upright_intervals(), uprights.intervals, pairs)
+    return replace(pool([_score_uprights(surveyed, uprights, pairs, warp), *beams]), begins_m=begins_m)
 
 
 def _align_uprights(truth: Floats, estimate: Floats) -> list[Pair]:
@@ -221,11 +222,16 @@ class Warp:
 
 def _score_uprights(surveyed: SurveyedRow, uprights: Elements, pairs: Sequence[Pair], warp: Warp) -> Score:
     """Where the map begins at another upright than the survey, its coordinates are taken from the first matched one."""
-    truth, estimate = surveyed.upright_intervals(), uprights.intervals
-    if pairs and pairs[0] != (0, 0):
-        estimate = estimate + (truth[pairs[0][0], 0] - estimate[pairs[0][1], 0])
+    truth = surveyed.upright_intervals()
+    estimate = uprights.intervals + _beginning(truth, uprights.intervals, pairs)
     scored = [warp.inside(interval) for interval in uprights.intervals]
     return _score(UPRIGHTS, truth, Elements(uprights.ids, estimate), pairs, scored)
+
+
+def _beginning(truth: Floats, estimate: Floats, pairs: Sequence[Pair]) -> float:
+    """Where the survey has the map's x = 0: elsewhere than at 0 only if the first uprights (n, 2), (m, 2) of both are not a pair."""
+    first = next(iter(pairs), (0, 0))
+    return 0.0 if first == (0, 0) else float(truth[first[0], 0] - estimate[first[1], 0])
 
 
 def _score_sections(surveyed: SurveyedRow, sections: Sequence[MappedSection], warp: Warp) -> list[Score]:
