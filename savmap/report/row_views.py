@@ -12,7 +12,12 @@ from savmap.types import Drawing, Floats, Picture, Role, RowMap
 
 # Around what must be seen; and as parts of the width, where that is more, beside it and above and below it.
 _MARGIN_MM, _PARTS = 900.0, (0.03, 0.02)
-_ROLES: Mapping[Role, str] = {"survey": "survey", "mapped": "map", "off": "map, off by more than 5 cm or spurious"}
+_ROLES: Mapping[Role, str] = {
+    "survey": "survey",
+    "mapped": "map",
+    "doubted": "map, doubted",
+    "off": "map, off by more than 5 cm or spurious",
+}
 _MOST_POSES = 120
 _PATH_COLOURS = 5
 
@@ -131,7 +136,7 @@ def layers(
     drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Callable[[Floats], Floats]
 ) -> tuple[Layer, ...]:
     """Drawings by style, the survey underneath and what is off on top."""
-    order = {"survey": 0, "mapped": 1, "off": 2}
+    order = {"survey": 0, "mapped": 1, "doubted": 2, "off": 3}
     styles: dict[tuple[str, str, str], list[Drawing]] = {}
     for drawing in sorted(drawings, key=lambda drawing: order[drawing.role]):
         styles.setdefault((drawing.role, drawing.tone, drawing.kind), []).append(drawing)
