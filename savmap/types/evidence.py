@@ -81,12 +81,14 @@ class PlaneEvidence:
 class Expected:
     """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the path.
 
-    `absent`: what was tracked there and is none. What is measured there again is left out.
+    `absent`: what was tracked there and is none. What is measured there again is left out. `in_pieces`: it shows in pieces of which a network may see
+    nothing; where it does not, what is coloured like the others of its class is measured.
     """
 
     label: str
     outline: Floats
     absent: bool = False
+    in_pieces: bool = False
 
     def __post_init__(self) -> None:
         require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")

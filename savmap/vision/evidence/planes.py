@@ -23,6 +23,7 @@ from savmap.types import (
     ViewSpec,
     array_record,
 )
+from savmap.vision.evidence.colours import likeness
 from savmap.vision.networks.adapter import regions
 from savmap.vision.networks.segmenter import Segmentation
 
@@ -174,7 +175,8 @@ def expected_detections(
 ) -> list[Detection]:
     """The regions of a view that a network takes for one of the objects expected there, faint ones too, and nothing else.
 
-    Probabilities are raised so that half of what is usual inside an object becomes 0.5, as masks' borders are taken to be.
+    Probabilities are raised so that half of what is usual inside an object becomes 0.5, as masks' borders are taken to be. Of an object that is
+    `in_pieces`, and of which the network sees nothing, they are what is coloured like those that it sees.
     """
     found: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
@@ -182,7 +184,10 @@ def expected_detections(
         for thing in expected:
             outline = outline_in(view.spec, world_from_rig, thing.outline) if thing.label == label else None
             if outline is not None:
-                np.maximum(raised, _raised(probability, outline, settings), out=raised)
+                seen = _raised(probability, outline, settings)
+                if thing.in_pieces and not seen.any():
+                    seen = _alike(view, probability, outline)
+                np.maximum(raised, seen, out=raised)
         found += regions(label, raised, 0.5, settings.least_px)
     return found
 
@@ -197,6 +202,13 @@ def _raised(probability: Singles, outline: Floats, settings: LookSettings) -> Si
     kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
     near = np.asarray(cv2.dilate(core.view(np.uint8), kernel), np.bool_)
     return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
+
+
+def _alike(view: View, probability: Singles, outline: Floats) -> Singles:
+    """How like what the network sees elsewhere the pixels in an outline (n, 2) are, or beside it by one."""
+    inside = _filled(within_picture(outline, probability.shape), probability.shape)
+    near = np.asarray(cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)), np.bool_)
+    return np.asarray(np.where(near, likeness(view.image, probability), 0.0), np.float32)
 
 
 def _thickness(outline: Floats) -> float:

@@ -6,14 +6,12 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Structure
+from savmap_shelves.evidence.wide_steps import wide_steps
 from savmap_shelves.mapping import MappedSection, sections_of
 
 LEAST_TO_COMPARE = 4
 REGULAR = 0.8
 LEVEL_M = 0.06
-FAR, LEAST_STEPS, EVEN, AMID = 1.6, 3, 1.5, 0.15
-"""A step from beam to beam may hide one where it is so many times the usual of at least so many others of its section, the greatest of which is at most
-`EVEN` times the least, and the sections beside have beams in it, not within this share of it at its ends: 60 simulated rows have no such step."""
 
 
 def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -37,23 +35,11 @@ def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str
 
 
 def _steps(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Two beams of a section far further apart than its others, where the sections beside go on: one that stands in the shade behind goods may
-    show in no frame. A passage or a pallet's place goes through the sections beside, too, or is in one of several."""
-    for number, section in enumerate(sections):
-        levels = np.array(_heights(section))
-        steps = np.diff(levels)
-        beside = [np.array(_heights(sections[k])) for k in (number - 1, number + 1) if 0 <= k < len(sections)]
-        for k, step in enumerate(steps.tolist()):
-            others = np.delete(steps, k)
-            if len(others) < LEAST_STEPS or others.max() > EVEN * others.min() or not beside:
-                continue
-            if step <= FAR * float(np.median(others)):
-                continue
-            low, high = levels[k] + AMID * step, levels[k + 1] - AMID * step
-            if all(((other > low) & (other < high)).any() for other in beside):
-                pair = section.beams.ids[k], section.beams.ids[k + 1]
-                usual = f"{step:.2f} m apart, others of their section {float(np.median(others)):.2f} m"
-                yield f"{pair[0]} and {pair[1]} are {usual}: is one between them missing?", pair
+    for section, lower, usual in wide_steps([np.array(_heights(one)) for one in sections]):
+        heights, ids = _heights(sections[section]), sections[section].beams.ids
+        pair = ids[lower], ids[lower + 1]
+        apart = f"{heights[lower + 1] - heights[lower]:.2f} m apart, others of their section {usual:.2f} m"
+        yield f"{pair[0]} and {pair[1]} are {apart}: is one between them missing?", pair
 
 
 def _regularity(sections: Sequence[MappedSection]) -> float:

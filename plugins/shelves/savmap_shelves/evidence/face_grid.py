@@ -1,7 +1,7 @@
 """The grid of a face in its own coordinates: read off what was tracked, the patch around it, and the outlines of its objects."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,10 +18,11 @@ MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 @dataclass(frozen=True, eq=False)
 class Grid:
     """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each section between them y (m, 2) of its
-    beams' edges from the bottom."""
+    beams' edges from the bottom; `pieces`: numbers of sections and, of those that show in pieces, of levels."""
 
     posts: Floats
     sections: Sequence[Floats]
+    pieces: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def width(self) -> float:
@@ -103,10 +104,11 @@ def outlines(grid: Grid) -> list[Expected]:
     """The objects of a grid on the face. Posts reach beyond the levels at both ends, as far as the pictures show them."""
     low, high = _reach_up(grid)
     uprights = [_rectangle("upright", post, np.array([low, high])) for post in grid.posts]
+    sections = enumerate(zip(pairwise(grid.posts), grid.sections, strict=True))
     beams = [
-        _rectangle("beam", np.array([left[1], right[0]]), level)
-        for (left, right), levels in zip(pairwise(grid.posts), grid.sections, strict=True)
-        for level in levels
+        replace(_rectangle("beam", np.array([left[1], right[0]]), level), in_pieces=(section, number) in grid.pieces)
+        for section, ((left, right), levels) in sections
+        for number, level in enumerate(levels)
     ]
     return [*uprights, *beams]
 

@@ -16,7 +16,9 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import BEYOND, Grid
 from savmap_shelves.evidence.paint import Paint
+from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.rear import RearFace
+from savmap_shelves.evidence.wide_steps import wide_steps
 
 Singles = NDArray[np.float32]
 
@@ -25,6 +27,7 @@ APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
 ALIKE, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 ALIKE_BELOW = 0.85
 GAP = 0.3
+QUARTER = 0.25
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,34 @@ class GridSearch:
     def grid(self) -> Grid:
         """What the evidence shows."""
         posts = self._with_ends(self._posts())
-        return Grid(posts, [self._levels(pair) for pair in pairwise(posts)])
+        return self._with_pieces(Grid(posts, [self._levels(pair) for pair in pairwise(posts)]))
+
+    def _with_pieces(self, grid: Grid) -> Grid:
+        """The grid with levels of which goods leave a few pieces, where the steps between those that the network sees say that one is hidden."""
+        spans = [(float(left[1]), float(right[0])) for left, right in pairwise(grid.posts)]
+        seen = [self._seen(span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
+        sections, found = [*grid.sections], list[tuple[int, Floats]]()
+        for section, lower, _ in wide_steps([levels.mean(axis=1) for levels in seen]):
+            level = self.pieces.level_between(spans[section], *seen[section][lower : lower + 2])
+            if level is None:
+                continue
+            own = sections[section]
+            same = own[np.abs(own.mean(axis=1) - level.mean()) < self.tracked.thickness]
+            level = same[0] if len(same) else level
+            if not len(same):
+                sections[section] = np.sort(np.concatenate([own, level[None]]), axis=0)
+            found.append((section, level))
+        pieces = frozenset((k, int(np.abs(sections[k][:, 0] - level[0]).argmin())) for k, level in found)
+        return Grid(grid.posts, sections, pieces)
+
+    def _seen(self, span: tuple[float, float], levels: Floats) -> Floats:
+        """Those of levels (m, 2) between two posts that the network sees along a quarter of their length, or more."""
+        return np.asarray(levels[_greatest(self._level_cover(*span), self.y, levels) >= QUARTER])
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The colours of what was tracked, and of the rest."""
+        return Pieces(self.evidence, self.tracked)
 
     @cached_property
     def paint(self) -> Paint:
