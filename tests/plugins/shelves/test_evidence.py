@@ -9,6 +9,7 @@ import pytest
 from savmap.types import Floats, PlaneEvidence
 from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
 from savmap_shelves.evidence.paint import Paint
+from savmap_shelves.evidence.search import EvidenceSettings, GridSearch
 
 POSTS = np.array([[0.0, 0.1], [2.7, 2.8], [5.4, 5.5], [8.1, 8.2]])
 LEVELS = np.array([[0.4, 0.52], [1.9, 2.02], [3.4, 3.52]])
@@ -256,3 +257,58 @@ def test_one_faint_level_is_not_taken_for_the_rear_face() -> None:
     found = expected_grid(seen(*faint), WHOLE)
     assert found is not None
     assert [len(levels) for levels in found.sections] == [4, 4, 4]
+
+
+MORE = 0.4 + 0.7 * np.arange(6)[:, None] + np.array([0.0, 0.12])
+HIDDEN = 2
+UNDER, RIM, FACE, GOODS = (70, 60, 50), (150, 200, 160), (90, 140, 100), (150, 110, 80)
+
+
+def in_pieces(
+    *pieces: tuple[float, float], paint: tuple[int, int, int] = FACE, probability: float = 0.0
+) -> PlaneEvidence:
+    """Six levels in each section. Of the third one of the second section the network sees nothing, and goods leave these pieces (x from, to)."""
+    patch = face_patch(Grid(POSTS, [MORE] * 3))
+    assert patch is not None
+    mean, picture = np.zeros((2, *patch.shape), np.float32), np.full((*patch.shape, 3), UNDER, np.uint8)
+    x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+    for post in POSTS.tolist():
+        mean[0][:, (x > post[0]) & (x < post[1])] = 0.9
+    for section, (left, right) in enumerate(pairwise(POSTS)):
+        for number, (low, high) in enumerate(MORE.tolist()):
+            hidden = (section, number) == (1, HIDDEN)
+            for start, end in pieces if hidden else [(left[1], right[0])]:
+                columns = (x > start) & (x < end)
+                picture[np.ix_((y > low) & (y < high), columns)] = paint if hidden else FACE
+                picture[np.ix_((y > high) & (y < high + 0.05), columns)] = RIM
+                mean[1][np.ix_((y > low) & (y < high), columns)] = probability if hidden else 0.9
+    return PlaneEvidence(patch, ("upright", "beam"), mean, np.ones(patch.shape, np.float32), picture)
+
+
+def without_hidden() -> Grid:
+    return Grid(POSTS, [MORE, np.delete(MORE, HIDDEN, axis=0), MORE])
+
+
+def test_a_level_that_shows_in_pieces_is_found_by_its_colours() -> None:
+    found = expected_grid(in_pieces((3.0, 3.3), (4.6, 4.9)), without_hidden())
+    assert found is not None
+    assert found.sections[1].mean(axis=1) == pytest.approx(MORE.mean(axis=1), abs=0.04)
+    assert found.pieces == {(1, HIDDEN)}
+    assert [thing.in_pieces for thing in outlines(found)].count(True) == 1
+
+
+def test_a_level_that_was_tracked_by_its_pieces_stays_where_it_is_and_is_known_as_such() -> None:
+    moved = MORE + 0.005 * (np.arange(6) == HIDDEN)[:, None]
+    evidence = in_pieces((3.0, 3.3), (4.6, 4.9), probability=0.9)
+    found = GridSearch(evidence, Grid(POSTS, [MORE, moved, MORE]), EvidenceSettings()).grid()
+    assert found.pieces == {(1, HIDDEN)}
+    np.testing.assert_allclose(found.sections[1][HIDDEN], moved[HIDDEN])
+
+
+@pytest.mark.parametrize(
+    "evidence",
+    [in_pieces(), in_pieces((3.0, 3.3)), in_pieces((3.0, 3.3), (4.6, 4.9), paint=GOODS)],
+    ids=["nothing", "one piece", "other colours"],
+)
+def test_what_is_not_like_the_next_levels_at_several_places_is_no_level(evidence: PlaneEvidence) -> None:
+    assert expected_grid(evidence, without_hidden()) is None

@@ -42,15 +42,12 @@ class Pieces:
         if not profiles or not len(heights):
             return None
         like = np.array([self._like(columns, row, profiles) for row in heights.tolist()])
-        share = like.mean(axis=1)
+        share, y = like.mean(axis=1), self.y[heights]
         best = int(share.argmax())
-        centre = float(
-            np.average(
-                self.y[heights], weights=share * (np.abs(self.y[heights] - self.y[heights[best]]) < self.thickness)
-            )
-        )
-        elsewhere = share[np.abs(self.y[heights] - centre) > self.thickness].max(initial=0.0)
-        if share[best] < LEAST_SHARE or elsewhere > ALONE * share[best] or self._count(like[best]) < LEAST_PIECES:
+        if share[best] < LEAST_SHARE or self._count(like[best]) < LEAST_PIECES:
+            return None
+        centre = float(np.average(y, weights=share * (np.abs(y - y[best]) < self.thickness)))
+        if share[np.abs(y - centre) > self.thickness].max(initial=0.0) > ALONE * share[best]:
             return None
         return centre + self.thickness * np.array([-0.5, 0.5])
 
