@@ -106,6 +106,24 @@ def test_a_faint_post_is_found_where_one_is_expected() -> None:
     assert detected(0.2, [Expected("post", post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
 
 
+def test_an_object_in_pieces_is_found_by_the_colours_of_those_that_are_seen() -> None:
+    """Two posts of one paint; the network sees one of them."""
+    image = np.full((SPEC.height, SPEC.width, 3), 60, np.uint8)
+    outlines = {x: outline_in(SPEC, pose(2.0), post(x)) for x in (1.0, 3.0)}
+    for outline in outlines.values():
+        assert outline is not None
+        cv2.fillPoly(image, [np.round(outline).astype(np.int32)], (200, 120, 30))
+    segmentation, view = drawn(pose(2.0), [post(3.0)], 0.9), View(SPEC, 0, 0.0, image)
+    hidden = Expected("post", post(1.0), in_pieces=True)
+    (found,) = expected_detections(view, segmentation, pose(2.0), [hidden], LookSettings())
+    middle = outlines[1.0]
+    assert middle is not None
+    assert np.nonzero(found.mask)[1].mean() == pytest.approx(middle[:, 0].mean(), abs=1.0)
+    assert expected_detections(view, segmentation, pose(2.0), [Expected("post", post(1.0))], LookSettings()) == []
+    beside = Expected("post", post(2.0), in_pieces=True)
+    assert expected_detections(view, segmentation, pose(2.0), [beside], LookSettings()) == []
+
+
 def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
     """A leaning post, as a wide view shows one whose top is nearly beside the camera."""
     outline = np.array([[83.0, 200.0], [87.0, 200.0], [-4554.0, -3332.0], [-4622.0, -3332.0]])

@@ -299,7 +299,7 @@ def test_a_level_that_shows_in_pieces_is_found_by_its_colours() -> None:
 
 def test_a_level_that_was_tracked_by_its_pieces_stays_where_it_is_and_is_known_as_such() -> None:
     moved = MORE + 0.005 * (np.arange(6) == HIDDEN)[:, None]
-    evidence = in_pieces((3.0, 3.3), (4.6, 4.9), probability=0.9)
+    evidence = in_pieces((3.0, 3.2), (4.6, 4.8), probability=0.9)
     found = GridSearch(evidence, Grid(POSTS, [MORE, moved, MORE]), EvidenceSettings()).grid()
     assert found.pieces == {(1, HIDDEN)}
     np.testing.assert_allclose(found.sections[1][HIDDEN], moved[HIDDEN])
