@@ -9,6 +9,7 @@ import pytest
 from savmap.types import Floats, PlaneEvidence
 from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
 from savmap_shelves.evidence.paint import Paint
+from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.search import EvidenceSettings, GridSearch
 
 POSTS = np.array([[0.0, 0.1], [2.7, 2.8], [5.4, 5.5], [8.1, 8.2]])
@@ -303,6 +304,22 @@ def test_a_level_that_was_tracked_by_its_pieces_stays_where_it_is_and_is_known_a
     found = GridSearch(evidence, Grid(POSTS, [MORE, moved, MORE]), EvidenceSettings()).grid()
     assert found.pieces == {(1, HIDDEN)}
     np.testing.assert_allclose(found.sections[1][HIDDEN], moved[HIDDEN])
+
+
+def test_pieces_that_may_be_of_the_rear_face_are_no_level() -> None:
+    evidence = in_pieces((3.0, 3.3), (4.6, 4.9))
+    high = np.exp(-np.square(evidence.patch.origin[1] + evidence.patch.heights - 2.8))[:, None]
+    seen_from_above = replace(evidence, weight=np.broadcast_to(high, evidence.weight.shape).astype(np.float32))
+    assert expected_grid(seen_from_above, without_hidden()) is None
+
+
+def test_pieces_nearer_to_a_beam_than_steps_are_are_no_level() -> None:
+    pieces = Pieces(in_pieces((3.0, 3.3), (4.6, 4.9)), without_hidden())
+    between = (float(POSTS[1][1]), float(POSTS[2][0])), MORE[HIDDEN - 1], MORE[HIDDEN + 1]
+    found = pieces.level_between(*between, room=0.5)
+    assert found is not None
+    assert found.mean() == pytest.approx(MORE[HIDDEN].mean(), abs=0.04)
+    assert pieces.level_between(*between, room=0.75) is None
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ import numpy as np
 from savmap.types import Bools, Floats, Ints, PlaneEvidence
 from savmap_shelves.evidence.face_grid import Grid
 
-REACH, ROOM = 0.8, 1.5
-"""A profile reaches so many thicknesses up and down from a beam's middle; so many from the beams around a hidden one may stand."""
+REACH = 0.8
+"""A profile reaches so many thicknesses up and down from a beam's middle."""
 SEEN, LEAST_COLUMNS = 0.5, 10
 CORRELATED, LEAST_CONTRAST, MOST_CONTRAST, COLOUR, BRIGHTNESS = 0.75, 0.5, 2.0, 6.0, 35.0
 """A column is like a profile where its brightness goes up and down alike, by half to twice as much, and colours and brightness are as near."""
@@ -32,12 +32,11 @@ class Pieces:
         self.beam, self.known = evidence.of("beam"), evidence.weight > 0
         self.thickness, self.rows = grid.thickness, max(2, round(REACH * grid.thickness / patch.cell))
 
-    def level_between(self, span: tuple[float, float], below: Floats, above: Floats) -> Floats | None:
-        """y (2,) of a level that shows in pieces between two others (2,) and two posts; None where none does."""
+    def level_between(self, span: tuple[float, float], below: Floats, above: Floats, room: float) -> Floats | None:
+        """y (2,) of a level that shows in pieces between two posts and two others (2,), further than `room` from these; None where none does."""
         margin = min(self.thickness, 0.1 * (span[1] - span[0]))
         columns = np.flatnonzero((self.x > span[0] + margin) & (self.x < span[1] - margin))
         profiles = [profile for level in (below, above) if (profile := self._profile(columns, level)) is not None]
-        room = ROOM * self.thickness
         heights = np.flatnonzero((self.y > below.mean() + room) & (self.y < above.mean() - room))
         if not profiles or not len(heights):
             return None

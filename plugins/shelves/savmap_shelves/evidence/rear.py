@@ -14,6 +14,8 @@ from savmap.types import Floats, PlaneEvidence
 SHARES = np.arange(0.4, 0.9, 0.01)
 SHOWN, LEAST_SHARE, LEAST_HEIGHTS = 0.25, 0.4, 3
 NEAR = 1.5
+POSSIBLE = (0.45, 0.7)
+"""From a camera 1 to 2.5 m before a rack 1.0 to 1.2 m deep, levels of the rear face appear at so much of their way from the camera's height."""
 
 
 class RearFace:
@@ -33,6 +35,13 @@ class RearFace:
         if self.share is None or not len(levels):
             return False
         return bool(np.abs(self._places(levels, self.share) - centre).min() < self.size)
+
+    def may_show(self, levels: Floats, centre: float) -> bool:
+        """Whether the rear one of a section's levels appears at a height, or could, where it is not known where the rear face appears."""
+        if self.share is not None or not len(levels):
+            return self.shows(levels, centre)
+        low, high = np.sort([self._places(levels, share) for share in POSSIBLE], axis=0)
+        return bool(((centre > low - self.size / 2) & (centre < high + self.size / 2)).any())
 
     def _places(self, levels: Floats, share: float) -> Floats:
         """The heights (k,) at which the rear ones of levels (k, 2) appear: a cell weighs most at the camera's own height."""

@@ -18,7 +18,7 @@ from savmap_shelves.evidence.face_grid import BEYOND, Grid
 from savmap_shelves.evidence.paint import Paint
 from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.rear import RearFace
-from savmap_shelves.evidence.wide_steps import wide_steps
+from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
 
 Singles = NDArray[np.float32]
 
@@ -97,9 +97,10 @@ class GridSearch:
         spans = [(float(left[1]), float(right[0])) for left, right in pairwise(grid.posts)]
         seen = [self._seen(span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
         sections, found = [*grid.sections], list[tuple[int, Floats]]()
-        for section, lower, _ in wide_steps([levels.mean(axis=1) for levels in seen]):
-            level = self.pieces.level_between(spans[section], *seen[section][lower : lower + 2])
-            if level is None:
+        for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in seen]):
+            below, above = seen[section][lower : lower + 2]
+            level = self.pieces.level_between(spans[section], below, above, room=usual / EVEN)
+            if level is None or self.rear.may_show(seen[section], float(level.mean())):
                 continue
             own = sections[section]
             same = own[np.abs(own.mean(axis=1) - level.mean()) < self.tracked.thickness]
