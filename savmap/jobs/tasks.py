@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from savmap.errors import PluginFailedError, SavmapError, SiteError, format_error
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
+from savmap.pipeline.cutting import apart
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.row import map_rows, measure
-from savmap.pipeline.strips import apart
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for

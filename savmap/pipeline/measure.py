@@ -8,8 +8,8 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.files.urls import is_url
+from savmap.pipeline.cutting import FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.networks import choices_told, with_best_networks
-from savmap.pipeline.strips import FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from savmap.geometry import sphere
-from savmap.pipeline import strips as cutting
+from savmap.pipeline.cutting import FaceStrips, NoStrips
+from savmap.pipeline.cutting import face_strips as cutting
+from savmap.pipeline.cutting.face_strips import strip_views
 from savmap.pipeline.orthophoto import gains, orthophoto, shots_of
-from savmap.pipeline.strips import FaceStrips, NoStrips, strip_views
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Trajectory, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, VideoInfo

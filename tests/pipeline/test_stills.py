@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.pipeline import strips as cutting
-from savmap.pipeline.strips import SeveralCutters, Stills, apart, reduced
+from savmap.pipeline.cutting import SeveralCutters, Stills, apart
+from savmap.pipeline.cutting import stills as cutting
+from savmap.pipeline.cutting.stills import reduced
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import FilmedPanorama, Panorama, Planes, Still, Trajectory, ViewPlan
 from savmap.video.reader import Clip, VideoInfo

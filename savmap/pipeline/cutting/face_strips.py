@@ -1,0 +1,68 @@
+"""Strips: what each frame shows straight ahead of the face at the panorama's own resolution.
+
+Networks look at wide views of few pixels. An orthophoto wants the opposite: of each frame only what is near and in front.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from threading import Lock
+
+import numpy as np
+
+from savmap.geometry import pinhole
+from savmap.pipeline.cutting.cutter import packed_jpeg
+from savmap.pipeline.view_plans import PassPlan
+from savmap.types import Panorama, RowStrips, Strip, ViewSpec
+from savmap.video.reader import expected_frames, probe
+from savmap.vision.views import Renderer
+
+HFOV_DEG = 50.0
+"""Shows 0.9 of the distance to the face: neighbours overlap even where frames are few."""
+MOST_HEIGHT_PX = 2000
+MOST_STRIPS = 240
+"""Of a pass: one every 0.25 m of 60 m."""
+JPEG_QUALITY = 88
+
+
+class FaceStrips:
+    """Cuts upright strips in the directions of the face's views."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self._renderer, self._lock = renderer, Lock()
+        self._current: tuple[ViewSpec, ...] = ()
+        self._views: dict[str, ViewSpec] = {}
+        self._cut: list[Strip] = []
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        self._current = tuple(strip_views(plan, plugin)) if plugin is not None else ()
+        self._views |= {spec.name: spec for spec in self._current}
+
+    def cut(self, panorama: Panorama) -> None:
+        for spec in self._current:
+            if spec.shows(panorama.frame):
+                strip = Strip(
+                    panorama.frame, spec.name, packed_jpeg(self._renderer.render(panorama, spec).image, JPEG_QUALITY)
+                )
+                with self._lock:
+                    self._cut.append(strip)
+
+    def strips(self) -> RowStrips:
+        return RowStrips(self._views, tuple(sorted(self._cut, key=lambda strip: (strip.frame, strip.view))))
+
+
+def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
+    """The narrow middle of each of a plugin's views of a pass, as fine as the panorama where that is not too many pixels, of so many
+    frames as are needed."""
+    info = probe(plan.clip.path, plan.clip.images_fps)
+    frames = expected_frames(plan.clip, info)
+    for (owner, name), spec in plan.views().items():
+        if owner != plugin:
+            continue
+        steepness = spec.height / 2 / pinhole.focal_px(spec.hfov_deg, spec.width)
+        focal = min(info.height / np.pi, MOST_HEIGHT_PX / 2 / steepness)
+        half = np.tan(np.radians(min(HFOV_DEG, spec.hfov_deg)) / 2)
+        width, height = max(round(2 * focal * half), 2), max(round(2 * focal * steepness), 2)
+        every = spec.every * max(1, -(-frames // (spec.every * MOST_STRIPS)))
+        hfov_deg = float(np.degrees(2 * np.arctan(width / 2 / focal)))
+        named = f"{plan.name} / {name}, strip"
+        yield replace(spec, name=named, hfov_deg=hfov_deg, width=width, height=height, every=every)

@@ -1,0 +1,61 @@
+"""Views of the floor before the face, in grey: what shows on it tells how high the camera is."""
+
+from dataclasses import replace
+from threading import Lock
+
+import cv2
+
+from savmap.pipeline.view_plans import PassPlan
+from savmap.types import Floats, Panorama, RowStrips, ViewSpec
+from savmap.video.reader import expected_frames, probe
+from savmap.vision.evidence import Look
+from savmap.vision.view_planning import face_at, tilted
+from savmap.vision.views import Renderer
+
+FLOOR_PITCH_DEG, FLOOR_HFOV_DEG = -50.0, 110.0
+"""Shows the floor from the face's foot to beside the camera, and as far to both sides."""
+FLOOR_QUALITY = 92
+"""Concrete shows little but faint stains."""
+MOST_FLOORS = 240
+
+
+class FloorCutter:
+    """Keeps grey views of the floor before the face."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self._renderer, self._lock = renderer, Lock()
+        self._current: ViewSpec | None = None
+        self._kept: list[Look] = []
+        self.views: dict[str, ViewSpec] = {}
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """What was kept, in order of time."""
+        return tuple(sorted(self._kept, key=lambda look: look.frame))
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        attitude = plan.attitude()
+        self._current = None
+        if plugin is not None and attitude is not None:
+            self._current = floor_view(plan, plugin, attitude)
+            self.views[self._current.name] = self._current
+
+    def cut(self, panorama: Panorama) -> None:
+        if self._current is not None and self._current.shows(panorama.frame):
+            grey = cv2.cvtColor(self._renderer.render(panorama, self._current).image, cv2.COLOR_RGB2GRAY)
+            packed = bytes(cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, FLOOR_QUALITY])[1])
+            with self._lock:
+                self._kept.append(Look(panorama.frame, self._current.name, (), packed))
+
+    def strips(self) -> RowStrips:
+        """None: what is kept is looked at long before the map is drawn."""
+        return RowStrips()
+
+
+def floor_view(plan: PassPlan, plugin: str, world_from_rig: Floats) -> ViewSpec:
+    """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass: of as many as are needed of the frames in
+    which the plugin looks at the face, for where the others were taken is not known."""
+    every = max((spec.every for spec in plan.plans[plugin].views), default=1)
+    frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
+    spec = tilted(face_at(world_from_rig), FLOOR_PITCH_DEG, FLOOR_HFOV_DEG, f"{plan.name} / floor")
+    return replace(spec, every=every * max(1, -(-frames // (every * MOST_FLOORS))))

@@ -1,0 +1,61 @@
+"""Stills: whole panoramas of some frames, smaller."""
+
+from collections.abc import Sequence
+from threading import Lock
+
+import cv2
+import numpy as np
+
+from savmap.pipeline.cutting.cutter import packed_jpeg
+from savmap.pipeline.view_plans import PassPlan
+from savmap.types import FilmedPanorama, Panorama, RowStrips, Still, Trajectory
+from savmap.video.reader import expected_frames, probe
+
+STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
+"""A degree is 6 pixels: what a browser's window shows of a panorama is about as fine."""
+STILL_S, MOST_STILLS = 0.7, 80
+"""Of a pass: one every 0.7 m at a walking pace, before those that stand closer than `STILL_M` are left out."""
+STILL_M = 0.8
+
+
+class Stills:
+    """Keeps whole panoramas of some frames, smaller."""
+
+    def __init__(self) -> None:
+        self._lock, self._every = Lock(), 1
+        self._kept: list[Still] = []
+
+    def begin(self, plan: PassPlan, plugin: str | None) -> None:
+        info = probe(plan.clip.path, plan.clip.images_fps)
+        rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
+        self._every = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
+
+    def cut(self, panorama: Panorama) -> None:
+        if panorama.frame % self._every == 0:
+            still = Still(panorama.frame, packed_jpeg(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))
+            with self._lock:
+                self._kept.append(still)
+
+    def strips(self) -> RowStrips:
+        return RowStrips(stills=tuple(sorted(self._kept, key=lambda still: still.frame)))
+
+
+def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
+    """A panorama's RGB at so many pixels of height, or at its own, where those are fewer."""
+    size = 2 * min(height, panorama.height), min(height, panorama.height)
+    if not isinstance(panorama, FilmedPanorama):
+        return np.asarray(cv2.resize(panorama.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    planes = panorama.planes
+    parts = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in (planes.luma, planes.blue, planes.red)]
+    return planes.coloured(np.asarray(cv2.merge(parts), np.uint8))
+
+
+def apart(stills: Sequence[Still], path: Trajectory) -> tuple[Still, ...]:
+    """The stills of frames whose place is known, but for those that were taken closer than `STILL_M` to the last one."""
+    places = dict(zip(path.frames.tolist(), path.world_from_rig[:, :3, 3], strict=True))
+    kept: list[Still] = []
+    for still in stills:
+        place = places.get(still.frame)
+        if place is not None and (not kept or np.linalg.norm(place - places[kept[-1].frame]) >= STILL_M):
+            kept.append(still)
+    return tuple(kept)
