@@ -127,13 +127,15 @@ def depth_of(
         return None
     unit = float(np.median([sweep.distance for sweep in sweeps.values()]))
     grey = lru_cache(4 * MOST_SHOTS)(Look.grey)
-    told = agreed([vote for number, sweep in sweeps.items() for vote in sweep.votes(number, flat.column, unit, grey)])
-    if told is None:
+    agreement = agreed(
+        [vote for number, sweep in sweeps.items() for vote in sweep.votes(number, flat.column, unit, grey)]
+    )
+    if agreement is None:
         return None
-    share, sigma = told[0] * unit / mean, told[1] * unit / abs(mean)
+    share, sigma = agreement[0] * unit / mean, agreement[1] * unit / abs(mean)
     normal = np.cross(flat.parts[0].right, flat.parts[0].up)[flat.column]
     proud = float(np.sign(normal)) * flat.proud_m
-    return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, told[2], proud, flat.proud_sigma_m)
+    return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, agreement[2], proud, flat.proud_sigma_m)
 
 
 def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
@@ -198,22 +200,22 @@ class Sweep:
         """The votes of the sections that tell something: of part `number`, along axis `column`, in a `unit` of the path's; `grey` gives a look's picture."""
         forward = np.cross(self.part.right, self.part.up)[column]
         start = float(self.part.origin @ self.part.right)
-        for depth, weight, along in self.told([grey(shot.look) for shot in self.shots]):
+        for depth, weight, along in self.section_depths([grey(shot.look) for shot in self.shots]):
             coordinate = float(self.part.origin[column] + forward * depth) / unit
             yield Vote(coordinate, weight, (start + along) / unit, number)
 
-    def told(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
+    def section_depths(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
         """Depth before the part, weight and place along it of each section that tells its depth; `pictures` (h, w) grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
         likeness, contrast = (
             np.array(values) for values in zip(*(self.likeness(depth, pictures) for depth in depths), strict=True)
         )
-        told = []
+        found = []
         for section in self.telling.tolist():
             peak = _peak(depths, likeness[:, section], contrast[:, section], self.distance)
             if peak is not None:
-                told.append((*peak, (section + 0.5) * self.columns * self.cell))
-        return told
+                found.append((*peak, (section + 0.5) * self.columns * self.cell))
+        return found
 
     def likeness(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
         """How much alike (sections,) the pictures of each section are on a plane `depth` before the part, on average over all pairs of

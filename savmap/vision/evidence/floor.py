@@ -103,10 +103,10 @@ def floor_tracks(
         return FloorTracks()
     floor = Floor(face, known, views, poses)
     rough = floor.rough_height() if floor.away > 0 else None
-    told = None if rough is None else floor.height(rough)
-    if told is None or told[1] > MOST_SIGMA:
+    measured = None if rough is None else floor.height(rough)
+    if measured is None or measured[1] > MOST_SIGMA:
         return FloorTracks()
-    return FloorTracks(tuple(floor.tracks(told[0])), dict(views), float(np.hypot(told[1], FLATNESS)))
+    return FloorTracks(tuple(floor.tracks(measured[0])), dict(views), float(np.hypot(measured[1], FLATNESS)))
 
 
 class Floor:
