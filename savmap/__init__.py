@@ -13,15 +13,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError
-    from savmap.jobs.api import align, compare, evaluate, export, import_survey, load_map, map_site, map_video
+    from savmap.jobs.api import (
+        align,
+        compare,
+        evaluate,
+        export,
+        find,
+        import_survey,
+        load_map,
+        map_site,
+        map_video,
+        measure,
+    )
     from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
+    from savmap.maps.distance import VertexDistance
     from savmap.maps.map_file import write_map
+    from savmap.maps.search import SearchHit
     from savmap.maps.survey import write_survey
     from savmap.plugin.hookspecs import hookimpl
     from savmap.plugin.protocol import Plugin
     from savmap.types import (
         CrossRowLandmark,
         Detection,
+        Doubt,
         Evaluation,
         Feature,
         FrameTable,
@@ -36,6 +50,7 @@ if TYPE_CHECKING:
         Survey,
         Track,
         Trajectory,
+        Verdict,
         View,
         ViewPlan,
         ViewSpec,
@@ -47,6 +62,7 @@ __all__ = [
     "CrossRowLandmark",
     "Detection",
     "Difference",
+    "Doubt",
     "ElementChange",
     "Evaluation",
     "Feature",
@@ -62,11 +78,14 @@ __all__ = [
     "RowMotion",
     "SavmapError",
     "Score",
+    "SearchHit",
     "SiteMap",
     "Structure",
     "Survey",
     "Track",
     "Trajectory",
+    "Verdict",
+    "VertexDistance",
     "View",
     "ViewPlan",
     "ViewSpec",
@@ -74,17 +93,21 @@ __all__ = [
     "compare",
     "evaluate",
     "export",
+    "find",
     "hookimpl",
     "import_survey",
     "load_map",
     "map_site",
     "map_video",
+    "measure",
     "write_map",
     "write_survey",
 ]
 _MODULES = {
     "SavmapError": "savmap.errors",
     "Monitor": "savmap.types.progress",
+    "SearchHit": "savmap.maps.search",
+    "VertexDistance": "savmap.maps.distance",
     "write_map": "savmap.maps.map_file",
     "write_survey": "savmap.maps.survey",
     "hookimpl": "savmap.plugin.hookspecs",
@@ -93,7 +116,18 @@ _MODULES = {
         ("Comparison", "Difference", "ElementChange", "RowComparison", "RowMotion"), "savmap.maps.comparison"
     ),
     **dict.fromkeys(
-        ("align", "compare", "evaluate", "export", "import_survey", "load_map", "map_site", "map_video"),
+        (
+            "align",
+            "compare",
+            "evaluate",
+            "export",
+            "find",
+            "import_survey",
+            "load_map",
+            "map_site",
+            "map_video",
+            "measure",
+        ),
         "savmap.jobs.api",
     ),
 }

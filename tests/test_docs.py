@@ -12,7 +12,7 @@ import pytest
 
 from savmap.cli.app import COMMANDS
 from savmap.site.schema import schema_text
-from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory, Verdict
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -55,7 +55,7 @@ def test_command_line_page_names_every_command(generated: ModuleType) -> None:
 def test_python_page_reads_records_as_they_are() -> None:
     vertex = Structure("post 1", "post", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64))
     path = Trajectory(np.arange(1), np.eye(4)[None])
-    row = RowMap("1", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"shelves": (vertex,)}, ())
+    row = RowMap("1", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"shelves": (vertex,)}, (), verdict=Verdict())
     names = {"site_map": SiteMap({"1": row}, {}), "np": np}
     page = (ROOT / "docs" / "python-api.md").read_text(encoding="utf-8").split("## What comes back")[1]
     for block in page.split("\n## ")[0].split("```python\n")[1:]:

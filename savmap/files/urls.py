@@ -3,7 +3,7 @@
 A URL is a `UPath`, which does what a `Path` does; it is typed as one throughout.
 """
 
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import cast
 
 from savmap.errors import SiteError
@@ -12,7 +12,9 @@ LOCAL = "file://"
 
 
 def where(text: str | Path) -> Path:
-    """The path of a text. Raises SiteError for a URL of an unknown kind, or where the extra `cluster` is missing."""
+    """The path of a text. Raises SiteError for a URL of an unknown kind, or where the extra `cluster` is missing; TypeError for what is no path."""
+    if not isinstance(text, str | PurePath) and not hasattr(text, "protocol"):
+        raise TypeError(f"a path is expected, as a text or a Path, not {type(text).__name__}")
     if not isinstance(text, str) or "://" not in text:
         return Path(text) if isinstance(text, str) else text
     if text.startswith(LOCAL):

@@ -10,15 +10,17 @@ from savmap.jobs.cache import locked
 from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
+from savmap.maps.distance import VertexDistance, vertex_distance
 from savmap.maps.exports import export_map, format_of
 from savmap.maps.imports import elements_of
 from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
 from savmap.maps.imports.survey import ImportedSurvey, survey_of
 from savmap.maps.map_file import map_in, read_map
+from savmap.maps.search import SearchHit, find_structures
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters, load_installed, open_plugin
-from savmap.report.site_report import evaluation_of, openings_of, plugins_of_map
+from savmap.report.site_report import evaluation_of, openings_of, places_of, plugins_of_map
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
@@ -110,6 +112,21 @@ def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], N
         for note in result.notes:
             tell(note)
     return result.site_map
+
+
+def find(site_map: SiteMap | PathLike, name: str) -> list[SearchHit]:
+    """Where what is called `name` is: structures by id or by what is written on them, and places between structures, such as "level 3 of section 2".
+
+    Raises SiteError, with the nearest names, where nothing is called so.
+    """
+    searched = _map_of(site_map)
+    return find_structures(searched, name, lambda: places_of(searched))
+
+
+def measure(site_map: SiteMap | PathLike, first: str, second: str) -> VertexDistance:
+    """From one vertex or edge to another ("upright 1 / right", or "A: upright 1 / right" where several rows have one), with the covariance of what lies between: errors that both
+    share do not count. Raises SiteError, with the nearest names, for what the map has not, or has in several rows."""
+    return vertex_distance(_map_of(site_map), first, second)
 
 
 def import_survey(

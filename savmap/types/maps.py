@@ -1,6 +1,6 @@
 """Records of maps: structures, rows, and rows in the frame of their site."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -296,22 +296,34 @@ class SiteMap:
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and
-        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, and the structure's attributes."""
+        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, doubts (what the row's verdict says against the structure; empty
+        where it says nothing), and the structure's attributes."""
         import pandas  # slow to import
 
         return pandas.DataFrame(list(self._vertices()))
 
+    def doubts(self) -> Mapping[tuple[str, str], Sequence[str]]:
+        """What the rows' verdicts say against structures, by row and id; nothing of those that no doubt names."""
+        said = dict[tuple[str, str], list[str]]()
+        for row in self.rows.values():
+            for doubt in row.verdict.doubts if row.verdict else ():
+                for name in doubt.structures:
+                    said.setdefault((row.name, name), []).append(doubt.what)
+        return said
+
     def _vertices(self) -> Iterator[dict[str, object]]:
+        said = self.doubts()
         for row in self.rows.values():
             for plugin, structures in row.structures.items():
                 for structure in structures:
-                    yield from _vertex_lines(row.name, plugin, structure)
+                    doubts = "; ".join(said.get((row.name, structure.id), ()))
+                    yield from _vertex_lines(row.name, plugin, structure, doubts)
 
 
-def _vertex_lines(row: str, plugin: str, structure: Structure) -> Iterator[dict[str, object]]:
+def _vertex_lines(row: str, plugin: str, structure: Structure, doubts: str) -> Iterator[dict[str, object]]:
     whole = {"row": row, "plugin": plugin, "structure": structure.id, "label": structure.label}
     vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True)
     for label, position, covariance in vertices:
         place = dict(zip(("x_m", "y_m", "z_m"), position.tolist(), strict=True))
         sigmas = dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        yield {**whole, "vertex": label, **place, **sigmas, **structure.attributes}
+        yield {**whole, "vertex": label, **place, **sigmas, "doubts": doubts, **structure.attributes}

@@ -1,13 +1,15 @@
 """The Python API takes paths as texts too, and says in one line what it cannot take."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import savmap
 from savmap.errors import SiteError, VideoError
-from savmap.types import SiteMap, Survey
+from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Survey, Trajectory, Verdict
 
 EMPTY = SiteMap({}, {})
 
@@ -35,3 +37,42 @@ def test_one_plugin_may_be_given_by_its_name(tmp_path: Path) -> None:
 def test_a_camera_height_that_is_no_number_is_refused_in_one_line(height: Any) -> None:
     with pytest.raises(SiteError, match=r"^camera_height_m: a number of metres is expected"):
         savmap.map_video("aisle.mp4", camera_height_m=height)
+
+
+def post(number: int) -> Structure:
+    place = np.array([[3.0 * number, 1.0, 0.0]])
+    none = np.zeros((0, 2), np.int64)
+    return Structure(f"post {number}", "post", place, 1e-6 * np.eye(3)[None], (f"post {number} / top",), none)
+
+
+@pytest.fixture
+def doubted() -> SiteMap:
+    """A row of two posts, the second of which is doubted."""
+    path = Trajectory(np.arange(1), np.eye(4)[None])
+    row = RowMap("A", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"posts": (post(1), post(2))}, ())
+    return SiteMap({"A": replace(row, verdict=Verdict((Doubt("shape", "post 2 leans", ("post 2",)),)))}, {})
+
+
+def test_the_table_of_vertices_says_what_is_doubted(doubted: SiteMap) -> None:
+    table = doubted.to_dataframe()
+    assert dict(zip(table["structure"], table["doubts"], strict=True)) == {"post 1": "", "post 2": "post 2 leans"}
+
+
+def test_structures_are_found_and_distances_measured_as_on_the_command_line(doubted: SiteMap, tmp_path: Path) -> None:
+    file = tmp_path / "map.json"
+    savmap.write_map(doubted, file)
+    for site_map in (doubted, str(file)):
+        (hit,) = savmap.find(site_map, "POST 2")
+        assert (hit.row, hit.structure.id, hit.position_m.tolist()) == ("A", "post 2", [6.0, 1.0, 0.0])
+        distance = savmap.measure(site_map, "post 1 / top", "post 2 / top")
+        assert distance.length_m == pytest.approx(3.0)
+        assert distance.sigma_m == pytest.approx(2**0.5 * 1e-3)
+    with pytest.raises(SiteError, match="nearest: post"):
+        savmap.find(doubted, "post 7")
+
+
+@pytest.mark.parametrize("thing", [None, {"rows": {}}, 7])
+def test_what_is_no_path_is_refused_by_name(thing: Any) -> None:
+    for function in (savmap.load_map, savmap.map_site, savmap.map_video):
+        with pytest.raises(TypeError, match=f"a path is expected, as a text or a Path, not {type(thing).__name__}"):
+            function(thing)

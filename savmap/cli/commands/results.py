@@ -218,7 +218,7 @@ def measure(
     map_file: MapFile = Path("out/map.json"),
 ) -> None:
     """Say how far two vertices of a map are apart, and how sure that is."""
-    from savmap.maps.distance import vertex_distance
+    from savmap.jobs import api
     from savmap.maps.map_file import read_map
 
-    say(vertex_distance(read_map(map_file), first, second))
+    say(api.measure(read_map(map_file), first, second))

@@ -1,11 +1,11 @@
 """What exports say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given once."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
 
 import numpy as np
 
-from savmap.types import Floats, Measured, SiteMap, Structure
+from savmap.types import Floats, Measured, Structure
 
 Colour = tuple[float, float, float]
 BETWEEN = " | "
@@ -56,16 +56,6 @@ def attributes(structure: Structure) -> dict[str, float | int | str]:
         else:
             plain[name] = value
     return plain
-
-
-def doubts(site: SiteMap) -> Mapping[tuple[str, str], list[str]]:
-    """What is doubted of structures, by row and id."""
-    said = dict[tuple[str, str], list[str]]()
-    for row in site.rows.values():
-        for doubt in row.verdict.doubts if row.verdict else ():
-            for name in doubt.structures:
-                said.setdefault((row.name, name), []).append(doubt.what)
-    return said
 
 
 def unique(names: Sequence[str], key: Callable[[str], str] = str, form: str = "{}_{}") -> list[str]:

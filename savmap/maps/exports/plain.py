@@ -13,7 +13,7 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_bytes, write_text
 from savmap.maps.exports.frames import in_site, require_one_frame
-from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, doubts, sigmas
+from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, sigmas
 from savmap.types import SiteMap, Structure
 
 FORMULAS = tuple("=+-@")
@@ -38,7 +38,7 @@ COLUMNS = [
 def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
     standard deviations, m; last what is written on it and what speaks against it. Raises OutputError."""
-    stream, said = io.StringIO(), doubts(site)
+    stream, said = io.StringIO(), site.doubts()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from savmap.files.atomic import write_text
-from savmap.maps.exports.marks import BETWEEN, doubts
+from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.plain import cell
 from savmap.types import SiteMap, Structure
 from savmap_shelves.report.slots import edge
@@ -27,7 +27,7 @@ ON_BEAMS = {"bottom": "lower", "top": "upper"}
 def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
     """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes, m. An empty cell for what an
     element has not, such as an upright a section. Raises OutputError."""
-    text, said = io.StringIO(), doubts(site)
+    text, said = io.StringIO(), site.doubts()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.maps.exports.frames import alignment_of, in_site, in_world
-from savmap.maps.exports.marks import doubts
 from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
@@ -84,7 +83,7 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     placement = site.placements.get(row.name)
     alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
     known = placement is not None or alignment is not None
-    said = {name: doubt for (owner, name), doubt in doubts(site).items() if owner == row.name}
+    said = {name: doubt for (owner, name), doubt in site.doubts().items() if owner == row.name}
     slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs, said)]
     if not slots:
         return []

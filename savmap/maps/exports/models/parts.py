@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from savmap.maps.exports.frames import Element, elements, world_from_row
-from savmap.maps.exports.marks import doubts
 from savmap.maps.exports.models.bodies import Body, body_of
 from savmap.types import Floats, SiteMap, Structure
 from savmap.types.common import array_record
@@ -45,7 +44,7 @@ class RowParts:
 
 def parts_of(site: SiteMap) -> list[RowParts]:
     """All rows of a map that have structures. Raises OutputError where rows have no common frame."""
-    said = doubts(site)
+    said = site.doubts()
 
     def made(group: Iterator[Element]) -> Iterator[Part]:
         for row, plugin, thing in ((one.row, one.plugin, one.structure) for one in group):
