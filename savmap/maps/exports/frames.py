@@ -89,7 +89,9 @@ def require_one_frame(site: SiteMap) -> None:
     """Raise OutputError where there are several rows and one of them is not placed, because its frame is another one."""
     apart = [name for name in site.rows if name not in site.placements]
     if apart and len(site.rows) > 1:
-        raise OutputError(f"rows {', '.join(apart)} have no place in the site's frame: give them a `place`, or the site a `layout`, and map again, or choose one with --row")
+        raise OutputError(
+            f"rows {', '.join(apart)} have no place in the site's frame: give them a `place`, or the site a `layout`, and map again, or choose one with --row"
+        )
 
 
 def in_site(structure: Structure, placement: Placement | None) -> Structure:
