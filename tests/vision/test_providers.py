@@ -4,15 +4,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import onnx
 import onnxruntime
 import pytest
+from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
 from savmap.vision.networks.providers import PROVIDERS, choose, file_for
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.networks.session import open_network
 
-from .test_segmenter import GOOD, write_model
+from .test_segmenter import GOOD, HEIGHT, WIDTH, write_model
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
 OPENVINO, COREML = "OpenVINOExecutionProvider", "CoreMLExecutionProvider"
@@ -137,3 +140,41 @@ def test_a_broken_file_is_the_same_error_whatever_the_provider(tmp_path: Path) -
 
 def test_a_segmenter_says_on_what_it_runs(model: Path) -> None:
     assert str(Segmenter(model, providers=("cpu",))) == "m.int8.onnx: semantic, 64x48, on cpu"
+
+
+def test_integers_are_multiplied_exactly(tmp_path: Path) -> None:
+    # 27 products of 255 and 127: two of them are more than 16 bits hold, where processors without VNNI add them
+    planes = np.full((1, 3, HEIGHT, WIDTH), 255.0, np.float32)
+    answer = open_network(whitest(tmp_path / "m.onnx"), asked=("cpu",)).run(planes)[0]
+    np.testing.assert_allclose(answer[0, 0, 1:-1, 1:-1], 255.0, atol=1.0)
+
+
+def whitest(path: Path) -> Path:
+    """A network in 8-bit integers whose answer is the mean of 3x3 pixels in three channels; its weights are the largest that there are."""
+    values = {
+        "one": np.float32(1),
+        "none": np.uint8(0),
+        "weights": np.full((1, 3, 3, 3), 127, np.int8),
+        "part": np.float32(1 / 127 / 27),
+        "zero": np.int8(0),
+    }
+    nodes = [
+        helper.make_node("QuantizeLinear", ["image", "one", "none"], ["integers"]),
+        helper.make_node("DequantizeLinear", ["integers", "one", "none"], ["reals"]),
+        helper.make_node("DequantizeLinear", ["weights", "part", "zero"], ["factors"]),
+        helper.make_node("Conv", ["reals", "factors"], ["means"], pads=[1, 1, 1, 1]),
+        helper.make_node("QuantizeLinear", ["means", "one", "none"], ["answer"]),
+        helper.make_node("DequantizeLinear", ["answer", "one", "none"], ["out"]),
+    ]
+    given, out = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, count, HEIGHT, WIDTH])
+        for name, count in (("image", 3), ("out", 1))
+    )
+    constants = [onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in values.items()]
+    model = helper.make_model(
+        helper.make_graph(nodes, "white", [given], [out], constants),
+        opset_imports=[helper.make_opsetid("", 17)],
+        ir_version=8,
+    )
+    path.write_bytes(model.SerializeToString())
+    return path

@@ -15,6 +15,10 @@ from savmap.vision.networks.signature import OnnxSignature, read_signature
 
 ADVICE = "train one with `savmap train`, or point `model` at a file that savmap reads (docs/networks.md)"
 
+EXACT_INTEGERS = "session.x64quantprecision"
+"""onnxruntime's setting for x86 processors without VNNI, which add two products of 8-bit integers in 16 bits: what does not fit is cut off, and
+masks change. With it they multiply more slowly and exactly, so that a network sees the same on all processors. Others pass it over."""
+
 Run = Callable[[NDArray[np.float32]], list[Any]]
 """Runs the network: from its input (1, 3, h, w) to all its outputs. Raises ModelError where it fails."""
 
@@ -65,6 +69,7 @@ def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
     settings.intra_op_num_threads = threads
     settings.inter_op_num_threads = 1
     settings.log_severity_level = 4
+    settings.add_session_config_entry(EXACT_INTEGERS, "1")
     return onnxruntime.InferenceSession(str(path), settings, providers=options(names, threads), enable_fallback=0)
 
 
