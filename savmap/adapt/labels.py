@@ -100,11 +100,11 @@ def _labelled(
     if not looked:
         return
     mapped = {*row.views.values()}
-    looks, classes = [one.look for one in looked if one.spec in mapped], looked[0].classes
-    known = [KnownFace.of(face, gather(face.patch, classes, looks, row.views, row.trajectory)) for face in faces]
+    packed_views, classes = [one.packed_view for one in looked if one.spec in mapped], looked[0].classes
+    known = [KnownFace.of(face, gather(face.patch, classes, packed_views, row.views, row.trajectory)) for face in faces]
     poses, settings = poses_of(row), MaskSettings()
     for one in looked:
-        mask = mask_of(one.look, one.spec, poses[one.frame], known, plugin.classes, settings)
+        mask = mask_of(one.packed_view, one.spec, poses[one.frame], known, plugin.classes, settings)
         if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
             yield shares[one.frame, one.spec], (picture_name(row.name, one.spec.name, one.frame), one.picture, mask)
 

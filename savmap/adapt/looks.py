@@ -16,7 +16,7 @@ from savmap.site.model import Pass, pass_names
 from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import Look, outline_in
+from savmap.vision.evidence import PackedView, outline_in
 from savmap.vision.views import Renderer
 
 TRIED = 12
@@ -38,7 +38,7 @@ class LookedAt:
     spec: ViewSpec
     frame: int
     picture: NDArray[np.uint8]
-    look: Look
+    packed_view: PackedView
     classes: tuple[str, ...]
 
 
@@ -98,7 +98,7 @@ def looks_at(
         for panorama, views in rendered(row_pass.clip, first, DecodeReport(), render, monitor, doing):
             for view in views:
                 seen = segmenters.predict(plugin, view)
-                yield LookedAt(view.spec, panorama.frame, view.image, Look.of(view, seen), tuple(seen.classes))
+                yield LookedAt(view.spec, panorama.frame, view.image, PackedView.of(view, seen), tuple(seen.classes))
 
 
 def _frames(row: RowMap, spec: ViewSpec) -> list[int]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from savmap.adapt.faces import Face, Outline
 from savmap.types import Bools, Floats, PlaneEvidence, ViewSpec
-from savmap.vision.evidence import Look, outline_in
+from savmap.vision.evidence import PackedView, outline_in
 
 IGNORE = 255
 BEHIND = -9.0
@@ -60,7 +60,7 @@ class KnownFace:
 
 
 def mask_of(
-    look: Look,
+    packed_view: PackedView,
     view: ViewSpec,
     world_from_rig: Floats,
     faces: Sequence[KnownFace],
@@ -69,7 +69,7 @@ def mask_of(
 ) -> Bytes:
     """The labels (height, width) of a view: 0 background, k for classes[k - 1], 255 not to be judged."""
     labels = np.full((view.height, view.width), IGNORE, np.uint8)
-    shown_faces = [ShownFace(known, look, view, world_from_rig, settings) for known in faces]
+    shown_faces = [ShownFace(known, packed_view, view, world_from_rig, settings) for known in faces]
     places = [(shown, outline, shown.pixels_of(outline)) for shown in shown_faces for outline in shown.outlines]
     for shown in shown_faces:
         labels[shown.empty] = 0
@@ -94,7 +94,7 @@ class ShownFace:
     """A face as a view shows it: for each pixel, what the evidence says of the plane's point behind it."""
 
     def __init__(
-        self, known: KnownFace, look: Look, view: ViewSpec, world_from_rig: Floats, settings: MaskSettings
+        self, known: KnownFace, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats, settings: MaskSettings
     ) -> None:
         self.known, self.settings, self.view, self.world_from_rig = known, settings, view, world_from_rig
         self.cells, self.inside = _cells(known.face, view, world_from_rig, settings.aslant)
@@ -102,10 +102,10 @@ class ShownFace:
         classes = known.evidence.classes
         self.seen = {
             label: cv2.resize(own, size, interpolation=cv2.INTER_LINEAR)
-            for label, own in zip(classes, look.probabilities(), strict=True)
+            for label, own in zip(classes, packed_view.probabilities(), strict=True)
         }
         self.mean = {label: self._warped(known.evidence.of(label)) for label in classes}
-        self.alike = self._alike(look.image())
+        self.alike = self._alike(packed_view.image())
 
     @property
     def outlines(self) -> Sequence[Outline]:

@@ -33,7 +33,7 @@ from savmap.types.progress import Monitor
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
-from savmap.vision.evidence import FloorTracks, Look
+from savmap.vision.evidence import FloorTracks, PackedView
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.views import Renderer
@@ -79,10 +79,10 @@ class MeasuredPasses:
 
     measurements: RowMeasurements
     plans: Sequence[PassPlan]
-    looks: Mapping[str, Sequence[Look]]
+    packed_views: Mapping[str, Sequence[PackedView]]
     plugins: Sequence[LoadedPlugin] = ()
     strips: RowStrips = field(default_factory=RowStrips)
-    floor: tuple[Look, ...] = ()
+    floor: tuple[PackedView, ...] = ()
     floor_views: Mapping[str, ViewSpec] = field(default_factory=dict)
 
 
@@ -135,7 +135,9 @@ def measure_row(
         failures,
         tuple(walk.doubts),
     )
-    return MeasuredPasses(measurements, plans, walk.looks, plugins, cutter.strips(), floor.looks, floor.views)
+    return MeasuredPasses(
+        measurements, plans, walk.packed_views, plugins, cutter.strips(), floor.packed_views, floor.views
+    )
 
 
 def rendered(
@@ -177,13 +179,13 @@ class RowWalk:
         self.features: dict[str, list[Feature]] = {plugin.name: [] for plugin in plugins}
         self.locators: set[str] = set()
         self.notes: list[str] = []
-        self.looks: dict[str, list[Look]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
+        self.packed_views: dict[str, list[PackedView]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
         self.doubts: list[Doubt] = []
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
         report, watch, first = DecodeReport(), PassWatch(), len(self.passes)
-        self.cutter.begin(plan, next((name for name in self.looks if plan.plans[name].views), None))
+        self.cutter.begin(plan, next((name for name in self.packed_views if plan.plans[name].views), None))
         text = f"row {row}, {plan.name}: measuring"
         for panorama, views in rendered(
             plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
@@ -235,8 +237,8 @@ class RowWalk:
                 self.features[plugin.name] += plugin.extract_features(
                     view, self.segmenters.detect(plugin, view), panorama
                 )
-                if plugin.name in self.looks:
-                    self.looks[plugin.name].append(Look.of(view, self.segmenters.predict(plugin, view)))
+                if plugin.name in self.packed_views:
+                    self.packed_views[plugin.name].append(PackedView.of(view, self.segmenters.predict(plugin, view)))
 
     def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

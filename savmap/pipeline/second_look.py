@@ -41,9 +41,9 @@ from savmap.types import (
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import (
+    DetectionSettings,
     FloorTracks,
-    Look,
-    LookSettings,
+    PackedView,
     depth_of,
     expected_detections,
     floor_tracks,
@@ -94,7 +94,11 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
     tracked after the last look is doubted."""
     measurements = walked.measurements
     for plugin in walked.plugins or row.plugins:
-        if plugin.name not in walked.looks or plugin.name not in measurements.locators or plugin.failure is not None:
+        if (
+            plugin.name not in walked.packed_views
+            or plugin.name not in measurements.locators
+            or plugin.failure is not None
+        ):
             continue
         alone = Alone(row, plugin)
         for _ in range(LOOKS):
@@ -110,7 +114,7 @@ def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> Row
             measurements = anew
         else:
             left = expect(alone, walked, measurements)
-            found = tuple(unexplained(left, walked.looks[plugin.name], measurements.facts.views)) if left else ()
+            found = tuple(unexplained(left, walked.packed_views[plugin.name], measurements.facts.views)) if left else ()
             measurements = replace(measurements, doubts=(*measurements.doubts, *found))
         depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
@@ -161,14 +165,20 @@ def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) 
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
         return None
-    points, looks, views = located.points[plugin.name], walked.looks[plugin.name], measurements.facts.views
+    points, packed_views, views = (
+        located.points[plugin.name],
+        walked.packed_views[plugin.name],
+        measurements.facts.views,
+    )
     planes = plugin.planes(points)
-    evidence = [gather(patch, plugin.classes, looks, views, located.path) for patch in planes]
+    evidence = [gather(patch, plugin.classes, packed_views, views, located.path) for patch in planes]
     objects = plugin.expect(points, evidence) if evidence else []
     return Expectation(objects, located.path, points, planes) if objects else None
 
 
-def unexplained(left: Expectation, looks: Sequence[Look], views: Mapping[str, ViewSpec]) -> Iterator[Doubt]:
+def unexplained(
+    left: Expectation, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec]
+) -> Iterator[Doubt]:
     """A doubt about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
     structure is level, too, and goes on in the evidence of its front. What stands above or below it in the same opening is behind it as well
     where most does and nothing in it was tracked. Of what stands across the camera's way no picture tells that; where all that meets it lies
@@ -178,7 +188,7 @@ def unexplained(left: Expectation, looks: Sequence[Look], views: Mapping[str, Vi
     for thing, doubt in left.untracked():
         part = inner_part(thing.outline, left.planes)
         (across if part is None else along).append((thing, doubt))
-        if part is not None and lies_behind(part, looks, views, left.path):
+        if part is not None and lies_behind(part, packed_views, views, left.path):
             behind.add(id(thing))
     missing = {id(thing) for thing, _ in along}
     for thing, doubt in along:
@@ -211,9 +221,9 @@ def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurement
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
         return
-    looks, views = walked.looks[plugin.name], measurements.facts.views
+    packed_views, views = walked.packed_views[plugin.name], measurements.facts.views
     for flat in plugin.flat_parts(located.points[plugin.name]):
-        depth = depth_of(plugin.name, flat, looks, views, located.path)
+        depth = depth_of(plugin.name, flat, packed_views, views, located.path)
         if depth is not None:
             yield depth
 
@@ -268,7 +278,7 @@ class SecondLook:
 
     def __init__(self, plugin: LoadedPlugin, expectation: Expectation) -> None:
         self.plugin, self.expected = plugin, expectation
-        self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), LookSettings()
+        self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), DetectionSettings()
         self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
 
     def render(self, panorama: Panorama, views: Sequence[ViewSpec]) -> list[View]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from savmap.types import Floats, Structure, View, ViewSpec
-from savmap.vision.evidence import Look
+from savmap.vision.evidence import PackedView
 from savmap.vision.networks.adapter import Segmentation
 
 CLASSES = ("post", "plank")
@@ -33,11 +33,11 @@ def pixel(x: float, y: float) -> tuple[int, int]:
     return round(119.5 - focal * (y - 0.75) / 1.5), round(159.5 + focal * x / 1.5)
 
 
-def look(post: float = 0.8, plank: float = 0.8, grey: int = 120) -> Look:
+def packed_view(post: float = 0.8, plank: float = 0.8, grey: int = 120) -> PackedView:
     """A look that gives the same everywhere."""
     shape = (SPEC.height, SPEC.width)
     maps = np.stack([np.full(shape, value, np.float32) for value in (1 - post, post, plank)])
     noise = np.random.default_rng(0).integers(-3, 4, (*shape, 3))
     image = np.clip(grey + noise, 0, 255).astype(np.uint8)
     image[:, : SPEC.width // 4] //= 2
-    return Look.of(View(SPEC, 0, 0.0, image), Segmentation(CLASSES, maps))
+    return PackedView.of(View(SPEC, 0, 0.0, image), Segmentation(CLASSES, maps))

@@ -92,13 +92,13 @@ def test_the_floor_is_kept_of_frames_in_which_the_face_is_looked_at(
     right, _, forward = (made.LEVEL @ spec.rig_from_view).T
     assert right == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
     assert forward == pytest.approx([0.0, -np.sin(np.radians(50)), -np.cos(np.radians(50))], abs=1e-9)
-    assert [look.frame for look in cutter.looks] == kept
-    assert np.median(cutter.looks[0].grey()) == pytest.approx(200, abs=3)
+    assert [packed_view.frame for packed_view in cutter.packed_views] == kept
+    assert np.median(cutter.packed_views[0].grey()) == pytest.approx(200, abs=3)
 
 
 def test_nothing_is_kept_where_no_face_was_found() -> None:
     cutter = FloorCutter(Renderer())
     cutter.begin(PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan(())}), "one")
     cutter.cut(Panorama(0, 0.0, np.zeros((100, 200, 3), np.uint8)))
-    assert cutter.looks == ()
+    assert cutter.packed_views == ()
     assert not cutter.views

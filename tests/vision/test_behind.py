@@ -6,7 +6,7 @@ import pytest
 from savmap.types import Floats, PlanePatch, Trajectory
 from savmap.vision.evidence import inner_part, lies_behind
 
-from .test_flat_depth import LENGTH_M, SPEC, TALL, XS, looks_at, poses_before
+from .test_flat_depth import LENGTH_M, SPEC, TALL, XS, packed_views_of, poses_before
 
 CAMERA_M, AWAY_M = 1.1, 2.0
 FACE = PlanePatch("face", np.array([-1.0, 0.0, 0.0]), *np.eye(3)[:2], np.array([7.0, 3.0]), 0.02)
@@ -24,12 +24,12 @@ def outline_of(height: float, z: float, shown_m: float = LENGTH_M) -> Floats:
 
 def seen_through(height: float, z: float, noise: float = 1.0, shown: bool = True, scale: float = 1.0) -> bool:
     """What is told of a band at a height and depth, by frames from 2 m before the face."""
-    looks = looks_at({height: z} if shown else {}, np.random.default_rng(7), noise)
+    packed_views = packed_views_of({height: z} if shown else {}, np.random.default_rng(7), noise)
     part = inner_part(scale * outline_of(height, z), [FACE])
     assert part is not None
     scaled = PATH.world_from_rig.copy()
     scaled[:, :3, 3] *= scale
-    return lies_behind(part, looks, {"face": SPEC}, Trajectory(PATH.frames, scaled))
+    return lies_behind(part, packed_views, {"face": SPEC}, Trajectory(PATH.frames, scaled))
 
 
 @pytest.mark.parametrize("height", [0.6, 1.6])
@@ -55,7 +55,7 @@ def test_too_few_frames_tell_nothing() -> None:
     part = inner_part(outline_of(1.6, -1.2), [FACE])
     assert part is not None
     assert not lies_behind(part, [], {"face": SPEC}, PATH)
-    assert not lies_behind(part, looks_at({1.6: -1.2}, np.random.default_rng(7))[9:12], {"face": SPEC}, PATH)
+    assert not lies_behind(part, packed_views_of({1.6: -1.2}, np.random.default_rng(7))[9:12], {"face": SPEC}, PATH)
 
 
 def test_the_inside_of_an_outline_is_on_its_plane_away_from_its_ends() -> None:
@@ -71,5 +71,5 @@ def test_the_inside_of_an_outline_is_on_its_plane_away_from_its_ends() -> None:
 def test_a_part_of_few_cells_tells_nothing() -> None:
     part = inner_part(outline_of(1.6, 0.0, shown_m=0.41 + 5.0 * TALL), [FACE])
     assert part is not None
-    looks = looks_at({1.6: 0.0}, np.random.default_rng(7))
-    assert not lies_behind(part, looks, {"face": SPEC}, PATH)
+    packed_views = packed_views_of({1.6: 0.0}, np.random.default_rng(7))
+    assert not lies_behind(part, packed_views, {"face": SPEC}, PATH)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
-from savmap.vision.evidence import Look, LookSettings, expected_detections, gather, outline_in
+from savmap.vision.evidence import DetectionSettings, PackedView, expected_detections, gather, outline_in
 from savmap.vision.evidence.planes import within_picture
 from savmap.vision.networks.segmenter import Segmentation
 
@@ -40,13 +40,15 @@ def post(x: float, z: float = 0.0) -> Floats:
     return np.array([[x - 0.05, 0.1, z], [x + 0.05, 0.1, z], [x + 0.05, 1.9, z], [x - 0.05, 1.9, z]])
 
 
-def looks_at(outlines: list[Floats], probability: float) -> tuple[list[Look], Trajectory]:
+def packed_views_of(outlines: list[Floats], probability: float) -> tuple[list[PackedView], Trajectory]:
     xs = np.linspace(0.0, 4.0, 21)
     poses = np.array([pose(x) for x in xs])
     image = np.full((SPEC.height, SPEC.width, 3), 90, np.uint8)
     views = [View(SPEC, frame, 0.1 * frame, image) for frame in range(len(xs))]
-    looks = [Look.of(view, drawn(at, outlines, probability)) for view, at in zip(views, poses, strict=True)]
-    return looks, Trajectory(np.arange(len(xs)), poses)
+    packed_views = [
+        PackedView.of(view, drawn(at, outlines, probability)) for view, at in zip(views, poses, strict=True)
+    ]
+    return packed_views, Trajectory(np.arange(len(xs)), poses)
 
 
 def columns_of(evidence: Floats, x: float) -> float:
@@ -56,38 +58,38 @@ def columns_of(evidence: Floats, x: float) -> float:
 
 
 def test_a_faint_post_in_the_plane_adds_up() -> None:
-    looks, path = looks_at([post(1.0), post(3.0)], 0.3)
-    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    packed_views, path = packed_views_of([post(1.0), post(3.0)], 0.3)
+    seen = gather(PATCH, ("post",), packed_views, {"face": SPEC}, path)
     assert columns_of(seen.of("post"), 1.0) == pytest.approx(0.3, abs=0.08)
     assert columns_of(seen.of("post"), 3.0) == pytest.approx(0.3, abs=0.08)
     assert columns_of(seen.of("post"), 2.0) == 0.0
 
 
 def test_what_stands_behind_the_plane_smears_away() -> None:
-    looks, path = looks_at([post(2.0, z=-1.0)], 1.0)
-    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    packed_views, path = packed_views_of([post(2.0, z=-1.0)], 1.0)
+    seen = gather(PATCH, ("post",), packed_views, {"face": SPEC}, path)
     assert 0.0 < seen.of("post").max() < 0.5
 
 
 def test_nothing_is_known_of_what_no_frame_shows() -> None:
-    looks, path = looks_at([post(1.0)], 1.0)
+    packed_views, path = packed_views_of([post(1.0)], 1.0)
     far = PlanePatch("far", np.array([90.0, 0, 0]), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
-    seen = gather(far, ("post",), looks, {"face": SPEC}, path)
+    seen = gather(far, ("post",), packed_views, {"face": SPEC}, path)
     assert not seen.weight.any()
     assert not seen.mean.any()
 
 
 def test_frames_without_a_pose_are_left_out() -> None:
-    looks, path = looks_at([post(1.0)], 1.0)
+    packed_views, path = packed_views_of([post(1.0)], 1.0)
     alone = Trajectory(path.frames[:1], path.world_from_rig[:1])
-    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, alone)
-    whole = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    seen = gather(PATCH, ("post",), packed_views, {"face": SPEC}, alone)
+    whole = gather(PATCH, ("post",), packed_views, {"face": SPEC}, path)
     assert (seen.weight > 0).sum() < (whole.weight > 0).sum()
 
 
 def test_the_plane_is_pictured() -> None:
-    looks, path = looks_at([], 0.0)
-    seen = gather(PATCH, ("post",), looks, {"face": SPEC}, path)
+    packed_views, path = packed_views_of([], 0.0)
+    seen = gather(PATCH, ("post",), packed_views, {"face": SPEC}, path)
     assert np.abs(seen.picture[seen.weight > 0].astype(int) - 90).max() <= 2
 
 
@@ -96,7 +98,7 @@ def detected(probability: float, expected: list[Expected]) -> list[float]:
     image = np.zeros((SPEC.height, SPEC.width, 3), np.uint8)
     segmentation = drawn(pose(2.0), [post(1.0), post(3.0)], probability)
     view = View(SPEC, 0, 0.0, image)
-    found = expected_detections(view, segmentation, pose(2.0), expected, LookSettings())
+    found = expected_detections(view, segmentation, pose(2.0), expected, DetectionSettings())
     return [float(np.nonzero(detection.mask)[1].mean()) for detection in found]
 
 
@@ -115,13 +117,13 @@ def test_an_object_in_pieces_is_found_by_the_colours_of_those_that_are_seen() ->
         cv2.fillPoly(image, [np.round(outline).astype(np.int32)], (200, 120, 30))
     segmentation, view = drawn(pose(2.0), [post(3.0)], 0.9), View(SPEC, 0, 0.0, image)
     hidden = Expected("post", post(1.0), in_pieces=True)
-    (found,) = expected_detections(view, segmentation, pose(2.0), [hidden], LookSettings())
+    (found,) = expected_detections(view, segmentation, pose(2.0), [hidden], DetectionSettings())
     middle = outlines[1.0]
     assert middle is not None
     assert np.nonzero(found.mask)[1].mean() == pytest.approx(middle[:, 0].mean(), abs=1.0)
-    assert expected_detections(view, segmentation, pose(2.0), [Expected("post", post(1.0))], LookSettings()) == []
+    assert expected_detections(view, segmentation, pose(2.0), [Expected("post", post(1.0))], DetectionSettings()) == []
     beside = Expected("post", post(2.0), in_pieces=True)
-    assert expected_detections(view, segmentation, pose(2.0), [beside], LookSettings()) == []
+    assert expected_detections(view, segmentation, pose(2.0), [beside], DetectionSettings()) == []
 
 
 def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
@@ -152,7 +154,9 @@ def test_a_post_that_leans_far_beyond_the_picture_is_found() -> None:
     cv2.fillPoly(maps[1], [np.round(shown).astype(np.int32)], 0.9)
     maps[0] = 1 - maps[1]
     view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
-    found = expected_detections(view, Segmentation(("post",), maps), lean, [Expected("post", tall)], LookSettings())
+    found = expected_detections(
+        view, Segmentation(("post",), maps), lean, [Expected("post", tall)], DetectionSettings()
+    )
     assert sum(int(detection.mask.sum()) for detection in found) == (maps[1] > 0).sum()
 
 

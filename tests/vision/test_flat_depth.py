@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from savmap.types import FlatDepth, FlatParts, Floats, PlanePatch, Trajectory, View, ViewSpec
-from savmap.vision.evidence import Look, depth_of
-from savmap.vision.evidence.depth import LEAST_SECTIONS, Vote, agreed
+from savmap.vision.evidence import PackedView, depth_of
+from savmap.vision.evidence.depth import LEAST_SECTIONS, Vote, consensus
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=480, height=360)
 PIXEL_M, LENGTH_M = 0.0025, 5.0
@@ -34,10 +34,10 @@ def marked(rng: np.random.Generator) -> Floats:
     return np.asarray(cv2.GaussianBlur(110 + 90 * cv2.resize(marks.astype(np.float32), size), (0, 0), 3), np.float64)
 
 
-def looks_at(depths: Mapping[float, float], rng: np.random.Generator, noise: float = 1.0) -> list[Look]:
+def packed_views_of(depths: Mapping[float, float], rng: np.random.Generator, noise: float = 1.0) -> list[PackedView]:
     """Looks at bands at these heights and depths (z, m), marked all along, before a grey wall, from 2 m before the face."""
     bands = {height: marked(rng).astype(np.float32) for height in depths}
-    looks = []
+    packed_views = []
     for frame, pose in enumerate(poses_before(2.0)):
         image = np.full((SPEC.height, SPEC.width), 110.0, np.float32)
         for height, z in depths.items():
@@ -51,8 +51,8 @@ def looks_at(depths: Mapping[float, float], rng: np.random.Generator, noise: flo
             image = np.where(laid > 0, laid, image)
         image = np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
         view = View(SPEC, frame, 0.1 * frame, np.repeat(image[..., None], 3, axis=2))
-        looks.append(Look(frame, view.spec.name, (), bytes(cv2.imencode(".jpg", view.image)[1])))
-    return looks
+        packed_views.append(PackedView(frame, view.spec.name, (), bytes(cv2.imencode(".jpg", view.image)[1])))
+    return packed_views
 
 
 def parts_at(heights: tuple[float, ...], z: float, scale: float = 1.0) -> FlatParts:
@@ -65,16 +65,16 @@ def parts_at(heights: tuple[float, ...], z: float, scale: float = 1.0) -> FlatPa
     return FlatParts("band 1 / left", "z", parts)
 
 
-def told(looks: list[Look], flat: FlatParts, scale: float = 1.0) -> FlatDepth | None:
+def measured(packed_views: list[PackedView], flat: FlatParts, scale: float = 1.0) -> FlatDepth | None:
     path = Trajectory(np.arange(len(XS)), poses_before(2.0))
     scaled = path.world_from_rig.copy()
     scaled[:, :3, 3] *= scale
-    return depth_of("racks", flat, looks, {"face": SPEC}, Trajectory(path.frames, scaled))
+    return depth_of("racks", flat, packed_views, {"face": SPEC}, Trajectory(path.frames, scaled))
 
 
 @pytest.mark.parametrize("z", [-0.03, -0.012, 0.0, 0.02])
 def test_marks_tell_the_depth_to_a_millimetre(z: float) -> None:
-    depth = told(looks_at(dict.fromkeys(HEIGHTS, z), np.random.default_rng(1)), parts_at(HEIGHTS, -0.005))
+    depth = measured(packed_views_of(dict.fromkeys(HEIGHTS, z), np.random.default_rng(1)), parts_at(HEIGHTS, -0.005))
     assert depth is not None
     value, sigma = depth.metres(2.0)
     assert value == pytest.approx(z, abs=0.001)
@@ -83,8 +83,11 @@ def test_marks_tell_the_depth_to_a_millimetre(z: float) -> None:
 
 
 def test_the_scale_of_the_path_need_not_be_known() -> None:
-    looks = looks_at(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(2))
-    depth, scaled = told(looks, parts_at(HEIGHTS, 0.0)), told(looks, parts_at(HEIGHTS, 0.0, 3.0), 3.0)
+    packed_views = packed_views_of(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(2))
+    depth, scaled = (
+        measured(packed_views, parts_at(HEIGHTS, 0.0)),
+        measured(packed_views, parts_at(HEIGHTS, 0.0, 3.0), 3.0),
+    )
     assert depth is not None
     assert scaled is not None
     assert scaled.share == pytest.approx(depth.share, abs=1e-6)
@@ -92,38 +95,38 @@ def test_the_scale_of_the_path_need_not_be_known() -> None:
 
 def test_goods_before_some_parts_are_outvoted() -> None:
     depths = {**dict.fromkeys(HEIGHTS[:3], -0.02), HEIGHTS[3]: 0.04}
-    depth = told(looks_at(depths, np.random.default_rng(3)), parts_at(HEIGHTS, 0.0))
+    depth = measured(packed_views_of(depths, np.random.default_rng(3)), parts_at(HEIGHTS, 0.0))
     assert depth is not None
     assert depth.metres(2.0)[0] == pytest.approx(-0.02, abs=0.001)
 
 
 def test_parts_that_contradict_each_other_tell_nothing() -> None:
     depths = {HEIGHTS[0]: -0.02, HEIGHTS[1]: -0.02, HEIGHTS[2]: 0.03, HEIGHTS[3]: 0.03}
-    assert told(looks_at(depths, np.random.default_rng(4)), parts_at(HEIGHTS, 0.0)) is None
+    assert measured(packed_views_of(depths, np.random.default_rng(4)), parts_at(HEIGHTS, 0.0)) is None
 
 
 def test_plain_parts_tell_nothing() -> None:
-    assert told(looks_at({}, np.random.default_rng(5), noise=3.0), parts_at(HEIGHTS, 0.0)) is None
+    assert measured(packed_views_of({}, np.random.default_rng(5), noise=3.0), parts_at(HEIGHTS, 0.0)) is None
 
 
 def test_too_few_frames_tell_nothing() -> None:
-    looks = looks_at(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(6))
-    assert told(looks[9:12], parts_at(HEIGHTS, 0.0)) is None
-    assert told([], parts_at(HEIGHTS, 0.0)) is None
+    packed_views = packed_views_of(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(6))
+    assert measured(packed_views[9:12], parts_at(HEIGHTS, 0.0)) is None
+    assert measured([], parts_at(HEIGHTS, 0.0)) is None
 
 
 def test_paths_and_parts_that_make_no_sense_tell_nothing() -> None:
-    looks = looks_at(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(8))
+    packed_views = packed_views_of(dict.fromkeys(HEIGHTS, -0.02), np.random.default_rng(8))
     flat = parts_at(HEIGHTS, 0.0)
     poses = poses_before(2.0)
     poses[::2, 2, 3] = 40.0
-    assert depth_of("racks", flat, looks, {"face": SPEC}, Trajectory(np.arange(len(XS)), poses)) is None
+    assert depth_of("racks", flat, packed_views, {"face": SPEC}, Trajectory(np.arange(len(XS)), poses)) is None
     behind = poses_before(-2.0)
-    assert depth_of("racks", flat, looks, {"face": SPEC}, Trajectory(np.arange(len(XS)), behind)) is None
+    assert depth_of("racks", flat, packed_views, {"face": SPEC}, Trajectory(np.arange(len(XS)), behind)) is None
     huge = FlatParts(
         "band", "z", (PlanePatch("all", np.array([-1e6, 0.0, 0.0]), *np.eye(3)[:2], np.array([2e6, 2.0]), 1),)
     )
-    assert told(looks, huge) is None
+    assert measured(packed_views, huge) is None
 
 
 def test_what_stands_out_of_a_part_is_allowed_for() -> None:
@@ -139,7 +142,7 @@ def votes_at(coordinates: Floats, parts: int = 4) -> list[Vote]:
 
 def test_sigma_grows_with_the_scatter_between_places() -> None:
     rng = np.random.default_rng(7)
-    quiet, loud = (agreed(votes_at(rng.normal(0.01, noise, 40))) for noise in (0.0001, 0.002))
+    quiet, loud = (consensus(votes_at(rng.normal(0.01, noise, 40))) for noise in (0.0001, 0.002))
     assert quiet is not None
     assert loud is not None
     assert 0.0003 <= quiet[1] < 0.00035
@@ -148,7 +151,7 @@ def test_sigma_grows_with_the_scatter_between_places() -> None:
 
 def test_few_sections_or_parts_or_places_tell_nothing() -> None:
     same = np.full(20, 0.01)
-    assert agreed(votes_at(same)) is not None
-    assert agreed(votes_at(same[: LEAST_SECTIONS - 1])) is None
-    assert agreed(votes_at(same, parts=2)) is None
-    assert agreed([Vote(0.01, 1.0, 0.1, n) for n in range(20)]) is None
+    assert consensus(votes_at(same)) is not None
+    assert consensus(votes_at(same[: LEAST_SECTIONS - 1])) is None
+    assert consensus(votes_at(same, parts=2)) is None
+    assert consensus([Vote(0.01, 1.0, 0.1, n) for n in range(20)]) is None

@@ -8,7 +8,7 @@ import pytest
 
 from savmap.geometry import pinhole
 from savmap.types import Floats, PlanePatch, Trajectory, ViewSpec
-from savmap.vision.evidence import FloorTracks, Look, floor_tracks
+from savmap.vision.evidence import FloorTracks, PackedView, floor_tracks
 
 HEIGHT_M, AWAY_M, LENGTH_M = 1.9, 1.6, 7.0
 CELL_M = 0.005
@@ -32,11 +32,11 @@ def stains(rng: np.random.Generator, contrast: float) -> Floats:
     return np.asarray(120 + contrast * fine / fine.std(), np.float64)
 
 
-def looks_at(
+def packed_views_of(
     floor: Callable[[Floats, Floats], Floats], noise: float = 1.0, mirrored: Floats | None = None
-) -> list[Look]:
+) -> list[PackedView]:
     """Looks at a floor whose brightness at (x, z) is known, seen through the view's pixels, and the face, `mirrored` in it."""
-    rng, looks = np.random.default_rng(7), []
+    rng, packed_views = np.random.default_rng(7), []
     columns, rows = np.meshgrid(np.arange(SPEC.width), np.arange(SPEC.height))
     rays = pinhole.rays_from_pixels(np.stack([columns, rows], axis=-1), SPEC.camera) @ SPEC.rig_from_view.T @ AT_FACE
     for frame, pose in enumerate(poses()):
@@ -48,8 +48,10 @@ def looks_at(
             shown = (below[..., 1] < 0) & (below[..., 1] > -2.0) & (hit[..., 2] > 0)
             image += np.where(shown, sampled(mirrored, below[..., 0], -1.0 - below[..., 1]) - 120, 0.0)
         image = np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
-        looks.append(Look(frame, SPEC.name, (), bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1])))
-    return looks
+        packed_views.append(
+            PackedView(frame, SPEC.name, (), bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]))
+        )
+    return packed_views
 
 
 def sampled(texture: Floats, x: Floats, z: Floats) -> Floats:
@@ -70,13 +72,13 @@ def at_level(texture: Floats, level: float) -> Callable[[Floats, Floats], Floats
     return seen
 
 
-def told(looks: list[Look], scale: float = 1.0, zero: float = 0.0) -> FloorTracks:
+def measured(packed_views: list[PackedView], scale: float = 1.0, zero: float = 0.0) -> FloorTracks:
     """By a path in units of 1 / scale m whose zero is so far above the floor."""
     matrices = poses()
     matrices[:, :3, 3] = scale * (matrices[:, :3, 3] - [0.0, zero, 0.0])
     size = scale * np.array([LENGTH_M, 4.0])
     face = PlanePatch("face", scale * np.array([0.0, 0.2 - zero, 0.0]), *np.eye(3)[:2], size, 0.01)
-    return floor_tracks(face, looks, {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), matrices))
+    return floor_tracks(face, packed_views, {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), matrices))
 
 
 def heights(found: FloorTracks) -> Floats:
@@ -97,7 +99,7 @@ def heights(found: FloorTracks) -> Floats:
 @pytest.mark.parametrize(("scale", "zero"), [(1.0, 0.0), (0.7, 0.35)])
 def test_faint_stains_tell_where_the_floor_is(scale: float, zero: float) -> None:
     """The path's scale and zero are of no matter: guards hide the feet of all uprights."""
-    found = told(looks_at(at_level(stains(np.random.default_rng(1), 1.5), 0.0), noise=1.5), scale, zero)
+    found = measured(packed_views_of(at_level(stains(np.random.default_rng(1), 1.5), 0.0), noise=1.5), scale, zero)
     assert len(found.tracks) >= 8
     assert heights(found) == pytest.approx(0.0, abs=3 * found.sigma * HEIGHT_M)
     assert 0.003 <= found.sigma < 0.006
@@ -107,30 +109,30 @@ def test_faint_stains_tell_where_the_floor_is(scale: float, zero: float) -> None
 def test_the_face_mirrored_in_the_floor_is_outvoted() -> None:
     """It is upright: every strip of the floor shows it at another depth."""
     floor = at_level(stains(np.random.default_rng(1), 1.5), 0.0)
-    found = told(looks_at(floor, mirrored=stains(np.random.default_rng(3), 4.5)))
+    found = measured(packed_views_of(floor, mirrored=stains(np.random.default_rng(3), 4.5)))
     assert heights(found) == pytest.approx(0.0, abs=0.004)
-    assert not told(
-        looks_at(lambda x, z: np.full_like(x, 120.0), mirrored=stains(np.random.default_rng(3), 4.5))
+    assert not measured(
+        packed_views_of(lambda x, z: np.full_like(x, 120.0), mirrored=stains(np.random.default_rng(3), 4.5))
     ).tracks
 
 
 def test_a_plain_floor_tells_nothing() -> None:
-    assert not told(looks_at(lambda x, z: np.full_like(x, 120.0), noise=3.0)).tracks
+    assert not measured(packed_views_of(lambda x, z: np.full_like(x, 120.0), noise=3.0)).tracks
 
 
 def test_markings_along_the_aisle_tell_nothing() -> None:
     """They are the same in all frames, whatever the height."""
-    assert not told(looks_at(lambda x, z: np.where(np.abs(z - 0.9) < 0.05, 180.0, 120.0))).tracks
+    assert not measured(packed_views_of(lambda x, z: np.where(np.abs(z - 0.9) < 0.05, 180.0, 120.0))).tracks
 
 
 def test_a_floor_of_two_levels_tells_nothing() -> None:
     texture = stains(np.random.default_rng(2), 4.0)
     low, high = at_level(texture, 0.0), at_level(texture, 0.12)
-    found = told(looks_at(lambda x, z: np.where(z < 0.75, high(x, z), low(x, z))))
+    found = measured(packed_views_of(lambda x, z: np.where(z < 0.75, high(x, z), low(x, z))))
     assert not found.tracks
 
 
 def test_pictures_of_unknown_place_tell_nothing() -> None:
     face = PlanePatch("face", np.zeros(3), *np.eye(3)[:2], np.ones(2), 0.01)
-    look = Look(99, SPEC.name, (), b"")
-    assert not floor_tracks(face, [look], {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), poses())).tracks
+    packed_view = PackedView(99, SPEC.name, (), b"")
+    assert not floor_tracks(face, [packed_view], {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), poses())).tracks

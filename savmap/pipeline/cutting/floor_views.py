@@ -8,7 +8,7 @@ import cv2
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Floats, Panorama, RowStrips, ViewSpec
 from savmap.video.reader import expected_frames, probe
-from savmap.vision.evidence import Look
+from savmap.vision.evidence import PackedView
 from savmap.vision.view_planning import face_at, tilted
 from savmap.vision.views import Renderer
 
@@ -25,13 +25,13 @@ class FloorCutter:
     def __init__(self, renderer: Renderer) -> None:
         self._renderer, self._lock = renderer, Lock()
         self._current: ViewSpec | None = None
-        self._kept: list[Look] = []
+        self._kept: list[PackedView] = []
         self.views: dict[str, ViewSpec] = {}
 
     @property
-    def looks(self) -> tuple[Look, ...]:
+    def packed_views(self) -> tuple[PackedView, ...]:
         """What was kept, in order of time."""
-        return tuple(sorted(self._kept, key=lambda look: look.frame))
+        return tuple(sorted(self._kept, key=lambda packed_view: packed_view.frame))
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         attitude = plan.attitude()
@@ -45,7 +45,7 @@ class FloorCutter:
             grey = cv2.cvtColor(self._renderer.render(panorama, self._current).image, cv2.COLOR_RGB2GRAY)
             packed = bytes(cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, FLOOR_QUALITY])[1])
             with self._lock:
-                self._kept.append(Look(panorama.frame, self._current.name, (), packed))
+                self._kept.append(PackedView(panorama.frame, self._current.name, (), packed))
 
     def strips(self) -> RowStrips:
         """None: what is kept is looked at long before the map is drawn."""

@@ -3,12 +3,12 @@
 from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.floor import FloorTracks, floor_tracks
-from savmap.vision.evidence.planes import Look, LookSettings, expected_detections, gather, outline_in
+from savmap.vision.evidence.planes import DetectionSettings, PackedView, expected_detections, gather, outline_in
 
 __all__ = [
+    "DetectionSettings",
     "FloorTracks",
-    "Look",
-    "LookSettings",
+    "PackedView",
     "depth_of",
     "expected_detections",
     "floor_tracks",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from savmap.types import Bools, Floats, PlanePatch, Trajectory, ViewSpec, array_record
 from savmap.vision.evidence.depth import ASLANT, LEAST_SHOTS, MOST_SHOTS, Shot, near_cameras
-from savmap.vision.evidence.planes import BORDER_PX, Look
+from savmap.vision.evidence.planes import BORDER_PX, PackedView
 
 Singles = NDArray[np.float32]
 
@@ -32,21 +32,26 @@ BEHIND = np.arange(0.15, 0.6, 0.005)
 TRIM = np.array([1.0, 0.12])
 """At either end and at the edges of an object, in its heights, something else may show."""
 LEAST_SLENDER = 5.0
-LEAST_LIKENESS, LEAST_RISE, LEAST_CONTRAST = 0.3, 0.2, 2.5
+LEAST_CORRELATION, LEAST_RISE, LEAST_CONTRAST = 0.3, 0.2, 2.5
 """How much alike (1: the same) the pictures are behind the plane, by how much more than in it, where they show something: grey levels."""
 
 
-def lies_behind(part: PlanePatch, looks: Sequence[Look], views: Mapping[str, ViewSpec], path: Trajectory) -> bool:
+def lies_behind(
+    part: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
+) -> bool:
     """Whether what shows in a part of a plane surely lies far behind it; False where the pictures do not tell.
 
     `part` is longer along `right`, the camera's way, than it is high, and `right` x `up` points to the camera; its numbers are in the unit
     of `path`.
     """
-    strip = Strip.of(part, _shots(part, looks, views, path))
+    strip = Strip.of(part, _shots(part, packed_views, views, path))
     if strip is None or strip.contrast < LEAST_CONTRAST:
         return False
-    behind = max(strip.likeness(share) for share in BEHIND.tolist())
-    return behind > LEAST_LIKENESS and behind - max(strip.likeness(share) for share in IN_PLANE.tolist()) > LEAST_RISE
+    behind = max(strip.correlation(share) for share in BEHIND.tolist())
+    return (
+        behind > LEAST_CORRELATION
+        and behind - max(strip.correlation(share) for share in IN_PLANE.tolist()) > LEAST_RISE
+    )
 
 
 def inner_part(outline: Floats, planes: Sequence[PlanePatch]) -> PlanePatch | None:
@@ -54,9 +59,11 @@ def inner_part(outline: Floats, planes: Sequence[PlanePatch]) -> PlanePatch | No
     the plane's `right`, for what stands across the camera's way is smeared anyway where it lies behind."""
     if not planes:
         return None
-    plane = min(planes, key=lambda one: float(np.abs((outline - one.origin) @ np.cross(one.right, one.up)).max()))
-    along = (outline - plane.origin) @ np.stack([plane.right, plane.up], axis=1)
-    low, high = along.min(axis=0), along.max(axis=0)
+    plane = min(
+        planes, key=lambda patch: float(np.abs((outline - patch.origin) @ np.cross(patch.right, patch.up)).max())
+    )
+    in_plane = (outline - plane.origin) @ np.stack([plane.right, plane.up], axis=1)
+    low, high = in_plane.min(axis=0), in_plane.max(axis=0)
     width, tall = (high - low).tolist()
     if width < LEAST_SLENDER * tall:
         return None
@@ -65,13 +72,16 @@ def inner_part(outline: Floats, planes: Sequence[PlanePatch]) -> PlanePatch | No
 
 
 def _shots(
-    part: PlanePatch, looks: Sequence[Look], views: Mapping[str, ViewSpec], path: Trajectory
-) -> list[tuple[Shot, Look]]:
+    part: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
+) -> list[tuple[Shot, PackedView]]:
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [look for look in looks if look.frame in poses]
-    cameras = np.array([poses[look.frame][:3, 3] for look in known]).reshape(-1, 3)
+    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+    cameras = np.array([poses[packed_view.frame][:3, 3] for packed_view in known]).reshape(-1, 3)
     near = [known[k] for k in near_cameras(part, cameras)]
-    return [(Shot.of(look, views[look.view], poses[look.frame], part), look) for look in near]
+    return [
+        (Shot.of(packed_view, views[packed_view.view], poses[packed_view.frame], part), packed_view)
+        for packed_view in near
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +91,11 @@ class Strip:
     columns), and the column (shots,) before which each camera was."""
 
     pictures: Singles
-    seen: Bools
+    visible: Bools
     cameras: Floats
 
     @classmethod
-    def of(cls, part: PlanePatch, shots: Sequence[tuple[Shot, Look]]) -> "Strip | None":
+    def of(cls, part: PlanePatch, shots: Sequence[tuple[Shot, PackedView]]) -> "Strip | None":
         """The part in shots and the looks that they are of; None where too few show it, or it is too small."""
         distance, height = (float(np.median([shot.place[axis] for shot, _ in shots] or [0.0])) for axis in (2, 1))
         cell = CELL * distance
@@ -93,38 +103,38 @@ class Strip:
         if rows < LEAST_ROWS or columns < LEAST_COLUMNS:
             return None
         cells = _Cells(part, cell, rows, columns)
-        laid = [(cells.seen_by(shot, distance, height), shot, look) for shot, look in shots]
-        laid = [one for one in laid if one[0].sum() >= LEAST_COLUMNS]
+        laid = [(cells.visible_columns(shot, distance, height), shot, packed_view) for shot, packed_view in shots]
+        laid = [entry for entry in laid if entry[0].sum() >= LEAST_COLUMNS]
         if len(laid) < LEAST_SHOTS:
             return None
         laid = [
             laid[k] for k in np.unique(np.linspace(0, len(laid) - 1, min(len(laid), MOST_SHOTS)).astype(int)).tolist()
         ]
-        seen = np.array([shown for shown, _, _ in laid])
-        pictures = np.array([cells.picture(shot, look, distance, height) for _, shot, look in laid])
+        visible = np.array([columns_shown for columns_shown, _, _ in laid])
+        pictures = np.array([cells.picture(shot, packed_view, distance, height) for _, shot, packed_view in laid])
         cameras = np.array([shot.place[0] / cell - 0.5 for _, shot, _ in laid])
-        return cls(_detail(pictures, seen), seen, cameras)
+        return cls(_detail(pictures, visible), visible, cameras)
 
     @property
     def contrast(self) -> float:
         """How much shows, grey levels."""
-        cells = max(int(self.seen.sum()) * self.pictures.shape[1], 1)
+        cells = max(int(self.visible.sum()) * self.pictures.shape[1], 1)
         return float(np.sqrt(np.square(self.pictures).sum() / cells))
 
-    def likeness(self, share: float) -> float:
+    def correlation(self, share: float) -> float:
         """How much alike the pictures are, on average over all pairs, where what they show is nearer to each camera's own place than it would be
         on the plane by this share of the way."""
         _, rows, count = self.pictures.shape
         reach = np.array([0.0, count - 1.0])[:, None]
         ends = (reach - share * self.cameras) / (1 - share)
-        places = np.arange(np.floor(ends.min()), np.ceil(ends.max()) + 1)
-        columns = (places * (1 - share) + share * self.cameras[:, None]).astype(np.float32)
-        row = np.broadcast_to(np.arange(rows, dtype=np.float32)[:, None], (rows, len(places)))
-        total, energy = np.zeros((2, rows, len(places)))
-        frames = np.zeros(len(places))
-        for picture, seen, column in zip(self.pictures, self.seen, columns, strict=True):
+        positions = np.arange(np.floor(ends.min()), np.ceil(ends.max()) + 1)
+        columns = (positions * (1 - share) + share * self.cameras[:, None]).astype(np.float32)
+        row = np.broadcast_to(np.arange(rows, dtype=np.float32)[:, None], (rows, len(positions)))
+        total, energy = np.zeros((2, rows, len(positions)))
+        frames = np.zeros(len(positions))
+        for picture, visible, column in zip(self.pictures, self.visible, columns, strict=True):
             within = (column >= 0) & (column <= count - 1)
-            within &= seen[np.clip(np.round(column).astype(int), 0, count - 1)]
+            within &= visible[np.clip(np.round(column).astype(int), 0, count - 1)]
             moved = cv2.remap(picture, np.tile(column, (rows, 1)), np.ascontiguousarray(row), cv2.INTER_LINEAR) * within
             total += moved
             energy += np.square(moved)
@@ -143,7 +153,7 @@ class _Cells:
     rows: int
     columns: int
 
-    def seen_by(self, shot: Shot, distance: float, height: float) -> Bools:
+    def visible_columns(self, shot: Shot, distance: float, height: float) -> Bools:
         """Which columns (n,) a shot shows from top to bottom, not too much aslant."""
         x = (np.arange(self.columns) + 0.5) * self.cell
         ends = np.array([(along, up, 1.0) for up in (0.0, float(self.part.size[1])) for along in x])
@@ -154,20 +164,20 @@ class _Cells:
         aslant = np.abs(x - shot.place[0]) > ASLANT * shot.place[2]
         return np.asarray(inside.reshape(2, -1).all(axis=0) & ~aslant)
 
-    def picture(self, shot: Shot, look: Look, distance: float, height: float) -> Singles:
+    def picture(self, shot: Shot, packed_view: PackedView, distance: float, height: float) -> Singles:
         """The shot on the plane (rows, columns), grey. What is seen at a height stays there, wherever the camera was."""
         fine, up = self.cell / FINER, float(self.part.size[1]) / self.rows
         grid = np.array([[fine, 0.0, fine / 2], [0.0, -up, up * (self.rows - 0.5)], [0.0, 0.0, 1.0]])
         homography = shot.pixels_from(0.0, distance, height) @ grid
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         size = (self.columns * FINER, self.rows)
-        laid = cv2.warpPerspective(look.grey().astype(np.float32), homography, size, flags=flags)
+        laid = cv2.warpPerspective(packed_view.grey().astype(np.float32), homography, size, flags=flags)
         return np.asarray(laid.reshape(self.rows, self.columns, FINER).mean(axis=2), np.float32)
 
 
-def _detail(pictures: Singles, seen: Bools) -> Singles:
+def _detail(pictures: Singles, visible: Bools) -> Singles:
     """Pictures (shots, rows, columns) without what changes slowly along them, 0 where they are not seen (shots, columns)."""
-    shown = np.broadcast_to(seen[:, None], pictures.shape).astype(np.float32)
+    shown = np.broadcast_to(visible[:, None], pictures.shape).astype(np.float32)
     usual = _smoothed(pictures * shown) / np.maximum(_smoothed(shown), 1e-3)
     return np.asarray((pictures - usual) * shown, np.float32)
 

@@ -11,16 +11,16 @@ Singles = NDArray[np.float32]
 BIN, BINS = 8, 32
 SURELY, HARDLY = 0.5, 0.2
 """A pixel is of the class above the first probability, and is not below the second."""
-LEAST, ACROSS_PX = 1e-7, 3
+LEAST_DENSITY, ACROSS_PX = 1e-7, 3
 
 
-def likeness(image: NDArray[np.uint8], probability: Singles) -> Singles:
+def colour_probability(image: NDArray[np.uint8], probability: Singles) -> Singles:
     """How likely each pixel (height, width) of a picture (height, width, 3) RGB is a class's rather than anything's, by the colours of those that a
     network is sure of and of all others (`probability`), over three pixels each way; 0 everywhere where it is sure of none."""
     colours = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2LAB) // BIN
     cells = tuple(np.moveaxis(colours.astype(np.intp), -1, 0))
-    own, others = (_density(cells, pixels) for pixels in (probability > SURELY, probability < HARDLY))
-    table = (own / (own + others + LEAST)).astype(np.float32)
+    in_class, others = (_density(cells, pixels) for pixels in (probability > SURELY, probability < HARDLY))
+    table = (in_class / (in_class + others + LEAST_DENSITY)).astype(np.float32)
     return np.asarray(cv2.blur(table[cells], (ACROSS_PX, ACROSS_PX)), np.float32)
 
 

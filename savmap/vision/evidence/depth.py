@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec, array_record
-from savmap.vision.evidence.planes import BORDER_PX, Look
+from savmap.vision.evidence.planes import BORDER_PX, PackedView
 
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
@@ -38,7 +38,7 @@ AWAY = 0.5
 """Frames from nearer or farther than usual by more than this share do not count: a cell would be of other fineness in them."""
 LEAST_SHOTS, LEAST_SPREAD = 4, 0.5
 """So many frames see a section, from directions whose tangents differ by so much."""
-LEAST_LIKENESS, LEAST_RISE, LEAST_CONTRAST = 0.5, 0.2, 1.5
+LEAST_CORRELATION, LEAST_RISE, LEAST_CONTRAST = 0.5, 0.2, 1.5
 """A section tells its depth where the frames are so much alike there (1: the same), by so much more than at most other depths, and show
 something: grey levels, which noise of the picture stays below."""
 WIDTH = 0.0015
@@ -69,19 +69,19 @@ class Shot:
     """A look at a part: the view, where the camera was, in metres to the right of the part's origin, up, and before it, and the
     homography (3, 3) to pixels from (right, up, 1)."""
 
-    look: Look
+    packed_view: PackedView
     spec: ViewSpec
     place: Floats
     pixels_from_part: Floats
 
     @classmethod
-    def of(cls, look: Look, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> Self:
+    def of(cls, packed_view: PackedView, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> Self:
         """A look from a camera at a known pose."""
         axes = np.stack([part.right, part.up, np.cross(part.right, part.up)], axis=1)
         place = (world_from_rig[:3, 3] - part.origin) @ axes
         view_from_part = (world_from_rig[:3, :3] @ spec.rig_from_view).T @ axes
         plane = np.column_stack([view_from_part[:, 0], view_from_part[:, 1], -view_from_part @ place])
-        return cls(look, spec, place, spec.camera @ plane)
+        return cls(packed_view, spec, place, spec.camera @ plane)
 
     def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
         """The homography (3, 3) from a plane `depth` before the part. What is seen at one height of the part by a camera in so much `distance`
@@ -106,15 +106,15 @@ class Shot:
 
 
 def depth_of(
-    plugin: str, flat: FlatParts, looks: Sequence[Look], views: Mapping[str, ViewSpec], path: Trajectory
+    plugin: str, flat: FlatParts, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> FlatDepth | None:
     """How deep a plugin's flat parts lie, by its looks at frames whose pose is known; None where they do not tell."""
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [look for look in looks if look.frame in poses]
-    frames: Ints = np.unique(np.array([look.frame for look in known], np.int64))
+    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+    frames: Ints = np.unique(np.array([packed_view.frame for packed_view in known], np.int64))
     mean = float(np.mean([poses[frame][flat.column, 3] for frame in frames.tolist()])) if known else 0.0
     chosen = np.unique(np.linspace(0, len(flat.parts) - 1, min(len(flat.parts), MOST_PARTS)).astype(int)).tolist()
-    cameras = np.array([poses[look.frame][:3, 3] for look in known]).reshape(-1, 3)
+    cameras = np.array([poses[packed_view.frame][:3, 3] for packed_view in known]).reshape(-1, 3)
     shots = {
         n: [
             Shot.of(known[k], views[known[k].view], poses[known[k].frame], flat.parts[n])
@@ -122,12 +122,14 @@ def depth_of(
         ]
         for n in chosen
     }
-    sweeps = {n: sweep for n, of_part in shots.items() if (sweep := Sweep.over(flat.parts[n], of_part)) is not None}
+    sweeps = {
+        n: sweep for n, part_shots in shots.items() if (sweep := Sweep.over(flat.parts[n], part_shots)) is not None
+    }
     if not sweeps or mean == 0:
         return None
     unit = float(np.median([sweep.distance for sweep in sweeps.values()]))
-    grey = lru_cache(4 * MOST_SHOTS)(Look.grey)
-    agreement = agreed(
+    grey = lru_cache(4 * MOST_SHOTS)(PackedView.grey)
+    agreement = consensus(
         [vote for number, sweep in sweeps.items() for vote in sweep.votes(number, flat.column, unit, grey)]
     )
     if agreement is None:
@@ -158,7 +160,7 @@ class Sweep:
     cell: float
     rows: int
     columns: int
-    seen: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
     tangents: Floats
 
     @classmethod
@@ -177,52 +179,52 @@ class Sweep:
         sides = np.arange(count + 1) * columns * cell
         tangents = np.array([((sides[:-1] + sides[1:]) / 2 - shot.place[0]) / shot.place[2] for shot in near])
         shown = np.array([shot.shows(sides, tall, reach * ASLANT * distance) for shot in near])
-        seen = shown[:, :-1] & shown[:, 1:] & (np.abs(tangents) < ASLANT)
-        use = np.flatnonzero(seen.any(axis=1))
+        visible = shown[:, :-1] & shown[:, 1:] & (np.abs(tangents) < ASLANT)
+        use = np.flatnonzero(visible.any(axis=1))
         use = use[np.unique(np.linspace(0, len(use) - 1, min(len(use), MOST_SHOTS)).astype(int))] if len(use) else use
         if len(use) < LEAST_SHOTS:
             return None
-        return cls(part, [near[k] for k in use], distance, height, cell, rows, columns, seen[use], tangents[use])
+        return cls(part, [near[k] for k in use], distance, height, cell, rows, columns, visible[use], tangents[use])
 
     @property
     def count(self) -> int:
         """How many sections there are."""
-        return int(self.seen.shape[1])
+        return int(self.visible.shape[1])
 
     @property
-    def telling(self) -> Ints:
+    def informative(self) -> Ints:
         """Which sections (n,) enough shots see from directions that differ enough."""
-        first, last = (np.where(self.seen, self.tangents, fill) for fill in (np.inf, -np.inf))
+        first, last = (np.where(self.visible, self.tangents, fill) for fill in (np.inf, -np.inf))
         spread = last.max(axis=0) - first.min(axis=0)
-        return np.flatnonzero((self.seen.sum(axis=0) >= LEAST_SHOTS) & (spread >= LEAST_SPREAD))
+        return np.flatnonzero((self.visible.sum(axis=0) >= LEAST_SHOTS) & (spread >= LEAST_SPREAD))
 
-    def votes(self, number: int, column: int, unit: float, grey: Callable[[Look], Bytes]) -> Iterator[Vote]:
+    def votes(self, number: int, column: int, unit: float, grey: Callable[[PackedView], Bytes]) -> Iterator[Vote]:
         """The votes of the sections that tell something: of part `number`, along axis `column`, in a `unit` of the path's; `grey` gives a look's picture."""
         forward = np.cross(self.part.right, self.part.up)[column]
         start = float(self.part.origin @ self.part.right)
-        for depth, weight, along in self.section_depths([grey(shot.look) for shot in self.shots]):
+        for depth, weight, along in self.section_depths([grey(shot.packed_view) for shot in self.shots]):
             coordinate = float(self.part.origin[column] + forward * depth) / unit
             yield Vote(coordinate, weight, (start + along) / unit, number)
 
     def section_depths(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
         """Depth before the part, weight and place along it of each section that tells its depth; `pictures` (h, w) grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
-        likeness, contrast = (
-            np.array(values) for values in zip(*(self.likeness(depth, pictures) for depth in depths), strict=True)
+        correlation, contrast = (
+            np.array(values) for values in zip(*(self.correlation(depth, pictures) for depth in depths), strict=True)
         )
-        found = []
-        for section in self.telling.tolist():
-            peak = _peak(depths, likeness[:, section], contrast[:, section], self.distance)
+        peaks = []
+        for section in self.informative.tolist():
+            peak = _peak(depths, correlation[:, section], contrast[:, section], self.distance)
             if peak is not None:
-                found.append((*peak, (section + 0.5) * self.columns * self.cell))
-        return found
+                peaks.append((*peak, (section + 0.5) * self.columns * self.cell))
+        return peaks
 
-    def likeness(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
+    def correlation(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
         """How much alike (sections,) the pictures of each section are on a plane `depth` before the part, on average over all pairs of
         frames, and how much (sections,) shows there, grey levels."""
         laid = np.zeros((len(self.shots), self.rows, self.count, self.columns), np.float32)
-        for own, shot, picture, seen in zip(laid, self.shots, pictures, self.seen, strict=True):
-            first, last = (int(place) for place in np.flatnonzero(seen)[[0, -1]])
+        for row, shot, picture, visible in zip(laid, self.shots, pictures, self.visible, strict=True):
+            first, last = (int(place) for place in np.flatnonzero(visible)[[0, -1]])
             grid = np.array(
                 [
                     [self.cell, 0.0, self.cell * (first * self.columns + 0.5)],
@@ -233,28 +235,28 @@ class Sweep:
             homography = shot.pixels_from(depth, self.distance, self.height) @ grid
             size = ((last + 1 - first) * self.columns, self.rows)
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            own[:, first : last + 1] = cv2.warpPerspective(picture, homography, size, flags=flags).reshape(
+            row[:, first : last + 1] = cv2.warpPerspective(picture, homography, size, flags=flags).reshape(
                 self.rows, -1, self.columns
             )
         laid -= laid.mean(axis=-1, keepdims=True)
-        laid *= self.seen[:, None, :, None]
+        laid *= self.visible[:, None, :, None]
         energy = np.einsum("nrsc,nrsc->s", laid, laid)
         total = laid.sum(axis=0)
-        frames = self.seen.sum(axis=0)
+        frames = self.visible.sum(axis=0)
         pairs = np.einsum("rsc,rsc->s", total, total) - energy
         contrast = np.sqrt(energy / np.maximum(frames * self.rows * self.columns, 1))
         return pairs / np.maximum((frames - 1) * energy, 1e-9), contrast
 
 
-def _peak(depths: Floats, likeness: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
+def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
     """Where the likeness (k,) over depths (k,) peaks, between its samples, and how sharply, as a weight; None where it tells nothing."""
-    best = int(likeness.argmax())
+    best = int(correlation.argmax())
     if not 0 < best < len(depths) - 1 or contrast[best] < LEAST_CONTRAST:
         return None
-    top = float(likeness[best])
-    if top < LEAST_LIKENESS or top - float(np.median(likeness)) < LEAST_RISE:
+    top = float(correlation[best])
+    if top < LEAST_CORRELATION or top - float(np.median(correlation)) < LEAST_RISE:
         return None
-    before, after = likeness[best - 1 : best + 2 : 2].tolist()
+    before, after = correlation[best - 1 : best + 2 : 2].tolist()
     bend = 2 * top - before - after
     if bend <= 0:
         return None
@@ -263,33 +265,33 @@ def _peak(depths: Floats, likeness: Floats, contrast: Floats, distance: float) -
     return depth, bend * (distance / step) ** 2 / (1.02 - min(top, 1.0))
 
 
-def agreed(votes: Sequence[Vote]) -> tuple[float, float, int] | None:
+def consensus(votes: Sequence[Vote]) -> tuple[float, float, int] | None:
     """The coordinate that most sections tell, its sigma, and how many do; None where too few agree."""
     if len(votes) < LEAST_SECTIONS:
         return None
-    places = np.array([vote.coordinate for vote in votes])
+    coordinates = np.array([vote.coordinate for vote in votes])
     weights = np.array([vote.weight for vote in votes])
     weights = np.minimum(weights, 5 * np.median(weights))
-    nearness = np.exp(-0.5 * np.square((places[:, None] - places) / WIDTH))
-    mode = places[int((nearness @ weights).argmax())]
-    near = np.abs(places - mode) < 3 * WIDTH
+    nearness = np.exp(-0.5 * np.square((coordinates[:, None] - coordinates) / WIDTH))
+    mode = coordinates[int((nearness @ weights).argmax())]
+    near = np.abs(coordinates - mode) < 3 * WIDTH
     parts = {vote.part for vote, kept in zip(votes, near, strict=True) if kept}
     groups = np.array([np.floor(vote.along / PLACE) for vote in votes])[near]
     few = near.sum() < LEAST_SECTIONS or len(parts) < LEAST_PARTS or len(set(groups.tolist())) < LEAST_PLACES
     if few or near.mean() < LEAST_SHARE:
         return None
-    coordinate, weights = _robust_mean(places[near], weights[near])
-    return coordinate, _sigma(weights * (places[near] - coordinate), weights, groups), int(near.sum())
+    coordinate, weights = _robust_mean(coordinates[near], weights[near])
+    return coordinate, _sigma(weights * (coordinates[near] - coordinate), weights, groups), int(near.sum())
 
 
-def _robust_mean(places: Floats, weights: Floats) -> tuple[float, Floats]:
+def _robust_mean(values: Floats, weights: Floats) -> tuple[float, Floats]:
     """The weighted mean of places (n,), and their final weights (n,): those that are off count less (Huber)."""
-    mean, final = float(np.average(places, weights=weights)), weights
+    mean, final = float(np.average(values, weights=weights)), weights
     for _ in range(ROUNDS):
-        off = np.abs(places - mean)
+        off = np.abs(values - mean)
         scale = max(1.5 * 1.48 * float(np.median(off)), 1e-5)
         final = weights * np.minimum(1.0, scale / np.maximum(off, 1e-9))
-        mean = float(np.average(places, weights=final))
+        mean = float(np.average(values, weights=final))
     return mean, final
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from savmap.types import Floats, PlanePatch, Track, Trajectory, ViewSpec, array_record
 from savmap.vision.evidence.depth import MOST_SHOTS, Shot, Singles, Sweep, near_cameras
-from savmap.vision.evidence.planes import Look
+from savmap.vision.evidence.planes import PackedView
 
 LABEL = "floor"
 HEIGHTS = np.geomspace(0.35, 3.0, 9).tolist()
@@ -53,7 +53,7 @@ class Fineness:
     reach: float
     step: float
     smaller: int
-    every: int
+    strip_step: int
 
     @property
     def shares(self) -> Floats:
@@ -90,7 +90,7 @@ class FloorShot(Shot):
 
 
 def floor_tracks(
-    face: PlanePatch, looks: Sequence[Look], views: Mapping[str, ViewSpec], path: Trajectory
+    face: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> FloorTracks:
     """Points of the floor before a face; none where the pictures do not tell where it is.
 
@@ -98,7 +98,7 @@ def floor_tracks(
     unit.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [look for look in looks if look.frame in poses]
+    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
     if not known:
         return FloorTracks()
     floor = Floor(face, known, views, poses)
@@ -113,10 +113,14 @@ class Floor:
     """The floor before a face, and pictures of it. `away`: the camera's usual distance from the face, in which heights are counted here."""
 
     def __init__(
-        self, face: PlanePatch, looks: Sequence[Look], views: Mapping[str, ViewSpec], poses: Mapping[int, Floats]
+        self,
+        face: PlanePatch,
+        packed_views: Sequence[PackedView],
+        views: Mapping[str, ViewSpec],
+        poses: Mapping[int, Floats],
     ) -> None:
-        self.face, self.looks, self.views, self.poses = face, looks, views, poses
-        self.places = np.array([poses[look.frame][:3, 3] for look in looks])
+        self.face, self.packed_views, self.views, self.poses = face, packed_views, views, poses
+        self.places = np.array([poses[packed_view.frame][:3, 3] for packed_view in packed_views])
         self.forward = np.cross(face.right, face.up)
         self.away = float(np.median((self.places - face.origin) @ self.forward))
         self.level = float(np.median(self.places[:, 1]))
@@ -124,18 +128,18 @@ class Floor:
 
     def rough_height(self) -> float | None:
         """The height of the camera over the floor, to a step of the coarse sweep; None where no height stands out."""
-        curves = {height: _mean(groups) for height in HEIGHTS if (groups := self.alike(height, COARSE))}
+        curves = {height: _mean(groups) for height in HEIGHTS if (groups := self.correlations(height, COARSE))}
         if not curves:
             return None
         tried = np.concatenate([height * COARSE.shares for height in curves])
-        likeness = np.concatenate([*curves.values()])
-        best = int(likeness.argmax())
-        others = likeness[np.abs(np.log(tried / tried[best])) > OTHER]
-        return float(tried[best]) if len(others) and likeness[best] > LEAST_RATIO * others.max() else None
+        correlation = np.concatenate([*curves.values()])
+        best = int(correlation.argmax())
+        others = correlation[np.abs(np.log(tried / tried[best])) > OTHER]
+        return float(tried[best]) if len(others) and correlation[best] > LEAST_RATIO * others.max() else None
 
     def height(self, rough: float) -> tuple[float, float] | None:
         """The height of the camera over the floor, and its sigma as a share of it; None where parts of the floor do not agree."""
-        groups = self.alike(rough, FINE)
+        groups = self.correlations(rough, FINE)
         total = sum((curve for curve, _ in groups.values()), np.zeros(len(FINE.shares)))
         peak = _peak(total)
         sigmas = [_jackknife(groups, which, total) for which in (0, 1)]
@@ -145,24 +149,24 @@ class Floor:
             return None
         return rough * peak, max(known)
 
-    def alike(self, height: float, fineness: Fineness) -> dict[tuple[int, int], tuple[Floats, int]]:
+    def correlations(self, height: float, fineness: Fineness) -> dict[tuple[int, int], tuple[Floats, int]]:
         """By stretch of the row and strip of the floor: how much alike (n,) the pictures are at heights about `height`, the sum over the sections, and
         the number of these."""
         groups: dict[tuple[int, int], tuple[Floats, int]] = {}
-        for strip, part in self._pieces(height, fineness.every):
-            shots = [self._shot(self.looks[k], part, fineness) for k in near_cameras(part, self.places)]
+        for strip, part in self._pieces(height, fineness.strip_step):
+            shots = [self._shot(self.packed_views[k], part, fineness) for k in near_cameras(part, self.places)]
             sweep = Sweep.over(part, shots, fineness.reach)
             if sweep is None:
                 continue
-            pictures = [self._detail(shot.look, fineness.smaller) for shot in sweep.shots]
+            pictures = [self._detail(shot.packed_view, fineness.smaller) for shot in sweep.shots]
             depths = (1 - fineness.shares) * height * self.away
-            likeness = np.array([sweep.likeness(depth, pictures)[0] for depth in depths.tolist()])
+            correlation = np.array([sweep.correlation(depth, pictures)[0] for depth in depths.tolist()])
             start = float(part.origin @ part.right)
-            for section in sweep.telling.tolist():
+            for section in sweep.informative.tolist():
                 along = start + (section + 0.5) * sweep.columns * sweep.cell
                 group = int(np.floor(along / (height * self.away))), strip
                 curve, count = groups.get(group, (np.zeros(len(depths)), 0))
-                groups[group] = curve + likeness[:, section], count + 1
+                groups[group] = curve + correlation[:, section], count + 1
         return groups
 
     def tracks(self, height: float) -> Iterator[Track]:
@@ -184,7 +188,7 @@ class Floor:
         """How far before the face the strips begin and end."""
         return BEFORE * self.away, max(1 - BESIDE * height, 2 * BEFORE) * self.away
 
-    def _pieces(self, height: float, every: int) -> Iterator[tuple[int, PlanePatch]]:
+    def _pieces(self, height: float, strip_step: int) -> Iterator[tuple[int, PlanePatch]]:
         """Strips of the floor, so far below the camera, all or every other one, cut into pieces, with the strips' numbers."""
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
@@ -193,19 +197,23 @@ class Floor:
         count = max(round((high - low) / (PIECE * length)), 1)
         starts = np.linspace(low, high, count + 1)
         for k in np.unique(np.linspace(0, count - 1, min(count, MOST_PIECES)).astype(int)).tolist():
-            for strip, (near, far) in [*enumerate(pairwise(edges))][::every]:
+            for strip, (near, far) in [*enumerate(pairwise(edges))][::strip_step]:
                 size = np.array([starts[k + 1] - starts[k], far - near])
                 corner = self._point(height, float(starts[k]), far)
                 yield strip, PlanePatch(LABEL, corner, self.face.right, -self.forward, size, float(size[1]))
 
-    def _shot(self, look: Look, part: PlanePatch, fineness: Fineness) -> FloorShot:
-        spec = self.views[look.view]
+    def _shot(self, packed_view: PackedView, part: PlanePatch, fineness: Fineness) -> FloorShot:
+        spec = self.views[packed_view.view]
         smaller = replace(spec, width=spec.width // fineness.smaller, height=spec.height // fineness.smaller)
-        return FloorShot.of(look, smaller, self.poses[look.frame], part)
+        return FloorShot.of(packed_view, smaller, self.poses[packed_view.frame], part)
 
     def _track(self, number: int, point: Floats) -> Track | None:
         """A point's pixels in three looks; None where it is not seen from directions that differ enough."""
-        sightings = [sighting for look in self.looks if (sighting := self._sighting(look, point)) is not None]
+        sightings = [
+            sighting
+            for packed_view in self.packed_views
+            if (sighting := self._sighting(packed_view, point)) is not None
+        ]
         tangents = np.array([tangent for _, tangent, _ in sightings])
         if not len(tangents) or np.ptp(tangents) < LEAST_TANGENT:
             return None
@@ -215,25 +223,25 @@ class Floor:
             f"{LABEL} {number}",
             LABEL,
             {LABEL: number},
-            np.array([look.frame for look, _, _ in shown], np.int64),
-            tuple(look.view for look, _, _ in shown),
+            np.array([packed_view.frame for packed_view, _, _ in shown], np.int64),
+            tuple(packed_view.view for packed_view, _, _ in shown),
             np.array([pixel for _, _, pixel in shown]),
             np.tile(SIGMA_PX**2 * np.eye(2), (len(shown), 1, 1)),
         )
 
-    def _sighting(self, look: Look, point: Floats) -> tuple[Look, float, Floats] | None:
+    def _sighting(self, packed_view: PackedView, point: Floats) -> tuple[PackedView, float, Floats] | None:
         """The tangent of the direction, along the face, in which a look shows a point, and where, px; None where it does not."""
-        pose, spec = self.poses[look.frame], self.views[look.view]
+        pose, spec = self.poses[packed_view.frame], self.views[packed_view.view]
         x, y, depth = spec.camera @ (pose[:3, :3] @ spec.rig_from_view).T @ (point - pose[:3, 3])
         if depth <= 0 or not (0 < x / depth < spec.width - 1 and 0 < y / depth < spec.height - 1):
             return None
         tangent = float((point - pose[:3, 3]) @ self.face.right) / float(pose[1, 3] - point[1])
-        return look, tangent, np.array([x, y]) / depth
+        return packed_view, tangent, np.array([x, y]) / depth
 
 
-def _detail(look: Look, smaller: int) -> Singles:
+def _detail(packed_view: PackedView, smaller: int) -> Singles:
     """The fine detail of a picture, so many times smaller."""
-    grey = look.grey().astype(np.float32)
+    grey = packed_view.grey().astype(np.float32)
     size = grey.shape[1] // smaller, grey.shape[0] // smaller
     small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
     return np.asarray(small - cv2.GaussianBlur(small, (0, 0), DETAIL_PX / smaller), np.float32)

@@ -23,7 +23,7 @@ from savmap.types import (
     ViewSpec,
     array_record,
 )
-from savmap.vision.evidence.colours import likeness
+from savmap.vision.evidence.colours import colour_probability
 from savmap.vision.networks.adapter import regions
 from savmap.vision.networks.segmenter import Segmentation
 
@@ -31,7 +31,7 @@ Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 
 HALVED = 2
-MOST_LOOKS = 160
+MOST_VIEWS = 160
 JPEG_QUALITY = 80
 BORDER_PX = 2.0
 NEAR = 0.02
@@ -42,7 +42,7 @@ AROUND_PX = 64.0
 
 @dataclass(frozen=True, eq=False)
 @array_record
-class Look:
+class PackedView:
     """One look at a view: its frame, the view's name, and, packed, the classes' probabilities (at half the view's resolution) and the
     picture."""
 
@@ -52,7 +52,7 @@ class Look:
     picture: bytes
 
     @classmethod
-    def of(cls, view: View, segmentation: Segmentation) -> "Look":
+    def of(cls, view: View, segmentation: Segmentation) -> "PackedView":
         """A view and what the network gave of it."""
         size = (view.spec.width // HALVED, view.spec.height // HALVED)
         small = [cv2.resize(probability, size, interpolation=cv2.INTER_AREA) for probability in segmentation.maps[1:]]
@@ -85,18 +85,18 @@ def _unpacked(packed: bytes, flags: int) -> Bytes:
 def gather(
     patch: PlanePatch,
     classes: Sequence[str],
-    looks: Sequence[Look],
+    packed_views: Sequence[PackedView],
     views: Mapping[str, ViewSpec],
     path: Trajectory,
 ) -> PlaneEvidence:
-    """The evidence of looks at frames whose pose is known; at most `MOST_LOOKS` of them, evenly chosen.
+    """The evidence of looks at frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen.
 
     A look counts by the solid angle under which it shows a cell: from near and from the front more than from afar and aslant.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [look for look in looks if look.frame in poses]
+    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
     chosen = (
-        np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOOKS)).astype(int)).tolist() if known else []
+        np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_VIEWS)).astype(int)).tolist() if known else []
     )
     sums = _Sums(patch, len(classes))
     for index in chosen:
@@ -113,19 +113,19 @@ class _Sums:
         self.picture, self.sharpness = np.zeros((*patch.shape, 3), np.float32), np.zeros(patch.shape, np.float32)
         self.points = patch.points()
 
-    def add(self, look: Look, view: ViewSpec, world_from_rig: Floats) -> None:
+    def add(self, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats) -> None:
         """Add a look from a camera at a known pose, where the patch is near."""
         columns = self._near(world_from_rig)
         if columns.start >= columns.stop:
             return
-        pixels, share = _seen(self.points[:, columns], self.patch, view, world_from_rig)
-        self.weight[:, columns] += share
+        pixels, weight = _pixels_and_weights(self.points[:, columns], self.patch, view, world_from_rig)
+        self.weight[:, columns] += weight
         halved = ((pixels + 0.5) / HALVED - 0.5).astype(np.float32)
-        for index, probability in enumerate(look.probabilities()):
-            self.total[index][:, columns] += share * _sampled(probability, halved)
-        sharpness = np.square(share)
+        for index, probability in enumerate(packed_view.probabilities()):
+            self.total[index][:, columns] += weight * _sampled(probability, halved)
+        sharpness = np.square(weight)
         self.sharpness[:, columns] += sharpness
-        self.picture[:, columns] += sharpness[..., None] * _sampled(look.image(), pixels)
+        self.picture[:, columns] += sharpness[..., None] * _sampled(packed_view.image(), pixels)
 
     def _near(self, world_from_rig: Floats) -> slice:
         """The columns within `REACH` times the camera's distance from the plane."""
@@ -142,7 +142,9 @@ class _Sums:
         return PlaneEvidence(self.patch, classes, mean, self.weight, np.clip(shown, 0, 255).astype(np.uint8))
 
 
-def _seen(points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Floats) -> tuple[Singles, Singles]:
+def _pixels_and_weights(
+    points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Floats
+) -> tuple[Singles, Singles]:
     """The pixels (..., 2) of cells in a view, and how much the view counts there (...), 0 outside of it."""
     rays = points - world_from_rig[:3, 3]
     pixels = pinhole.project(rays @ (world_from_rig[:3, :3] @ view.rig_from_view), view.camera)
@@ -150,8 +152,8 @@ def _seen(points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Flo
     within = (pixels > BORDER_PX) & (pixels < size - 1 - BORDER_PX)
     inside = within[..., 0] & within[..., 1]
     away = np.abs(rays @ np.cross(patch.right, patch.up))
-    share = np.where(inside, away / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9) ** 3, 0.0)
-    return np.where(inside[..., None], pixels, OUTSIDE).astype(np.float32), share.astype(np.float32)
+    weight = np.where(inside, away / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9) ** 3, 0.0)
+    return np.where(inside[..., None], pixels, OUTSIDE).astype(np.float32), weight.astype(np.float32)
 
 
 def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
@@ -159,7 +161,7 @@ def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
 
 
 @dataclass(frozen=True)
-class LookSettings:
+class DetectionSettings:
     """How a frame is read where objects are expected: an object's pixels are those within `margin` of its outline, as a share of its
     lesser thickness (and `margin_px` more), whose probability is above half of what is usual inside it; what is usual must be at least
     `faintest`. Connected regions of fewer than `least_px` are left out."""
@@ -171,28 +173,32 @@ class LookSettings:
 
 
 def expected_detections(
-    view: View, segmentation: Segmentation, world_from_rig: Floats, expected: Sequence[Expected], settings: LookSettings
+    view: View,
+    segmentation: Segmentation,
+    world_from_rig: Floats,
+    expected: Sequence[Expected],
+    settings: DetectionSettings,
 ) -> list[Detection]:
     """The regions of a view that a network takes for one of the objects expected there, faint ones too, and nothing else.
 
     Probabilities are raised so that half of what is usual inside an object becomes 0.5, as masks' borders are taken to be. Of an object that is
     `in_pieces`, and of which the network sees nothing, they are what is coloured like those that it sees.
     """
-    found: list[Detection] = []
+    detections: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
         raised = np.zeros_like(probability)
-        for thing in expected:
-            outline = outline_in(view.spec, world_from_rig, thing.outline) if thing.label == label else None
+        for target in expected:
+            outline = outline_in(view.spec, world_from_rig, target.outline) if target.label == label else None
             if outline is not None:
-                seen = _raised(probability, outline, settings)
-                if thing.in_pieces and not seen.any():
-                    seen = _alike(view, probability, outline)
-                np.maximum(raised, seen, out=raised)
-        found += regions(label, raised, 0.5, settings.least_px)
-    return found
+                scaled = _raised(probability, outline, settings)
+                if target.in_pieces and not scaled.any():
+                    scaled = _probability_by_colour(view, probability, outline)
+                np.maximum(raised, scaled, out=raised)
+        detections += regions(label, raised, 0.5, settings.least_px)
+    return detections
 
 
-def _raised(probability: Singles, outline: Floats, settings: LookSettings) -> Singles:
+def _raised(probability: Singles, outline: Floats, settings: DetectionSettings) -> Singles:
     shown = within_picture(outline, probability.shape)
     core = _filled(shown, probability.shape)
     usual = float(np.percentile(probability[core], LIKELY_QUANTILE)) if core.any() else 0.0
@@ -204,11 +210,11 @@ def _raised(probability: Singles, outline: Floats, settings: LookSettings) -> Si
     return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
 
 
-def _alike(view: View, probability: Singles, outline: Floats) -> Singles:
+def _probability_by_colour(view: View, probability: Singles, outline: Floats) -> Singles:
     """How like what the network sees elsewhere the pixels in an outline (n, 2) are, or beside it by one."""
     inside = _filled(within_picture(outline, probability.shape), probability.shape)
     near = np.asarray(cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)), np.bool_)
-    return np.asarray(np.where(near, likeness(view.image, probability), 0.0), np.float32)
+    return np.asarray(np.where(near, colour_probability(view.image, probability), 0.0), np.float32)
 
 
 def _thickness(outline: Floats) -> float:
