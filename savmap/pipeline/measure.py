@@ -73,9 +73,11 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
-    """What a walk over a row's passes gave: its measurements, how each pass was looked at, and, by plugin, its network's looks at the
-    views, for those plugins whose structure lies in planes; the plugins with the networks that looked; strips for an orthophoto; and looks at
-    the floor, with their views."""
+    """The result of a walk over a row's passes.
+
+    plans: the views of each pass. packed_views: by plugin, for those whose structure lies in planes. plugins: with the networks that were
+    used. strips: for an orthophoto. floor: views of the floor, whose specifications are in `floor_views`.
+    """
 
     measurements: RowMeasurements
     plans: Sequence[PassPlan]

@@ -23,7 +23,7 @@ def outline_of(height: float, z: float, shown_m: float = LENGTH_M) -> Floats:
 
 
 def seen_through(height: float, z: float, noise: float = 1.0, shown: bool = True, scale: float = 1.0) -> bool:
-    """What is told of a band at a height and depth, by frames from 2 m before the face."""
+    """Whether a band at a height and depth is found to lie behind the face, by frames from 2 m before the face."""
     packed_views = packed_views_of({height: z} if shown else {}, np.random.default_rng(7), noise)
     part = inner_part(scale * outline_of(height, z), [FACE])
     assert part is not None

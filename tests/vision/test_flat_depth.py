@@ -35,7 +35,7 @@ def marked(rng: np.random.Generator) -> Floats:
 
 
 def packed_views_of(depths: Mapping[float, float], rng: np.random.Generator, noise: float = 1.0) -> list[PackedView]:
-    """Looks at bands at these heights and depths (z, m), marked all along, before a grey wall, from 2 m before the face."""
+    """Packed views of bands at these heights and depths (z, m), marked all along, before a grey wall, from 2 m before the face."""
     bands = {height: marked(rng).astype(np.float32) for height in depths}
     packed_views = []
     for frame, pose in enumerate(poses_before(2.0)):

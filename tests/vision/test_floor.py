@@ -35,7 +35,7 @@ def stains(rng: np.random.Generator, contrast: float) -> Floats:
 def packed_views_of(
     floor: Callable[[Floats, Floats], Floats], noise: float = 1.0, mirrored: Floats | None = None
 ) -> list[PackedView]:
-    """Looks at a floor whose brightness at (x, z) is known, seen through the view's pixels, and the face, `mirrored` in it."""
+    """Packed views of a floor whose brightness at (x, z) is known, seen through the view's pixels, and the face, `mirrored` in it."""
     rng, packed_views = np.random.default_rng(7), []
     columns, rows = np.meshgrid(np.arange(SPEC.width), np.arange(SPEC.height))
     rays = pinhole.rays_from_pixels(np.stack([columns, rows], axis=-1), SPEC.camera) @ SPEC.rig_from_view.T @ AT_FACE
@@ -73,7 +73,7 @@ def at_level(texture: Floats, level: float) -> Callable[[Floats, Floats], Floats
 
 
 def measured(packed_views: list[PackedView], scale: float = 1.0, zero: float = 0.0) -> FloorTracks:
-    """By a path in units of 1 / scale m whose zero is so far above the floor."""
+    """The floor by a path in units of 1 / scale m whose zero is so far above the floor."""
     matrices = poses()
     matrices[:, :3, 3] = scale * (matrices[:, :3, 3] - [0.0, zero, 0.0])
     size = scale * np.array([LENGTH_M, 4.0])

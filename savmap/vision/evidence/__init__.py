@@ -1,4 +1,4 @@
-"""What all frames of known pose show together: evidence in planes, how deep flat parts and the floor lie, and what is only seen through an opening."""
+"""Evidence of all frames whose pose is known: in planes, of the depth of flat parts and of the floor, and of what lies behind a plane."""
 
 from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of

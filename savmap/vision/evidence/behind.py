@@ -1,9 +1,11 @@
-"""Whether what shows in a part of a plane lies in that plane, or far behind it, seen through an opening.
+"""A test whether the picture of a part of a plane shows that plane, or an object far behind it, through an opening.
 
-What is level and runs along the camera's way stays where it is on a plane from frame to frame, whether it lies there or behind:
-evidence in the plane does not smear it. What crosses it does move: supports, ends, marks, and whatever is seen beside it. The frames' pictures of
-the part, shrunk towards each camera, fall on one another at the depth that most of it has. Where that is far behind the plane and nothing falls
-on itself in the plane, the part is an opening. In a part that is not transparent nothing behind it can be seen at all.
+A level edge along the camera's path stays at the same place of the plane in all frames, also where it lies behind the plane. The
+evidence in the plane does not smear it. Supports, ends and marks, which cross the edge, do move from frame to frame.
+
+The test warps the frames' pictures of the part to a range of depths (each is shrunk towards its camera). The pictures correlate at the
+depth that most of the part has. Where that depth is far behind the plane, and the pictures do not correlate in the plane, the part is
+an opening. A part that is opaque hides all that lies behind it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,38 +27,39 @@ FINER = 3
 """Pictures are sampled so much finer than cells along the part, and averaged."""
 LEAST_ROWS, LEAST_COLUMNS = 2, 40
 DETAIL = 20.0
-"""What changes over more cells than that along the part is shading, and tells no depth."""
+"""Changes along the part over more cells than that are shading. They say nothing of the depth and are removed."""
 IN_PLANE = np.arange(0.0, 0.05, 0.003)
 BEHIND = np.arange(0.15, 0.6, 0.005)
-"""Shares by which what is seen is nearer to a camera's own place than on the plane: 0.15 is 35 cm behind a plane that is 2 m away, 0.6 is 3 m."""
+"""Parallax that is tried, as a share of the offset from the camera: 0.15 is 35 cm behind a plane that is 2 m away, 0.6 is 3 m."""
 TRIM = np.array([1.0, 0.12])
-"""At either end and at the edges of an object, in its heights, something else may show."""
+"""Margins at an object's ends and at its edges, in heights of the object: other objects may show there."""
 LEAST_SLENDER = 5.0
 LEAST_CORRELATION, LEAST_RISE, LEAST_CONTRAST = 0.3, 0.2, 2.5
-"""How much alike (1: the same) the pictures are behind the plane, by how much more than in it, where they show something: grey levels."""
+"""An opening: least correlation of the pictures behind the plane, its least excess over that in the plane, and least contrast, grey levels."""
 
 
 def lies_behind(
     part: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> bool:
-    """Whether what shows in a part of a plane surely lies far behind it; False where the pictures do not tell.
+    """Whether the picture of a part of a plane surely shows what lies far behind it. False where the pictures do not decide it.
 
-    `part` is longer along `right`, the camera's way, than it is high, and `right` x `up` points to the camera; its numbers are in the unit
-    of `path`.
+    `part` is longer along `right`, the direction of travel, than it is high, and `right` x `up` points to the camera. Its unit is that of
+    `path`.
     """
     strip = Strip.of(part, _shots(part, packed_views, views, path))
     if strip is None or strip.contrast < LEAST_CONTRAST:
         return False
     behind = max(strip.correlation(share) for share in BEHIND.tolist())
-    return (
-        behind > LEAST_CORRELATION
-        and behind - max(strip.correlation(share) for share in IN_PLANE.tolist()) > LEAST_RISE
-    )
+    if behind <= LEAST_CORRELATION:
+        return False
+    return behind - max(strip.correlation(share) for share in IN_PLANE.tolist()) > LEAST_RISE
 
 
 def inner_part(outline: Floats, planes: Sequence[PlanePatch]) -> PlanePatch | None:
-    """The inside of an object's outline (n, 3) on that of the planes which it lies in, away from what its ends meet; None where it does not run along
-    the plane's `right`, for what stands across the camera's way is smeared anyway where it lies behind."""
+    """The inside of an object's outline (n, 3), as a part of the plane that is nearest to it. Margins keep it away from the object's neighbours.
+
+    None for an object that does not run along the plane's `right`: the evidence in the plane smears such an object anyway if it lies behind.
+    """
     if not planes:
         return None
     plane = min(
@@ -87,8 +90,8 @@ def _shots(
 @dataclass(frozen=True, eq=False)
 @array_record
 class Strip:
-    """The pictures (shots, rows, columns) of a part on its plane, without what changes slowly along it, 0 where it is not `seen` (shots,
-    columns), and the column (shots,) before which each camera was."""
+    """The pictures (shots, rows, columns) of a part on its plane: detail along the part, 0 where it is not `visible` (shots, columns).
+    `cameras` (shots,): the column that each camera is in front of."""
 
     pictures: Singles
     visible: Bools
@@ -96,7 +99,7 @@ class Strip:
 
     @classmethod
     def of(cls, part: PlanePatch, shots: Sequence[tuple[Shot, PackedView]]) -> "Strip | None":
-        """The part in shots and the looks that they are of; None where too few show it, or it is too small."""
+        """The part in shots, each with its packed view. None where too few shots show the part, or where it is too small."""
         distance, height = (float(np.median([shot.place[axis] for shot, _ in shots] or [0.0])) for axis in (2, 1))
         cell = CELL * distance
         rows, columns = (int(side / max(cell, 1e-9)) for side in part.size[::-1].tolist())
@@ -117,13 +120,12 @@ class Strip:
 
     @property
     def contrast(self) -> float:
-        """How much shows, grey levels."""
+        """The root mean square of the detail, grey levels."""
         cells = max(int(self.visible.sum()) * self.pictures.shape[1], 1)
         return float(np.sqrt(np.square(self.pictures).sum() / cells))
 
     def correlation(self, share: float) -> float:
-        """How much alike the pictures are, on average over all pairs, where what they show is nearer to each camera's own place than it would be
-        on the plane by this share of the way."""
+        """The mean correlation of all pairs of pictures, if each is shrunk towards its camera's column by `share` of the offset from it."""
         _, rows, count = self.pictures.shape
         reach = np.array([0.0, count - 1.0])[:, None]
         ends = (reach - share * self.cameras) / (1 - share)
@@ -154,7 +156,7 @@ class _Cells:
     columns: int
 
     def visible_columns(self, shot: Shot, distance: float, height: float) -> Bools:
-        """Which columns (n,) a shot shows from top to bottom, not too much aslant."""
+        """The columns (n,) that a shot shows from top to bottom, at an angle of view that is not too oblique."""
         x = (np.arange(self.columns) + 0.5) * self.cell
         ends = np.array([(along, up, 1.0) for up in (0.0, float(self.part.size[1])) for along in x])
         u, v, depth = shot.pixels_from(0.0, distance, height) @ ends.T
@@ -165,7 +167,7 @@ class _Cells:
         return np.asarray(inside.reshape(2, -1).all(axis=0) & ~aslant)
 
     def picture(self, shot: Shot, packed_view: PackedView, distance: float, height: float) -> Singles:
-        """The shot on the plane (rows, columns), grey. What is seen at a height stays there, wherever the camera was."""
+        """The shot on the plane (rows, columns), grey. The camera's own distance and height do not move the part's edges."""
         fine, up = self.cell / FINER, float(self.part.size[1]) / self.rows
         grid = np.array([[fine, 0.0, fine / 2], [0.0, -up, up * (self.rows - 0.5)], [0.0, 0.0, 1.0]])
         homography = shot.pixels_from(0.0, distance, height) @ grid
@@ -176,7 +178,7 @@ class _Cells:
 
 
 def _detail(pictures: Singles, visible: Bools) -> Singles:
-    """Pictures (shots, rows, columns) without what changes slowly along them, 0 where they are not seen (shots, columns)."""
+    """The detail of pictures (shots, rows, columns): slow changes along the columns are removed. 0 where not visible (shots, columns)."""
     shown = np.broadcast_to(visible[:, None], pictures.shape).astype(np.float32)
     usual = _smoothed(pictures * shown) / np.maximum(_smoothed(shown), 1e-3)
     return np.asarray((pictures - usual) * shown, np.float32)

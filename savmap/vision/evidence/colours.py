@@ -1,5 +1,5 @@
-"""How like what a network sees of a class a view's pixels are, by their colours: pieces of an object that it sees nothing of, in the very light of the
-others."""
+"""The probability of a class by colour. It finds pieces of an object that the network misses: other objects of the class in the same view
+have the same paint in the same light."""
 
 import cv2
 import numpy as np
@@ -15,8 +15,11 @@ LEAST_DENSITY, ACROSS_PX = 1e-7, 3
 
 
 def colour_probability(image: NDArray[np.uint8], probability: Singles) -> Singles:
-    """How likely each pixel (height, width) of a picture (height, width, 3) RGB is a class's rather than anything's, by the colours of those that a
-    network is sure of and of all others (`probability`), over three pixels each way; 0 everywhere where it is sure of none."""
+    """The probability (height, width) that each pixel of a picture (height, width, 3) RGB is of a class, by its colour.
+
+    Colours are counted in the pixels that a network is sure of and in those that it excludes (`probability`, (height, width)). The result
+    is a mean over `ACROSS_PX` pixels each way, and 0 where the network is sure of no pixel.
+    """
     colours = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2LAB) // BIN
     cells = tuple(np.moveaxis(colours.astype(np.intp), -1, 0))
     in_class, others = (_density(cells, pixels) for pixels in (probability > SURELY, probability < HARDLY))

@@ -1,9 +1,9 @@
-"""How deep flat parts of a structure lie, by what shows on them: a plane is swept through their depths until all frames agree.
+"""The depth of flat parts of a structure, by a plane sweep: a plane is moved through depths until the pictures of all frames correlate on it.
 
-Edges that run along the camera's way hardly tell their depth. Marks on a part do (labels, holes, scratches): from frame to frame they
-move by metres before what is behind. The frames' pictures of a part are laid on a plane; where that lies at the part's own depth, every
-mark falls on itself in all of them. Sections of the parts vote, each for the depth at which its pictures are most alike, so that
-goods that hang in front and reflections are outvoted; where too few sections show anything, nothing is told.
+Edges along the camera's path say little of their depth. Marks on a part do (labels, holes, scratches): from frame to frame they move by
+metres against the background. The frames' pictures of a part are warped to a plane. At the part's own depth, each mark has the same place
+in all of them. Sections of the parts vote, each for the depth of its highest correlation, so that goods in front of a part and
+reflections are outvoted. Where too few sections have texture, there is no result.
 
 The sweep works in shares of the camera's distance: the path's scale need not be known.
 """
@@ -24,38 +24,38 @@ Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 
 REACH, STEP = 0.04, 0.002
-"""How far off a plane may be, and in what steps it is swept, as shares of the camera's distance: 8 cm and 4 mm at 2 m, where a step moves
-a mark that is seen from both sides by half a pixel."""
+"""Range and step of the sweep, as shares of the camera's distance: 8 cm and 4 mm at 2 m, where a step moves a mark that is seen from
+both sides by half a pixel."""
 SECTION = 0.15
-"""How long a section is, as a share of the distance: 30 cm at 2 m, as far as from label to label."""
+"""The length of a section, as a share of the distance: 30 cm at 2 m, the usual distance between labels."""
 ASLANT = 1.7
-"""Frames count that see a section under 60 degrees at most."""
+"""The greatest tangent of the angle, about 60 degrees, at which a frame may see a section."""
 FINENESS = 0.6
 """The side of a cell of the plane, in pixels of the frames."""
 MOST_PARTS, MOST_SHOTS, MOST_CELLS = 48, 24, 200_000
-"""Of parts, evenly chosen; of frames that see a part; of cells of a part, which has some thousands."""
+"""The most parts, evenly chosen; frames that see a part; and cells of a part, which usually has some thousands."""
 AWAY = 0.5
-"""Frames from nearer or farther than usual by more than this share do not count: a cell would be of other fineness in them."""
+"""Frames whose distance differs from the median by more than this share are left out: their resolution of a cell differs."""
 LEAST_SHOTS, LEAST_SPREAD = 4, 0.5
-"""So many frames see a section, from directions whose tangents differ by so much."""
+"""A section needs so many frames, and directions whose tangents differ by so much."""
 LEAST_CORRELATION, LEAST_RISE, LEAST_CONTRAST = 0.5, 0.2, 1.5
-"""A section tells its depth where the frames are so much alike there (1: the same), by so much more than at most other depths, and show
-something: grey levels, which noise of the picture stays below."""
+"""A section has a depth if its correlation has such a peak, so far above the median over depths, and if its contrast, grey levels, is
+above the picture's noise."""
 WIDTH = 0.0015
-"""How far sections that agree are apart, as a share of the distance: 3 mm at 2 m."""
+"""The scatter of sections that agree, as a share of the distance: 3 mm at 2 m."""
 LEAST_SECTIONS, LEAST_PARTS, LEAST_PLACES, LEAST_SHARE = 6, 3, 3, 0.6
-"""So many sections agree, on so many parts, at so many places along them, and so large a share of all that tell something."""
+"""A consensus needs so many sections, parts, places along them, and so large a share of all votes."""
 PLACE = 0.5
-"""Sections within this share of the distance along the parts are seen in the same frames: their errors are alike."""
+"""Sections within this share of the distance along the parts are seen in the same frames: their errors are correlated."""
 COMMON_SIGMA = 0.0003
-"""What all sections may have in common, as a share of the distance: a twentieth of a pixel."""
+"""The error that all sections may have in common, as a share of the distance: a twentieth of a pixel."""
 ROUNDS = 10
 
 
 @dataclass(frozen=True)
 class Vote:
-    """The depth that a section tells: the coordinate of what shows there, how sharply (as a weight), where it is along the parts, and the
-    number of its part. Unit: the camera's usual distance."""
+    """A section's vote: the coordinate across the plane, its weight (the sharpness of the peak), the section's place along the parts, and
+    the number of its part. Unit: the camera's median distance."""
 
     coordinate: float
     weight: float
@@ -66,8 +66,8 @@ class Vote:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Shot:
-    """A look at a part: the view, where the camera was, in metres to the right of the part's origin, up, and before it, and the
-    homography (3, 3) to pixels from (right, up, 1)."""
+    """A view of a part. `place` (3,): the camera, to the right of the part's origin, up, and in front of it, in the path's unit.
+    `pixels_from_part` (3, 3): the homography to pixels from (right, up, 1)."""
 
     packed_view: PackedView
     spec: ViewSpec
@@ -76,7 +76,7 @@ class Shot:
 
     @classmethod
     def of(cls, packed_view: PackedView, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> Self:
-        """A look from a camera at a known pose."""
+        """A packed view from a camera at a known pose."""
         axes = np.stack([part.right, part.up, np.cross(part.right, part.up)], axis=1)
         place = (world_from_rig[:3, 3] - part.origin) @ axes
         view_from_part = (world_from_rig[:3, :3] @ spec.rig_from_view).T @ axes
@@ -84,8 +84,11 @@ class Shot:
         return cls(packed_view, spec, place, spec.camera @ plane)
 
     def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
-        """The homography (3, 3) from a plane `depth` before the part. What is seen at one height of the part by a camera in so much `distance`
-        at this `height` stays there: the part's edges were measured in the pictures."""
+        """The homography (3, 3) to pixels from a plane `depth` in front of the part.
+
+        The plane is scaled so that a camera at `distance` and `height` sees the part's edges at the same pixels for every depth: these edges
+        were measured in the pictures.
+        """
         right, up, before = self.place
         nearer = before / (before - depth)
         shrunk = (distance - depth) / distance
@@ -94,7 +97,7 @@ class Shot:
         return np.asarray(self.pixels_from_part @ moved)
 
     def shows(self, x: Floats, top: float, slack: float) -> NDArray[np.bool_]:
-        """Whether it shows the lines (n,) that cross the part at x, from 0 to `top`, with room for `slack` on the part to either side."""
+        """Whether the shot shows the lines (n,) that cross the part at x, from 0 to `top`, with `slack` on the part to either side."""
         ends = [(x + side * slack, np.full_like(x, y)) for side in (-1.0, 1.0) for y in (0.0, top)]
         u, v, depth = np.moveaxis(
             np.tensordot([(*end, np.ones_like(x)) for end in ends], self.pixels_from_part, (1, 1)), -1, 0
@@ -108,7 +111,7 @@ class Shot:
 def depth_of(
     plugin: str, flat: FlatParts, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> FlatDepth | None:
-    """How deep a plugin's flat parts lie, by its looks at frames whose pose is known; None where they do not tell."""
+    """The depth of a plugin's flat parts, by its packed views of frames whose pose is known. None where the sections have no consensus."""
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
     frames: Ints = np.unique(np.array([packed_view.frame for packed_view in known], np.int64))
@@ -141,7 +144,7 @@ def depth_of(
 
 
 def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
-    """The numbers of those cameras (n, 3) that are before a part and not too far beside it to see any of it."""
+    """The indices of those cameras (n, 3) that are in front of a part and not too far beside it to see any of it."""
     right, before = np.stack([part.right, np.cross(part.right, part.up)]) @ (cameras - part.origin).T
     near = (before > 0) & (right > -ASLANT * before) & (right < part.size[0] + ASLANT * before)
     return np.flatnonzero(near).tolist()
@@ -150,8 +153,11 @@ def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Sweep:
-    """A part, cut into `count` sections of `columns` cells by `rows`, and the shots that see any of them: which, `seen` (shots, sections),
-    and the tangents (shots, sections) of the directions. `distance`, `height`: the camera's usual ones; `cell`: a cell's side."""
+    """A part, cut into `count` sections of `columns` cells by `rows`, and the shots that see any section.
+
+    `visible` (shots, sections): whether a shot sees a section; `tangents` (shots, sections): the direction in which it does; `distance`,
+    `height`: the camera's median ones; `cell`: a cell's side.
+    """
 
     part: PlanePatch
     shots: Sequence[Shot]
@@ -188,18 +194,18 @@ class Sweep:
 
     @property
     def count(self) -> int:
-        """How many sections there are."""
+        """The number of sections."""
         return int(self.visible.shape[1])
 
     @property
     def informative(self) -> Ints:
-        """Which sections (n,) enough shots see from directions that differ enough."""
+        """The indices (n,) of the sections that enough shots see, from directions that differ enough."""
         first, last = (np.where(self.visible, self.tangents, fill) for fill in (np.inf, -np.inf))
         spread = last.max(axis=0) - first.min(axis=0)
         return np.flatnonzero((self.visible.sum(axis=0) >= LEAST_SHOTS) & (spread >= LEAST_SPREAD))
 
     def votes(self, number: int, column: int, unit: float, grey: Callable[[PackedView], Bytes]) -> Iterator[Vote]:
-        """The votes of the sections that tell something: of part `number`, along axis `column`, in a `unit` of the path's; `grey` gives a look's picture."""
+        """The votes of the sections of part `number`: coordinates along axis `column`, in units of `unit`. `grey` decodes a packed view."""
         forward = np.cross(self.part.right, self.part.up)[column]
         start = float(self.part.origin @ self.part.right)
         for depth, weight, along in self.section_depths([grey(shot.packed_view) for shot in self.shots]):
@@ -207,7 +213,7 @@ class Sweep:
             yield Vote(coordinate, weight, (start + along) / unit, number)
 
     def section_depths(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
-        """Depth before the part, weight and place along it of each section that tells its depth; `pictures` (h, w) grey, of the shots."""
+        """Depth in front of the part, weight and place along it of each section that has a depth. `pictures` (h, w): grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
         correlation, contrast = (
             np.array(values) for values in zip(*(self.correlation(depth, pictures) for depth in depths), strict=True)
@@ -220,8 +226,8 @@ class Sweep:
         return peaks
 
     def correlation(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
-        """How much alike (sections,) the pictures of each section are on a plane `depth` before the part, on average over all pairs of
-        frames, and how much (sections,) shows there, grey levels."""
+        """The mean correlation (sections,) of all pairs of frames on a plane `depth` in front of the part, and the contrast (sections,) there,
+        grey levels."""
         laid = np.zeros((len(self.shots), self.rows, self.count, self.columns), np.float32)
         for row, shot, picture, visible in zip(laid, self.shots, pictures, self.visible, strict=True):
             first, last = (int(place) for place in np.flatnonzero(visible)[[0, -1]])
@@ -249,7 +255,7 @@ class Sweep:
 
 
 def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
-    """Where the likeness (k,) over depths (k,) peaks, between its samples, and how sharply, as a weight; None where it tells nothing."""
+    """The depth at which the correlation (k,) over depths (k,) peaks, between samples, and the peak's sharpness as a weight. None without a peak."""
     best = int(correlation.argmax())
     if not 0 < best < len(depths) - 1 or contrast[best] < LEAST_CONTRAST:
         return None
@@ -266,7 +272,7 @@ def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float
 
 
 def consensus(votes: Sequence[Vote]) -> tuple[float, float, int] | None:
-    """The coordinate that most sections tell, its sigma, and how many do; None where too few agree."""
+    """The coordinate of most votes, its sigma, and the number of votes that agree. None where too few agree."""
     if len(votes) < LEAST_SECTIONS:
         return None
     coordinates = np.array([vote.coordinate for vote in votes])
@@ -285,7 +291,7 @@ def consensus(votes: Sequence[Vote]) -> tuple[float, float, int] | None:
 
 
 def _robust_mean(values: Floats, weights: Floats) -> tuple[float, Floats]:
-    """The weighted mean of places (n,), and their final weights (n,): those that are off count less (Huber)."""
+    """The weighted mean of values (n,), and their final weights (n,): outliers count less (Huber)."""
     mean, final = float(np.average(values, weights=weights)), weights
     for _ in range(ROUNDS):
         off = np.abs(values - mean)
@@ -296,8 +302,8 @@ def _robust_mean(values: Floats, weights: Floats) -> tuple[float, Floats]:
 
 
 def _sigma(pulls: Floats, weights: Floats, groups: Floats) -> float:
-    """The sigma of a weighted mean by what groups (n,) of its parts pull (n,): errors within a group may be alike. Few groups tell their own
-    scatter badly: nearly as Student's t, two thirds more for four."""
+    """The sigma of a weighted mean, by its weighted residuals `pulls` (n,) and their groups (n,): errors within a group may be correlated.
+    Few groups underestimate their scatter. The correction is near to Student's t: two thirds more for four groups."""
     sums = np.array([pulls[groups == group].sum() for group in np.unique(groups)])
     scatter = float(np.linalg.norm(sums) / weights.sum()) * np.sqrt(len(sums) / (len(sums) - 1))
     return float(np.hypot(scatter * (len(sums) + 1) / (len(sums) - 1), COMMON_SIGMA))

@@ -1,13 +1,13 @@
-"""Where the floor is, by what shows on it: a level plane is swept through heights until all frames agree.
+"""The height of the floor, by a plane sweep: a level plane is moved through heights until the pictures of all frames correlate on it.
 
-What stands on a floor may hide where it meets it: guards, plinths, goods. The floor itself moves through the pictures as no other height
-does: stains, joints, scratches and markings fall on themselves in all frames where a plane is laid at the floor's own height, by the camera's
-path as the structures give it. The sweep is that of flat parts (`savmap.vision.evidence.depth`), at first a coarse one in small pictures,
-for nothing is known of the height but that it is some share of the distance to the face.
+Guards, plinths and goods may hide where a structure meets the floor. The floor itself shows stains, joints, scratches and markings. On a
+plane at the floor's own height, each of these has the same place in all frames. The camera's path is that which the structures give. The
+sweep is that of flat parts (`savmap.vision.evidence.depth`). A coarse sweep in small pictures comes first: of the height only the range is
+known, as a share of the distance to the face.
 
-Concrete shows little: no section of it tells anything by itself. So the sections are added up, each by how much alike the pictures
-of it are, and none by its contrast: what stands out most (a beam's label, a shadow's edge) is often not of the floor. What the sum tells is believed
-where it stays, with any stretch of the row or any strip of the floor left out (jackknife). Reflections lie at many depths.
+Concrete has little texture: no single section has a clear peak. So the correlations of all sections are added up. They are not weighted by
+contrast: what has most contrast (a beam's label, a shadow's edge) is often not of the floor. The height is accepted if the peak stays where
+it is when any stretch of the row or any strip of the floor is left out (jackknife). Reflections lie at many depths.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,31 +24,31 @@ from savmap.vision.evidence.planes import PackedView
 
 LABEL = "floor"
 HEIGHTS = np.geomspace(0.35, 3.0, 9).tolist()
-"""Of the camera over the floor, about which the coarse sweep looks: shares of its distance from the face."""
+"""Heights of the camera over the floor, at the centres of the coarse sweeps, as shares of its distance from the face."""
 DETAIL_PX = 12.0
-"""What is coarser than that in a view does not count: brightness falls off, and gloss goes with the camera."""
+"""Coarser structure of a view is removed: brightness falls off, and gloss moves with the camera."""
 STRIPS, BEFORE, BESIDE = 6, 0.25, 0.25
-"""So many strips of floor along the face, from so far before it, as a share of the distance, to so far beside the camera, as a share of the
-height: beams and goods stand out over the one, and the cart is seen at the other."""
+"""The number of strips of floor along the face; their margin to the face, as a share of the distance (beams and goods hide the floor there);
+and their margin to the camera, as a share of the height (the cart hides it there)."""
 PIECE, MOST_PIECES = 5.0, 6
-"""How long pieces of a strip are, in heights of the camera, and how many are looked at."""
+"""The length of a piece of a strip, in heights of the camera, and the most pieces that are evaluated."""
 OTHER, LEAST_RATIO = 0.08, 1.3
-"""At heights that differ by more than this share the pictures are less alike, by this factor."""
+"""The correlation at the height must exceed that at heights that differ by more than this share, by this factor."""
 LEAST_RISE = 0.01
-"""By how much more alike they are at the height than at most about it: a plain floor's noise stays below."""
+"""The least excess of the peak over the median, per section: the noise of a plain floor stays below."""
 LEAST_GROUPS, MOST_SIGMA = 3, 0.015
-"""So many stretches, each as long as the camera is high, and strips; and how sure the height must be, as a share."""
+"""The least number of stretches (each as long as the camera is high) and of strips; the greatest sigma of the height, as a share of it."""
 FLATNESS = 0.003
-"""By how much the floor before the face may lie higher or lower than that under the camera: 6 mm at 2 m."""
+"""The sigma of the height difference between the floor in front of the face and under the camera, as a share: 6 mm at 2 m."""
 POINTS, SIGMA_PX = 12, 2.0
-"""Points of the floor that are told, and the standard deviation of their pixels, which follow from this path: another, of rows solved together, may turn by a
-fraction of a degree."""
+"""The number of floor points, and the standard deviation of their pixels. The pixels follow from this path. The path of rows that are solved
+together may be rotated from it by a fraction of a degree."""
 LEAST_TANGENT = 0.5
 
 
 @dataclass(frozen=True)
 class Fineness:
-    """How far and in what steps planes are swept, as shares of the height, in pictures so many times smaller; `every`: 2 for every other strip."""
+    """A sweep: range and step as shares of the height; by what factor the pictures are reduced; `strip_step`: 2 for every other strip."""
 
     reach: float
     step: float
@@ -57,7 +57,7 @@ class Fineness:
 
     @property
     def shares(self) -> Floats:
-        """The heights (n,) that are tried, as shares of that about which."""
+        """The heights (n,) that are tried, as shares of the central one."""
         return 1 + np.arange(-self.reach, self.reach + self.step / 2, self.step)
 
 
@@ -67,8 +67,8 @@ COARSE, FINE = Fineness(0.16, 0.012, 4, 2), Fineness(0.048, 0.004, 2, 1)
 @dataclass(frozen=True, eq=False)
 @array_record
 class FloorTracks:
-    """Tracks of points of the floor, each in a few frames, and the views of their pixels by name. `sigma`: how sure their common depth below the
-    camera is, as a share of it."""
+    """Tracks of points of the floor, each in a few frames, and the views of their pixels by name. `sigma`: the standard deviation of their
+    common depth below the camera, as a share of it."""
 
     tracks: tuple[Track, ...] = ()
     views: Mapping[str, ViewSpec] = field(default_factory=dict)
@@ -78,10 +78,10 @@ class FloorTracks:
 @dataclass(frozen=True, eq=False)
 @array_record
 class FloorShot(Shot):
-    """A look at the floor, with whose height nothing else goes."""
+    """A view of the floor. No edge of it was measured in the pictures, so the plane is not scaled with its depth."""
 
     def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
-        """The homography (3, 3) from a plane `depth` above the part."""
+        """The homography (3, 3) to pixels from a plane `depth` above the part."""
         right, up, before = self.place
         nearer = before / (before - depth)
         moved = np.diag([nearer, nearer, 1.0])
@@ -92,10 +92,9 @@ class FloorShot(Shot):
 def floor_tracks(
     face: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> FloorTracks:
-    """Points of the floor before a face; none where the pictures do not tell where it is.
+    """Points of the floor in front of a face; none where the pictures do not determine its height.
 
-    face: a plane that stands upright in the row's frame (y up). looks: pictures of the floor, in `views`. path: where the camera was, in any
-    unit.
+    face: an upright plane in the row's frame (y up). packed_views: pictures of the floor, in `views`. path: the camera's poses, in any unit.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
@@ -110,7 +109,7 @@ def floor_tracks(
 
 
 class Floor:
-    """The floor before a face, and pictures of it. `away`: the camera's usual distance from the face, in which heights are counted here."""
+    """The floor in front of a face, and pictures of it. `away`: the camera's median distance from the face, the unit of heights here."""
 
     def __init__(
         self,
@@ -127,7 +126,7 @@ class Floor:
         self._detail = lru_cache(4 * MOST_SHOTS)(_detail)
 
     def rough_height(self) -> float | None:
-        """The height of the camera over the floor, to a step of the coarse sweep; None where no height stands out."""
+        """The height of the camera over the floor, to a step of the coarse sweep. None without a clear peak."""
         curves = {height: _mean(groups) for height in HEIGHTS if (groups := self.correlations(height, COARSE))}
         if not curves:
             return None
@@ -138,7 +137,7 @@ class Floor:
         return float(tried[best]) if len(others) and correlation[best] > LEAST_RATIO * others.max() else None
 
     def height(self, rough: float) -> tuple[float, float] | None:
-        """The height of the camera over the floor, and its sigma as a share of it; None where parts of the floor do not agree."""
+        """The height of the camera over the floor, and its sigma as a share of it. None where parts of the floor disagree."""
         groups = self.correlations(rough, FINE)
         total = sum((curve for curve, _ in groups.values()), np.zeros(len(FINE.shares)))
         peak = _peak(total)
@@ -150,8 +149,8 @@ class Floor:
         return rough * peak, max(known)
 
     def correlations(self, height: float, fineness: Fineness) -> dict[tuple[int, int], tuple[Floats, int]]:
-        """By stretch of the row and strip of the floor: how much alike (n,) the pictures are at heights about `height`, the sum over the sections, and
-        the number of these."""
+        """By stretch of the row and strip of the floor: the correlation (n,) at the sweep's heights about `height`, summed over sections, and
+        the number of sections."""
         groups: dict[tuple[int, int], tuple[Floats, int]] = {}
         for strip, part in self._pieces(height, fineness.strip_step):
             shots = [self._shot(self.packed_views[k], part, fineness) for k in near_cameras(part, self.places)]
@@ -170,7 +169,7 @@ class Floor:
         return groups
 
     def tracks(self, height: float) -> Iterator[Track]:
-        """Points of the floor all along the row, each as it is seen from before it, from where it is nearest, and from behind it."""
+        """Points of the floor all along the row, each in three frames: before the camera passes it, when it is nearest, and after."""
         first, last = self._reach(height)
         along = self.places @ self.face.right
         for number, place in enumerate(np.linspace(along.min(), along.max(), POINTS).tolist(), 1):
@@ -180,16 +179,16 @@ class Floor:
                 yield track
 
     def _point(self, height: float, along: float, before: float) -> Floats:
-        """The point (3,) so far below the camera, along the face, and before it."""
+        """The point (3,) at `height` below the camera, `along` the face, and `before` it."""
         level = np.array([0.0, self.level - height * self.away, 0.0])
         return np.asarray(level + along * self.face.right + (self.face.origin @ self.forward + before) * self.forward)
 
     def _reach(self, height: float) -> tuple[float, float]:
-        """How far before the face the strips begin and end."""
+        """The distances from the face at which the strips begin and end."""
         return BEFORE * self.away, max(1 - BESIDE * height, 2 * BEFORE) * self.away
 
     def _pieces(self, height: float, strip_step: int) -> Iterator[tuple[int, PlanePatch]]:
-        """Strips of the floor, so far below the camera, all or every other one, cut into pieces, with the strips' numbers."""
+        """Pieces of the strips of floor at `height` below the camera, of every `strip_step`-th strip, with the strip's number."""
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
         along = self.places @ self.face.right
@@ -208,7 +207,7 @@ class Floor:
         return FloorShot.of(packed_view, smaller, self.poses[packed_view.frame], part)
 
     def _track(self, number: int, point: Floats) -> Track | None:
-        """A point's pixels in three looks; None where it is not seen from directions that differ enough."""
+        """A point's pixels in three views. None where it is not seen from directions that differ enough."""
         sightings = [
             sighting
             for packed_view in self.packed_views
@@ -230,7 +229,7 @@ class Floor:
         )
 
     def _sighting(self, packed_view: PackedView, point: Floats) -> tuple[PackedView, float, Floats] | None:
-        """The tangent of the direction, along the face, in which a look shows a point, and where, px; None where it does not."""
+        """The tangent of the direction, along the face, in which a view shows a point, and the point's pixel (2,). None outside the view."""
         pose, spec = self.poses[packed_view.frame], self.views[packed_view.view]
         x, y, depth = spec.camera @ (pose[:3, :3] @ spec.rig_from_view).T @ (point - pose[:3, 3])
         if depth <= 0 or not (0 < x / depth < spec.width - 1 and 0 < y / depth < spec.height - 1):
@@ -240,7 +239,7 @@ class Floor:
 
 
 def _detail(packed_view: PackedView, smaller: int) -> Singles:
-    """The fine detail of a picture, so many times smaller."""
+    """The fine detail of a picture, reduced by the factor `smaller`."""
     grey = packed_view.grey().astype(np.float32)
     size = grey.shape[1] // smaller, grey.shape[0] // smaller
     small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
@@ -248,13 +247,13 @@ def _detail(packed_view: PackedView, smaller: int) -> Singles:
 
 
 def _mean(groups: Mapping[tuple[int, int], tuple[Floats, int]]) -> Floats:
-    """How much alike (n,) the pictures of a section are, on average over all groups."""
+    """The mean correlation (n,) of a section, over all groups."""
     curves, counts = zip(*groups.values(), strict=True)
     return np.asarray(np.sum(curves, axis=0) / sum(counts))
 
 
 def _peak(curve: Floats) -> float | None:
-    """Where a curve (n,) over the fine sweep's shares has its maximum, between samples; None at its ends, or where it has none."""
+    """The share at which a curve (n,) over the fine sweep has its maximum, between samples. None at the ends, or without a maximum."""
     best = int(curve.argmax())
     if not 0 < best < len(curve) - 1:
         return None
@@ -264,8 +263,8 @@ def _peak(curve: Floats) -> float | None:
 
 
 def _jackknife(groups: Mapping[tuple[int, int], tuple[Floats, int]], which: int, total: Floats) -> float | None:
-    """The sigma of the peak of a sum (n,) by leaving out, one after the other, the groups with one stretch (0) or strip (1); None where they are
-    too few, or the peak does not stay."""
+    """The jackknife sigma of the peak of a sum (n,): the groups of each stretch (`which` 0) or of each strip (1) are left out in turn. None
+    where there are too few, or where a sum has no peak."""
     parts = {group[which] for group in groups}
     if len(parts) < LEAST_GROUPS:
         return None

@@ -1,7 +1,7 @@
-"""Evidence in planes: what a network saw of a plane, averaged over all frames whose pose is known.
+"""Evidence in planes: a network's probabilities on a plane, averaged over all frames whose pose is known.
 
-A threshold in a single frame throws away what fifty frames know. On the plane that an object lies in, its pixels fall on one another
-in every frame and add up; what is before or behind the plane is smeared by parallax.
+A threshold in a single frame discards what fifty frames show together. On the plane that an object lies in, its pixels have the same place
+in every frame and add up. Objects in front of the plane or behind it are smeared by parallax.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,8 +43,8 @@ AROUND_PX = 64.0
 @dataclass(frozen=True, eq=False)
 @array_record
 class PackedView:
-    """One look at a view: its frame, the view's name, and, packed, the classes' probabilities (at half the view's resolution) and the
-    picture."""
+    """A view of a frame as it is kept in memory: the view's name, the classes' probabilities (`maps`, PNG, at half the view's resolution),
+    and the picture (JPEG)."""
 
     frame: int
     view: str
@@ -53,7 +53,7 @@ class PackedView:
 
     @classmethod
     def of(cls, view: View, segmentation: Segmentation) -> "PackedView":
-        """A view and what the network gave of it."""
+        """A rendered view and the network's probabilities, packed."""
         size = (view.spec.width // HALVED, view.spec.height // HALVED)
         small = [cv2.resize(probability, size, interpolation=cv2.INTER_AREA) for probability in segmentation.maps[1:]]
         maps = tuple(_packed(np.round(255 * probability).astype(np.uint8), ".png") for probability in small)
@@ -89,9 +89,9 @@ def gather(
     views: Mapping[str, ViewSpec],
     path: Trajectory,
 ) -> PlaneEvidence:
-    """The evidence of looks at frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen.
+    """The evidence of packed views of frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen.
 
-    A look counts by the solid angle under which it shows a cell: from near and from the front more than from afar and aslant.
+    A view is weighted by the solid angle under which it shows a cell: near frontal views count more than far oblique ones.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
@@ -105,7 +105,7 @@ def gather(
 
 
 class _Sums:
-    """Weighted sums over looks, cell by cell."""
+    """Weighted sums over views, cell by cell."""
 
     def __init__(self, patch: PlanePatch, classes: int) -> None:
         self.patch = patch
@@ -114,7 +114,7 @@ class _Sums:
         self.points = patch.points()
 
     def add(self, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats) -> None:
-        """Add a look from a camera at a known pose, where the patch is near."""
+        """Add a view from a camera at a known pose, where the patch is near."""
         columns = self._near(world_from_rig)
         if columns.start >= columns.stop:
             return
@@ -145,7 +145,7 @@ class _Sums:
 def _pixels_and_weights(
     points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Floats
 ) -> tuple[Singles, Singles]:
-    """The pixels (..., 2) of cells in a view, and how much the view counts there (...), 0 outside of it."""
+    """The pixels (..., 2) of cells in a view, and the view's weights there (...), 0 outside of it."""
     rays = points - world_from_rig[:3, 3]
     pixels = pinhole.project(rays @ (world_from_rig[:3, :3] @ view.rig_from_view), view.camera)
     size = np.array([view.width, view.height])
@@ -162,9 +162,12 @@ def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
 
 @dataclass(frozen=True)
 class DetectionSettings:
-    """How a frame is read where objects are expected: an object's pixels are those within `margin` of its outline, as a share of its
-    lesser thickness (and `margin_px` more), whose probability is above half of what is usual inside it; what is usual must be at least
-    `faintest`. Connected regions of fewer than `least_px` are left out."""
+    """How expected objects are detected in a frame.
+
+    An object's pixels are those within `margin` of its outline, as a share of its lesser thickness (and `margin_px` more), whose probability
+    is above half of the object's usual one, the 80th percentile inside it. This must be at least `faintest`. Connected regions of fewer than
+    `least_px` pixels are left out.
+    """
 
     margin: float = 0.35
     margin_px: float = 2.0
@@ -179,10 +182,10 @@ def expected_detections(
     expected: Sequence[Expected],
     settings: DetectionSettings,
 ) -> list[Detection]:
-    """The regions of a view that a network takes for one of the objects expected there, faint ones too, and nothing else.
+    """The regions of a view in which a network sees one of the objects expected there, also faintly, and no other regions.
 
-    Probabilities are raised so that half of what is usual inside an object becomes 0.5, as masks' borders are taken to be. Of an object that is
-    `in_pieces`, and of which the network sees nothing, they are what is coloured like those that it sees.
+    Probabilities are scaled so that half of an object's usual one becomes 0.5, the level of a mask's border. An object that is `in_pieces`,
+    and of which the network sees nothing, gets its probabilities from colours (`colour_probability`).
     """
     detections: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
@@ -211,7 +214,7 @@ def _raised(probability: Singles, outline: Floats, settings: DetectionSettings) 
 
 
 def _probability_by_colour(view: View, probability: Singles, outline: Floats) -> Singles:
-    """How like what the network sees elsewhere the pixels in an outline (n, 2) are, or beside it by one."""
+    """The probability by colour (height, width) of the pixels in an outline (n, 2), or within a pixel of it; 0 elsewhere."""
     inside = _filled(within_picture(outline, probability.shape), probability.shape)
     near = np.asarray(cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)), np.bool_)
     return np.asarray(np.where(near, colour_probability(view.image, probability), 0.0), np.float32)
@@ -253,7 +256,7 @@ def _cut(outline: Floats, inside: Floats) -> Floats:
 
 
 def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:
-    """Where an outline (n, 3) in the row's frame is in a view (m, 2) px: the part before the camera; None where there is none."""
+    """The outline (m, 2) px in a view of an outline (n, 3) in the row's frame: the part in front of the camera. None where all is behind it."""
     points = (outline - world_from_rig[:3, 3]) @ (world_from_rig[:3, :3] @ view.rig_from_view)
     near = NEAR * float(np.abs(points).max())
     kept: list[Floats] = []
