@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from savmap.errors import PluginFailedError, SavmapError, SiteError, format_error
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
-from savmap.pipeline.cutting import apart
+from savmap.pipeline.cutting import spaced_stills
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import RowRequest
@@ -132,7 +132,7 @@ def picture_task(
             face = mapped.record.face
             path = mapped.record.trajectory
             picture = orthophoto(face, strips.record, path) if face is not None else None
-            pictures[row] = StoredRecord(RowPicture, RowPicture(picture, apart(strips.record.stills, path)))
+            pictures[row] = StoredRecord(RowPicture, RowPicture(picture, spaced_stills(strips.record.stills, path)))
         return pictures
 
     return _result(list(rows), work, monitor)

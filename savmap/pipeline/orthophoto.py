@@ -1,8 +1,8 @@
-"""Orthophotos: a face put together from the strips of all frames, on its plane, once the camera's path is solved.
+"""Orthophotos: a face mosaicked from the strips of all frames, on its plane, once the camera's path is solved.
 
-Averaged over many frames, only what lies in the plane itself is sharp: goods stand before or behind it. So each place is taken from
-the frame that shows it under the largest solid angle, from near and from the front, and frames are blended only where one gives
-way to the next. Their exposures are evened by what neighbours both show.
+An average over many frames is sharp only in the plane itself, and goods stand before or behind it. So each cell is taken from the frame
+that shows it under the largest solid angle: near and frontal. Frames are blended only along the seams between them. Their exposures are
+equalised in the overlap of neighbours.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ Singles = NDArray[np.float32]
 FINEST_M, STEP_M = 0.005, 0.0005
 MOST_PX = 8000
 COARSE_M = 0.025
-"""Where frames meet is decided in cells of this size, well below the distance between frames."""
+"""Seams are chosen in cells of this size, well below the distance between frames."""
 FEATHER_M = 0.05
 EXPOSED_CELLS = 4
-"""Exposures are compared in every so many cells, across and down."""
+"""Exposures are compared in cells that are so many times as wide."""
 REACH = 1.2
 BORDER_PX = 1.5
 REDUCED = 4
@@ -34,25 +34,25 @@ JPEG_QUALITY = 88
 
 
 def orthophoto(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Orthophoto | None:
-    """The picture of a face of which the strips' frames were taken along a path, both in metres; None where they show nothing of it.
+    """The orthophoto of a face, from strips whose frames were taken along a path. Face and path are in metres. None where no strip shows it.
 
-    Its pixels are `FINEST_M` wide, or as wide as the strips' are on the face, and wider where the picture would be too large.
+    A pixel is `FINEST_M` wide, or as wide as a strip's pixel on the face if that is more. It is wider where the picture would be too large.
     """
     shots = list(shots_of(face, strips, path))
     if not shots:
         return None
     canvas = Canvas.over(face, pixel_m(face, shots))
     owners = canvas.owners(shots)
-    seen = canvas.cropped(owners)
-    if seen is None:
+    part = canvas.cropped(owners)
+    if part is None:
         return None
-    canvas, owners = seen
+    canvas, owners = part
     return canvas.photo(blended(canvas, owners, shots, gains(canvas.coarser(EXPOSED_CELLS), shots)))
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A strip, its view, and where the camera stood before the face: metres to the right of its origin, up, and away from it."""
+    """A strip, its view, and the camera's place (3,) m: to the right of the face's origin, up, and in front of it."""
 
     strip: Strip
     spec: ViewSpec
@@ -62,7 +62,7 @@ class Shot:
 
     @property
     def pixel_m(self) -> float:
-        """How wide a pixel of the strip is on the face straight ahead."""
+        """The width, m, of a pixel of the strip on the face straight ahead."""
         return abs(float(self.place[2])) / float(self.spec.camera[0, 0])
 
     def image(self) -> Bytes:
@@ -76,7 +76,7 @@ class Shot:
 
 
 def shots_of(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Iterator[Shot]:
-    """The strips of the frames whose pose is known."""
+    """A shot for each strip whose frame has a pose."""
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     axes = np.stack([face.right, face.up, np.cross(face.right, face.up)], axis=1)
     for strip in strips.strips:
@@ -98,8 +98,8 @@ def pixel_m(face: PlanePatch, shots: Sequence[Shot]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """The cells of a face in which frames take turns: `rows` by `columns`, from the upper left, each of `times` by `times` pixels
-    of `pixel` m. `origin` (3,) is the lower left corner, which lies `corner` (2,) m right of and above that of the face."""
+    """The cells of a face, `rows` by `columns` from the upper left, for the choice of seams. A cell has `times` by `times` pixels of `pixel` m.
+    `corner` (2,) m: the lower left corner of the canvas, right of and above the face's origin."""
 
     face: PlanePatch
     pixel: float
@@ -116,7 +116,7 @@ class Canvas:
         return cls(face, pixel, times, rows, columns, np.zeros(2))
 
     def coarser(self, times: int) -> "Canvas":
-        """The same part of the face, but for less than a cell, in cells so many times as wide."""
+        """The same part of the face, to less than a cell, in cells that are `times` as wide."""
         rows, columns = max(self.rows // times, 1), max(self.columns // times, 1)
         return replace(self, times=times * self.times, rows=rows, columns=columns)
 
@@ -136,7 +136,7 @@ class Canvas:
         return np.asarray(self.corner[1] + (np.arange(self.rows)[::-1] + 0.5) * self.cell)
 
     def near(self, shot: Shot) -> slice:
-        """The columns that a shot may show."""
+        """The columns near enough to a shot to be in it."""
         reach = REACH * abs(float(shot.place[2]))
         first, last = np.searchsorted(self.across, [shot.place[0] - reach, shot.place[0] + reach]).tolist()
         return slice(int(first), int(last))
@@ -149,8 +149,8 @@ class Canvas:
         inside = (depth > 0) & (np.minimum(x, y) > BORDER_PX)
         inside &= (x < shot.spec.width - 1 - BORDER_PX) & (y < shot.spec.height - 1 - BORDER_PX)
         away = abs(float(shot.place[2]))
-        apart = np.square(across - shot.place[0]) + np.square(heights - shot.place[1]) + away**2
-        return np.where(inside, away / apart**1.5, 0.0).astype(np.float32)
+        distance_squared = np.square(across - shot.place[0]) + np.square(heights - shot.place[1]) + away**2
+        return np.where(inside, away / distance_squared**1.5, 0.0).astype(np.float32)
 
     def owners(self, shots: Sequence[Shot]) -> NDArray[np.int32]:
         """The number (rows, columns) of the shot that shows each cell best; -1 where none does."""
@@ -165,7 +165,7 @@ class Canvas:
         return owners
 
     def cropped(self, owners: NDArray[np.int32]) -> "tuple[Canvas, NDArray[np.int32]] | None":
-        """The part that is seen; None where nothing is."""
+        """The smallest canvas around all cells that have an owner, and its owners. None where no cell has one."""
         rows, columns = (np.flatnonzero((owners >= 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             return None
@@ -192,7 +192,7 @@ class Canvas:
 
 
 def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
-    """By how much each shot's colours (n, 3) are multiplied, so that neighbours agree where they overlap."""
+    """The gains (n, 3) of the shots' colours, by least squares, so that neighbours agree where they overlap."""
     order = sorted(range(len(shots)), key=lambda number: float(shots[number].place[0]))
     terms: list[tuple[int, int, Floats]] = []
     for lag in (1, 2):
@@ -210,14 +210,16 @@ def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
 
 
 def _ratio(canvas: Canvas, first: Shot, second: Shot) -> Floats | None:
-    """The logarithm (3,) of the second's colours over the first's, where both show the same; None where they hardly do."""
-    one, other = canvas.near(first), canvas.near(second)
-    columns = slice(max(one.start, other.start), min(one.stop, other.stop))
+    """The median log ratio (3,) of the second shot's colours to the first's, in their overlap. None where that is too small."""
+    first_columns, second_columns = canvas.near(first), canvas.near(second)
+    columns = slice(max(first_columns.start, second_columns.start), min(first_columns.stop, second_columns.stop))
     if columns.start >= columns.stop:
         return None
     samples = [_sampled(canvas, shot, columns) for shot in (first, second)]
-    usual = [sample.max(axis=2) < BRIGHT for sample in samples] + [sample.min(axis=2) > DARK for sample in samples]
-    shared = np.logical_and.reduce(usual)
+    well_exposed = [sample.max(axis=2) < BRIGHT for sample in samples] + [
+        sample.min(axis=2) > DARK for sample in samples
+    ]
+    shared = np.logical_and.reduce(well_exposed)
     if np.count_nonzero(shared) < LEAST_SHARED:
         return None
     logs = [np.log(sample[shared].astype(np.float64)) for sample in samples]
@@ -250,29 +252,29 @@ def blended(canvas: Canvas, owners: NDArray[np.int32], shots: Sequence[Shot], le
 
 
 def _around(owned: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """The rows and columns of the cells that are owned, and some more."""
-    places = [np.flatnonzero(owned.any(axis=axis)) for axis in (1, 0)]
+    """The rows and columns of the cells that are owned, and a margin of cells."""
+    indices = [np.flatnonzero(owned.any(axis=axis)) for axis in (1, 0)]
     rows, columns = (
-        slice(max(int(place[0]) - margin, 0), min(int(place[-1]) + 1 + margin, length))
-        for place, length in zip(places, owned.shape, strict=True)
+        slice(max(int(index[0]) - margin, 0), min(int(index[-1]) + 1 + margin, length))
+        for index, length in zip(indices, owned.shape, strict=True)
     )
     return rows, columns
 
 
 def _share(owned: NDArray[np.bool_], fade: int, times: int) -> Singles:
-    """How much a shot counts in each pixel: 1 in the cells that it owns, fading to 0 over so many cells around their border."""
+    """A shot's weight in each pixel: 1 in the cells that it owns, falling to 0 over `fade` cells around their border."""
     blurred = cv2.blur(owned.astype(np.float32), (2 * fade + 1, 2 * fade + 1), borderType=cv2.BORDER_REPLICATE)
     size = (owned.shape[1] * times, owned.shape[0] * times)
     return np.asarray(cv2.resize(blurred, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _shown(shot: Shot, matrix: Floats, shape: tuple[int, ...]) -> tuple[Bytes, Singles]:
-    """A shot's pixels (h, w, 3), BGR, and where there are any (h, w), 1 or 0."""
+    """A shot warped to `shape`: pixels (h, w, 3), BGR, and whether the shot shows them (h, w), 1 or 0."""
     size = (shape[1], shape[0])
-    everywhere = np.ones((shot.spec.height, shot.spec.width), np.uint8)
-    inside = _warped(everywhere, matrix, size, cv2.INTER_NEAREST)
+    full = np.ones((shot.spec.height, shot.spec.width), np.uint8)
+    inside = _warped(full, matrix, size, cv2.INTER_NEAREST)
     return _warped(shot.image(), matrix, size, cv2.INTER_CUBIC), inside.astype(np.float32)
 
 
-def _warped(image: Bytes, matrix: Floats, size: tuple[int, int], how: int) -> Bytes:
-    return np.asarray(cv2.warpPerspective(image, matrix, size, flags=how | cv2.WARP_INVERSE_MAP), np.uint8)
+def _warped(image: Bytes, matrix: Floats, size: tuple[int, int], interpolation: int) -> Bytes:
+    return np.asarray(cv2.warpPerspective(image, matrix, size, flags=interpolation | cv2.WARP_INVERSE_MAP), np.uint8)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.pipeline.cutting import SeveralCutters, Stills, apart
+from savmap.pipeline.cutting import SeveralCutters, Stills, spaced_stills
 from savmap.pipeline.cutting import stills as cutting
 from savmap.pipeline.cutting.stills import reduced
 from savmap.pipeline.view_plans import PassPlan
@@ -63,4 +63,4 @@ def test_stills_stand_apart_on_the_path() -> None:
     poses = np.tile(np.eye(4), (5, 1, 1))
     poses[:, 0, 3] = [0.0, 0.5, 0.9, 1.0, 2.0]
     stills = [Still(frame, np.zeros(1, np.uint8)) for frame in (0, 1, 2, 3, 4, 9)]
-    assert [still.frame for still in apart(stills, Trajectory(np.arange(5), poses))] == [0, 2, 4]
+    assert [still.frame for still in spaced_stills(stills, Trajectory(np.arange(5), poses))] == [0, 2, 4]

@@ -1,4 +1,4 @@
-"""Something that cuts from a row's frames what will be needed of them, and several of these as one."""
+"""The interface of what cuts parts from a row's frames, and several cutters as one."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -14,11 +14,11 @@ class StripCutter(Protocol):
     """Cuts strips from the frames of a row's passes."""
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
-        """A pass begins, whose views of the face are those that a plugin planned; None: nobody's."""
+        """Begin a pass. `plugin` is the one whose views show the face; None if no plugin's do."""
         ...
 
     def cut(self, panorama: Panorama) -> None:
-        """Cut a frame of this pass, if it is its turn. Several threads may do this at once."""
+        """Cut a frame of this pass, if it is one of those to keep. Several threads may call this at once."""
         ...
 
     def strips(self) -> RowStrips:

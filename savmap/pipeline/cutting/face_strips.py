@@ -1,6 +1,6 @@
-"""Strips: what each frame shows straight ahead of the face at the panorama's own resolution.
+"""Strips: narrow upright views straight at the face, at the panorama's own resolution.
 
-Networks look at wide views of few pixels. An orthophoto wants the opposite: of each frame only what is near and in front.
+Networks use wide views of few pixels. An orthophoto needs the opposite: of each frame only what is near and in front.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from savmap.video.reader import expected_frames, probe
 from savmap.vision.views import Renderer
 
 HFOV_DEG = 50.0
-"""Shows 0.9 of the distance to the face: neighbours overlap even where frames are few."""
+"""A strip is 0.9 of the distance to the face wide: neighbours overlap even where frames are few."""
 MOST_HEIGHT_PX = 2000
 MOST_STRIPS = 240
 """Of a pass: one every 0.25 m of 60 m."""
@@ -51,8 +51,10 @@ class FaceStrips:
 
 
 def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
-    """The narrow middle of each of a plugin's views of a pass, as fine as the panorama where that is not too many pixels, of so many
-    frames as are needed."""
+    """The narrow middle of each of a plugin's views of a pass.
+
+    Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows. Its frames are at most `MOST_STRIPS` of the view's own.
+    """
     info = probe(plan.clip.path, plan.clip.images_fps)
     frames = expected_frames(plan.clip, info)
     for (owner, name), spec in plan.views().items():
@@ -62,7 +64,7 @@ def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
         focal = min(info.height / np.pi, MOST_HEIGHT_PX / 2 / steepness)
         half = np.tan(np.radians(min(HFOV_DEG, spec.hfov_deg)) / 2)
         width, height = max(round(2 * focal * half), 2), max(round(2 * focal * steepness), 2)
-        every = spec.every * max(1, -(-frames // (spec.every * MOST_STRIPS)))
+        frame_step = spec.every * max(1, -(-frames // (spec.every * MOST_STRIPS)))
         hfov_deg = float(np.degrees(2 * np.arctan(width / 2 / focal)))
-        named = f"{plan.name} / {name}, strip"
-        yield replace(spec, name=named, hfov_deg=hfov_deg, width=width, height=height, every=every)
+        strip_name = f"{plan.name} / {name}, strip"
+        yield replace(spec, name=strip_name, hfov_deg=hfov_deg, width=width, height=height, every=frame_step)

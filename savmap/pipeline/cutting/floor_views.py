@@ -1,4 +1,4 @@
-"""Views of the floor before the face, in grey: what shows on it tells how high the camera is."""
+"""Grey views of the floor in front of the face. The camera's height is measured in them (`savmap.vision.evidence.floor`)."""
 
 from dataclasses import replace
 from threading import Lock
@@ -13,14 +13,14 @@ from savmap.vision.view_planning import face_at, tilted
 from savmap.vision.views import Renderer
 
 FLOOR_PITCH_DEG, FLOOR_HFOV_DEG = -50.0, 110.0
-"""Shows the floor from the face's foot to beside the camera, and as far to both sides."""
+"""The view covers the floor from the face's foot to beside the camera, and as far to both sides."""
 FLOOR_QUALITY = 92
-"""Concrete shows little but faint stains."""
+"""High, because concrete has only faint stains."""
 MOST_FLOORS = 240
 
 
 class FloorCutter:
-    """Keeps grey views of the floor before the face."""
+    """Keeps grey views of the floor in front of the face."""
 
     def __init__(self, renderer: Renderer) -> None:
         self._renderer, self._lock = renderer, Lock()
@@ -30,7 +30,7 @@ class FloorCutter:
 
     @property
     def packed_views(self) -> tuple[PackedView, ...]:
-        """What was kept, in order of time."""
+        """The views that were kept, in order of time."""
         return tuple(sorted(self._kept, key=lambda packed_view: packed_view.frame))
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
@@ -48,14 +48,16 @@ class FloorCutter:
                 self._kept.append(PackedView(panorama.frame, self._current.name, (), packed))
 
     def strips(self) -> RowStrips:
-        """None: what is kept is looked at long before the map is drawn."""
+        """None: the floor views are used for the solve, not for the map's pictures."""
         return RowStrips()
 
 
 def floor_view(plan: PassPlan, plugin: str, world_from_rig: Floats) -> ViewSpec:
-    """The view down to the floor before the face, by the rig's attitude (3, 3) at the start of a pass: of as many as are needed of the frames in
-    which the plugin looks at the face, for where the others were taken is not known."""
-    every = max((spec.every for spec in plan.plans[plugin].views), default=1)
+    """The view down to the floor in front of the face, by the rig's attitude (3, 3) at the start of a pass.
+
+    Its frames are at most `MOST_FLOORS` of those in which the plugin has views of the face: other frames get no pose.
+    """
+    frame_step = max((spec.every for spec in plan.plans[plugin].views), default=1)
     frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
     spec = tilted(face_at(world_from_rig), FLOOR_PITCH_DEG, FLOOR_HFOV_DEG, f"{plan.name} / floor")
-    return replace(spec, every=every * max(1, -(-frames // (every * MOST_FLOORS))))
+    return replace(spec, every=frame_step * max(1, -(-frames // (frame_step * MOST_FLOORS))))

@@ -12,9 +12,9 @@ from savmap.types import FilmedPanorama, Panorama, RowStrips, Still, Trajectory
 from savmap.video.reader import expected_frames, probe
 
 STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
-"""A degree is 6 pixels: what a browser's window shows of a panorama is about as fine."""
+"""A degree is 6 pixels, about the resolution of a panorama in a browser's window."""
 STILL_S, MOST_STILLS = 0.7, 80
-"""Of a pass: one every 0.7 m at a walking pace, before those that stand closer than `STILL_M` are left out."""
+"""Interval and most stills of a pass: one every 0.7 m at a walking pace. Of these, `spaced_stills` keeps those `STILL_M` apart."""
 STILL_M = 0.8
 
 
@@ -22,16 +22,16 @@ class Stills:
     """Keeps whole panoramas of some frames, smaller."""
 
     def __init__(self) -> None:
-        self._lock, self._every = Lock(), 1
+        self._lock, self._frame_step = Lock(), 1
         self._kept: list[Still] = []
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         info = probe(plan.clip.path, plan.clip.images_fps)
         rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
-        self._every = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
+        self._frame_step = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
 
     def cut(self, panorama: Panorama) -> None:
-        if panorama.frame % self._every == 0:
+        if panorama.frame % self._frame_step == 0:
             still = Still(panorama.frame, packed_jpeg(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))
             with self._lock:
                 self._kept.append(still)
@@ -41,7 +41,7 @@ class Stills:
 
 
 def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
-    """A panorama's RGB at so many pixels of height, or at its own, where those are fewer."""
+    """A panorama's RGB (height, 2 * height, 3); at its own height where that is less."""
     size = 2 * min(height, panorama.height), min(height, panorama.height)
     if not isinstance(panorama, FilmedPanorama):
         return np.asarray(cv2.resize(panorama.image, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -50,12 +50,12 @@ def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.
     return planes.coloured(np.asarray(cv2.merge(parts), np.uint8))
 
 
-def apart(stills: Sequence[Still], path: Trajectory) -> tuple[Still, ...]:
-    """The stills of frames whose place is known, but for those that were taken closer than `STILL_M` to the last one."""
-    places = dict(zip(path.frames.tolist(), path.world_from_rig[:, :3, 3], strict=True))
+def spaced_stills(stills: Sequence[Still], path: Trajectory) -> tuple[Still, ...]:
+    """The stills of frames whose pose is known, without those closer than `STILL_M` to the last one kept. `path` is in metres."""
+    positions = dict(zip(path.frames.tolist(), path.world_from_rig[:, :3, 3], strict=True))
     kept: list[Still] = []
     for still in stills:
-        place = places.get(still.frame)
-        if place is not None and (not kept or np.linalg.norm(place - places[kept[-1].frame]) >= STILL_M):
+        position = positions.get(still.frame)
+        if position is not None and (not kept or np.linalg.norm(position - positions[kept[-1].frame]) >= STILL_M):
             kept.append(still)
     return tuple(kept)
