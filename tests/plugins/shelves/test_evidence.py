@@ -168,20 +168,20 @@ def painted(evidence: PlaneEvidence, *stripes: tuple[tuple[float, float], tuple[
 
 def test_paint_tells_beams_from_what_is_painted_otherwise() -> None:
     paint = Paint(painted(seen(), ((2.6, 2.72), GREY)), WHOLE)
-    assert paint.tells
-    assert paint.likeness(0.1, 2.7, 1.96) == pytest.approx(1.0, abs=0.1)
-    assert paint.likeness(0.1, 2.7, 2.66) < 0.2
+    assert paint.is_informative
+    assert paint.similarity(0.1, 2.7, 1.96) == pytest.approx(1.0, abs=0.1)
+    assert paint.similarity(0.1, 2.7, 2.66) < 0.2
 
 
 def test_paint_tells_nothing_where_goods_are_painted_like_beams() -> None:
-    assert not Paint(painted(seen(), ((-1.0, 5.0), RED)), WHOLE).tells
+    assert not Paint(painted(seen(), ((-1.0, 5.0), RED)), WHOLE).is_informative
 
 
 def test_a_storey_does_not_vouch_for_its_own_paint() -> None:
     made_up = np.concatenate([[[1.1, 1.22]], LEVELS])
     tracked = Grid(POSTS, [np.sort(made_up, axis=0)] * 3)
     evidence = painted(seen(), ((1.1, 1.22), GREY))
-    assert Paint(evidence, tracked).likeness(0.1, 2.7, 1.16) < 0.2
+    assert Paint(evidence, tracked).similarity(0.1, 2.7, 1.16) < 0.2
     assert is_whole(expected_grid(seen_as(evidence, (1.1, 1.22), 0.7), tracked))
 
 
@@ -210,8 +210,8 @@ def test_a_tracked_level_is_judged_by_the_paint_of_what_shows_of_it() -> None:
         picture[np.ix_((y > 1.9) & (y < 2.02), (x > low) & (x < high))] = WOOD
     evidence = replace(evidence, picture=picture)
     paint = Paint(evidence, WHOLE)
-    assert paint.likeness(0.1, 2.7, 1.96) < 0.6
-    assert paint.likeness(0.1, 2.7, 1.96, (x > 1.7).astype(float)) > 0.9
+    assert paint.similarity(0.1, 2.7, 1.96) < 0.6
+    assert paint.similarity(0.1, 2.7, 1.96, (x > 1.7).astype(float)) > 0.9
     assert expected_grid(evidence, WHOLE) is None
 
 

@@ -1,4 +1,4 @@
-"""What the pictures of all frames show together on the face: the grid that was tracked, and the grid that the evidence shows."""
+"""The evidence of all frames on the face: the grid that was tracked, and the grid by the evidence."""
 
 from savmap_shelves.evidence.beam_faces import beam_faces
 from savmap_shelves.evidence.face_grid import Grid, absent_beams, face_patch, outlines, tracked_grid

@@ -1,4 +1,4 @@
-"""The beams' faces: as far from posts, edges and connectors as what shows on them is surely theirs."""
+"""The beams' faces, with margins to posts, edges and connectors, so that all marks on them are the beam's."""
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -9,17 +9,17 @@ from savmap.types import FlatParts, Floats, PlanePatch
 from savmap_shelves.evidence.face_grid import Grid, tracked_grid
 
 END_WIDTHS = 0.75
-"""A beam's ends, in widths of a post: connectors stand out from its face."""
+"""The margin at a beam's ends, in widths of a post: connectors stand out from its face."""
 TRIM = 0.12
-"""Of a beam's height, at its edges: goods, decks and their shadows begin there."""
+"""The margin at a beam's edges, in heights of the beam: goods, decks and their shadows begin there."""
 LABEL_M, LABEL_SIGMA_M = 0.001, 0.001
-"""How far what shows on a beam stands out from it: scratches, holes and paint not at all, magnetic labels 1 mm, holders of labels 2 to 3 mm."""
+"""The depth of marks in front of the beam's face: scratches, holes and paint 0, magnetic labels 1 mm, label holders 2 to 3 mm."""
 
 RIGHT, UP = np.eye(3)[0], np.eye(3)[1]
 
 
 def beam_faces(points: Mapping[str, Floats]) -> list[FlatParts]:
-    """The faces of all beams, which lie in one plane; none where no beam was tracked whole."""
+    """The faces of all beams, in one plane. None where no beam was tracked with both edges."""
     beams = {name: position for name, position in points.items() if " / beam " in name}
     grid = tracked_grid(points)
     if grid is None or not beams:

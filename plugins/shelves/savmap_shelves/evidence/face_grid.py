@@ -1,4 +1,4 @@
-"""The grid of a face in its own coordinates: read off what was tracked, the patch around it, and the outlines of its objects."""
+"""The grid of a face in its own coordinates: from the tracked landmarks, the patch around it, and the outlines of its objects."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 @dataclass(frozen=True, eq=False)
 class Grid:
     """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each section between them y (m, 2) of its
-    beams' edges from the bottom; `pieces`: numbers of sections and, of those that show in pieces, of levels."""
+    beams' edges from the bottom. `pieces`: section and level numbers, from 0, of levels that show in pieces."""
 
     posts: Floats
     sections: Sequence[Floats]
@@ -68,20 +68,22 @@ def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
 
 
 def _thick(levels: Floats, usual: float) -> Floats:
-    """Levels with their edges in order, at least half as thick as is usual: a first solution may have the edges of one crossed."""
+    """Levels with their edges in order, at least half as thick as usual: in a first solution, a level's edges may be crossed."""
     middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
     return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))
 
 
 def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:
-    numbers = sorted({beam for own, beam, _ in rows if own == section})
+    numbers = sorted({beam for number, beam, _ in rows if number == section})
     whole = [beam for beam in numbers if (section, beam, 0) in rows and (section, beam, 1) in rows]
     return np.array([[np.median(rows[section, beam, edge]) for edge in (0, 1)] for beam in whole]).reshape(-1, 2)
 
 
 def face_patch(grid: Grid) -> PlanePatch | None:
-    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post. None for a grid that
-    makes no sense, such as one of frames on both sides of a cut: it has far more cells than any face, or none."""
+    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post.
+
+    None where the number of cells is impossible for a face: the grid is wrong, for instance of frames on both sides of a cut.
+    """
     low, high = _reach_up(grid)
     left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
     cell = min(grid.width, grid.thickness) / CELLS_ACROSS
@@ -113,11 +115,11 @@ def outlines(grid: Grid) -> list[Expected]:
     return [*uprights, *beams]
 
 
-def absent_beams(tracked: Grid, found: Grid) -> list[Expected]:
-    """The beams of the tracked grid that overlap none of those found between the same posts."""
-    if len(tracked.posts) != len(found.posts) or not np.allclose(tracked.posts, found.posts):
+def absent_beams(tracked: Grid, expected: Grid) -> list[Expected]:
+    """The beams of the tracked grid that overlap no beam of the expected one between the same posts."""
+    if len(tracked.posts) != len(expected.posts) or not np.allclose(tracked.posts, expected.posts):
         return []
-    sections = zip(pairwise(tracked.posts), tracked.sections, found.sections, strict=True)
+    sections = zip(pairwise(tracked.posts), tracked.sections, expected.sections, strict=True)
     return [
         _rectangle("beam", np.array([left[1], right[0]]), level, absent=True)
         for (left, right), levels, others in sections

@@ -1,7 +1,7 @@
-"""Uprights and beams in the evidence of all frames: posts where columns of the face show one, levels where rows between posts do.
+"""Uprights and beams in the evidence of all frames: columns of the face are searched for posts, rows between posts for levels.
 
-This is the published density estimate (paper, III.D) over every pixel of every frame instead of over edges that single frames found.
-What was tracked sets the scale: its own evidence says how strong the others' should be.
+This is the published density estimate (paper, III.D), over every pixel of every frame instead of over edges of single frames. The evidence
+of the tracked posts and levels sets the scale.
 """
 
 from collections.abc import Sequence
@@ -24,26 +24,31 @@ Singles = NDArray[np.float32]
 
 BODY = (0.12, 0.92)
 APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
-ALIKE, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
-ALIKE_BELOW = 0.85
+SIMILAR, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
+SIMILAR_BELOW = 0.85
 GAP = 0.3
 QUARTER = 0.25
 
 
 @dataclass(frozen=True)
 class EvidenceSettings:
-    """When evidence is believed.
+    """Thresholds of the evidence.
 
-    An object's cover is the share of its length along which the evidence stands out of its surroundings by `clear` of what is usual
-    for those that were tracked: one that is faint all along is covered, a strong thing that is shorter is not. `post`, `level`: the
-    cover that a new one must have; `post_in_gap`: one in a bay so wide that one is missing; `lost`: what was tracked with less is
-    dropped. `faint`: evidence below this says nothing. `wide`: such a multiple of the narrowest bay may miss a post; `narrow`: posts nearer
-    to one another than this share of it are one.
+    The cover of a post or level is the share of its length along which the evidence exceeds that of its surroundings by `clear` times the
+    usual strength of the tracked ones. A faint object along the whole length has full cover. A strong but shorter one has not.
 
-    Where paint tells beams from the rest (`Paint.tells`), 1 is as like the other beams' as theirs is one another's, 0 as the rest of the
-    face: what is `strange` is no level, nor what is `doubted`, unless it shows all along or is `plain` (its cover times its
-    strength); `painted` is the cover that is enough, in its own section or in half of them, for one that is like the others. Of what the
-    network is sure all along, in all frames, paint says nothing: the lowest beams stand in the shade.
+    - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
+    - `lost`: a tracked post or level with less cover is dropped.
+    - `faint`: the least strength that counts as usual.
+    - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
+
+    The others apply where paint is informative (`Paint.is_informative`). Similarity is 1 for the paint of beams, 0 for the rest of the face.
+
+    - `strange`: below this similarity there is no level.
+    - `doubted`: below this one there is none, unless it has cover along the whole length, or cover times strength above `plain`.
+    - `painted`: the cover, in its own section or in half of the sections, that suffices for a level with the paint of the beams.
+
+    Paint does not count where the network is sure along the whole length: the lowest beams stand in the shade.
     """
 
     clear: float = 0.2
@@ -61,17 +66,17 @@ class EvidenceSettings:
 
 
 def expected_grid(evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None) -> Grid | None:
-    """The grid that the evidence shows; None where it is the one that was tracked."""
-    found = GridSearch(evidence, grid, settings or EvidenceSettings()).grid()
-    posts = len(found.posts) == len(grid.posts) and np.allclose(found.posts, grid.posts)
-    same = posts and all(
-        len(a) == len(b) and np.allclose(a, b) for a, b in zip(found.sections, grid.sections, strict=True)
+    """The grid by the evidence. None where it is the tracked one."""
+    expected = GridSearch(evidence, grid, settings or EvidenceSettings()).grid()
+    same_posts = len(expected.posts) == len(grid.posts) and np.allclose(expected.posts, grid.posts)
+    is_same = same_posts and all(
+        len(a) == len(b) and np.allclose(a, b) for a, b in zip(expected.sections, grid.sections, strict=True)
     )
-    return None if same else found
+    return None if is_same else expected
 
 
 class GridSearch:
-    """Looks for posts and levels in a face's evidence."""
+    """The search for posts and levels in a face's evidence."""
 
     def __init__(self, evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings) -> None:
         self.evidence, self.tracked, self.settings, self.cell = evidence, grid, settings, evidence.patch.cell
@@ -88,41 +93,41 @@ class GridSearch:
         )
 
     def grid(self) -> Grid:
-        """What the evidence shows."""
+        """The grid by the evidence."""
         posts = self._with_ends(self._posts())
         return self._with_pieces(Grid(posts, [self._levels(pair) for pair in pairwise(posts)]))
 
     def _with_pieces(self, grid: Grid) -> Grid:
-        """The grid with levels of which goods leave a few pieces, where the steps between those that the network sees say that one is hidden."""
+        """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
         spans = [(float(left[1]), float(right[0])) for left, right in pairwise(grid.posts)]
-        seen = [self._seen(span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
-        sections, found = [*grid.sections], list[tuple[int, Floats]]()
-        for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in seen]):
-            below, above = seen[section][lower : lower + 2]
+        visible = [self._visible_levels(span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
+        sections, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
+        for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
+            below, above = visible[section][lower : lower + 2]
             level = self.pieces.level_between(spans[section], below, above, room=usual / EVEN)
-            if level is None or self.rear.may_show(seen[section], float(level.mean())):
+            if level is None or self.rear.may_show(visible[section], float(level.mean())):
                 continue
-            own = sections[section]
-            same = own[np.abs(own.mean(axis=1) - level.mean()) < self.tracked.thickness]
-            level = same[0] if len(same) else level
-            if not len(same):
-                sections[section] = np.sort(np.concatenate([own, level[None]]), axis=0)
-            found.append((section, level))
-        pieces = frozenset((k, int(np.abs(sections[k][:, 0] - level[0]).argmin())) for k, level in found)
+            section_levels = sections[section]
+            coincident = section_levels[np.abs(section_levels.mean(axis=1) - level.mean()) < self.tracked.thickness]
+            level = coincident[0] if len(coincident) else level
+            if not len(coincident):
+                sections[section] = np.sort(np.concatenate([section_levels, level[None]]), axis=0)
+            in_pieces.append((section, level))
+        pieces = frozenset((k, int(np.abs(sections[k][:, 0] - level[0]).argmin())) for k, level in in_pieces)
         return Grid(grid.posts, sections, pieces)
 
-    def _seen(self, span: tuple[float, float], levels: Floats) -> Floats:
-        """Those of levels (m, 2) between two posts that the network sees along a quarter of their length, or more."""
+    def _visible_levels(self, span: tuple[float, float], levels: Floats) -> Floats:
+        """Those of levels (m, 2) between two posts that have a cover of `QUARTER` or more."""
         return np.asarray(levels[_greatest(self._level_cover(*span), self.y, levels) >= QUARTER])
 
     @cached_property
     def pieces(self) -> Pieces:
-        """The colours of what was tracked, and of the rest."""
+        """The colours of the face, with the tracked grid."""
         return Pieces(self.evidence, self.tracked)
 
     @cached_property
     def paint(self) -> Paint:
-        """The paint of what was tracked."""
+        """The paint of the tracked beams."""
         return Paint(self.evidence, self.tracked)
 
     @cached_property
@@ -132,16 +137,16 @@ class GridSearch:
 
     @cached_property
     def floor(self) -> float:
-        """Where the posts end at the bottom: goods and markings on the floor may look like a level. A guard hides some posts' feet."""
+        """y of the posts' feet: goods and markings below may look like a level. A quantile, because a guard hides some feet."""
         return float(np.quantile([self._reach(*post)[0] for post in self.tracked.posts], 0.25))
 
     @cached_property
     def ceiling(self) -> float:
-        """Where the posts end at the top: what lies above is the roof's. Goods hide some posts' tops."""
+        """y of the posts' tops: what lies above is of the roof. A quantile, because goods hide some tops."""
         return float(np.quantile([self._reach(*post)[1] for post in self.tracked.posts], 0.75))
 
     def _reach(self, low: float, high: float) -> tuple[float, float]:
-        """Lowest and highest y at which a post shows; it reaches to the highest level that was tracked at least."""
+        """Lowest and highest y at which a post shows. The highest is at least the top of the tracked levels."""
         columns = (self.x > low) & (self.x < high)
         along = gaussian_filter1d(_mean(self.upright[:, columns], self.weight[:, columns], 1), 1.0)
         shown = self.y[along >= FOOT * self.usual_post]
@@ -166,7 +171,7 @@ class GridSearch:
         return np.asarray((self.y > low) & (self.y < high))
 
     def _inside(self, left: float, right: float) -> Bools:
-        """The columns between two posts, but for what is close to them."""
+        """The columns between two posts, without a margin beside them."""
         margin = min(self.tracked.width, 0.1 * (right - left))
         return np.asarray((self.x > left + margin) & (self.x < right - margin))
 
@@ -181,30 +186,30 @@ class GridSearch:
         limit = self.settings.clear * self.usual_level
         return self._cover(self.beam[:, columns], self.weight[:, columns], thickness, 8 * thickness, limit)
 
-    def _cover(self, seen: Singles, weight: Singles, size: float, around: float, limit: float) -> Floats:
-        """The share of the cells in each row of `seen` (n, m) that stand out by a limit, for objects of some size."""
-        return _mean(self._standing_out(seen, weight, size, around, limit), weight, 1)
+    def _cover(self, evidence: Singles, weight: Singles, size: float, around: float, limit: float) -> Floats:
+        """The cover (n,) of each row of `evidence` (n, m), for objects of a size and a limit that the evidence must stand out by."""
+        return _mean(self._standing_out(evidence, weight, size, around, limit), weight, 1)
 
-    def _standing_out(self, seen: Singles, weight: Singles, size: float, around: float, limit: float) -> Singles:
-        """By how much, from 0 to 1, each cell of `seen` (n, m) stands out of what is usual in the rows around."""
-        smooth = gaussian_filter1d(seen, size / 4 / self.cell, axis=0)
+    def _standing_out(self, evidence: Singles, weight: Singles, size: float, around: float, limit: float) -> Singles:
+        """The excess (n, m), from 0 to 1 at the limit, of each cell of `evidence` over the median of the rows around."""
+        smooth = gaussian_filter1d(evidence, size / 4 / self.cell, axis=0)
         usual = median_filter(_mean(smooth, weight, 1), max(3, round(0.7 * around / self.cell)))
         return np.asarray(np.clip((smooth - usual[:, None]) / max(limit, self.settings.faint), 0.0, 1.0), np.float32)
 
     def _shown(self, left: float, right: float, level: Floats) -> Floats:
-        """Which columns (columns,), from 0 to 1, show a level between two posts: the others are hidden by goods, whose paint is their own."""
+        """The weight (columns,), from 0 to 1, of the columns that show a level between two posts. Goods, with a paint of their own, hide the others."""
         columns, thickness = self._inside(left, right), self.tracked.thickness
         limit, where = self.settings.clear * self.usual_level, np.zeros(len(self.x))
-        seen, weight = self.beam[:, columns], self.weight[:, columns]
+        evidence, weight = self.beam[:, columns], self.weight[:, columns]
         rows = (self.y > level[0]) & (self.y < level[1])
-        where[columns] = self._standing_out(seen, weight, thickness, 8 * thickness, limit)[rows].max(
+        where[columns] = self._standing_out(evidence, weight, thickness, 8 * thickness, limit)[rows].max(
             axis=0, initial=0.0
         )
         return where
 
     def _posts(self) -> Floats:
-        """x (k, 2) of the posts between the first and the last that were tracked: those that were and are not lost, new ones, and in
-        bays so wide that one is missing less sure ones."""
+        """x (k, 2) of the posts between the first and the last tracked one: tracked ones that are not lost, new ones, and less certain ones in
+        bays so wide that a post is missing."""
         cover, posts = self._post_cover(), self.tracked.posts
         kept = posts[_greatest(cover, self.x, posts) >= self.settings.lost]
         posts = kept if len(kept) >= 2 else posts
@@ -219,12 +224,12 @@ class GridSearch:
         return posts
 
     def _candidates(self, cover: Floats, within: Bools, least: float) -> Floats:
-        """Centres (k,) of the columns where the cover is greatest, the best first."""
+        """x (k,) of the local maxima of the cover, the greatest first."""
         columns = [column for column in _peaks(cover, least) if within[column]]
         return np.asarray(self.x[columns])
 
     def _joined(self, posts: Floats, centres: Floats) -> Floats:
-        """Posts with new ones, which are as wide as usual, where none is near."""
+        """Posts, and new ones of the usual width at those centres where no post is near."""
         apart = max(self.settings.narrow * _usual_bay(posts), 2 * self.tracked.width)
         for centre in centres:
             if np.abs(posts.mean(axis=1) - centre).min() > apart:
@@ -233,7 +238,7 @@ class GridSearch:
         return posts[np.argsort(posts[:, 0])]
 
     def _with_ends(self, posts: Floats) -> Floats:
-        """Posts with one more at either end, where most levels of the outermost section go on to it."""
+        """Posts, and one more at either end, if most levels of the outermost section continue to it."""
         cover = self._post_cover()
         for end, beyond in ((-1, self.x > posts[-1, 1]), (0, self.x < posts[0, 0])):
             bay, inner, levels = _usual_bay(posts), float(posts[end].mean()), self.tracked.sections[end]
@@ -245,12 +250,12 @@ class GridSearch:
         return posts
 
     def _goes_on(self, levels: Floats, left: float, right: float) -> bool:
-        there = _greatest(self._level_cover(left, right), self.y, levels) > self.settings.level
-        return float(there.mean()) > 0.5
+        covered = _greatest(self._level_cover(left, right), self.y, levels) > self.settings.level
+        return float(covered.mean()) > 0.5
 
     def _levels(self, posts: tuple[Floats, Floats]) -> Floats:
-        """y (m, 2) of a section's beams: those that were tracked between the same posts and are not lost, and new ones. Between two racks that stand
-        end to end, with a gap, there are none."""
+        """y (m, 2) of a section's beams: those tracked between the same posts that are not lost, and new ones. None in the gap between two racks
+        that stand end to end."""
         left, right = float(posts[0][1]), float(posts[1][0])
         cover, tracked = self._level_cover(left, right), self._tracked_between(*posts)
         if not len(tracked) and right - left < GAP * _usual_bay(self.tracked.posts):
@@ -267,66 +272,67 @@ class GridSearch:
         return levels[np.argsort(levels[:, 0])]
 
     def _stays(self, cover: Floats, left: float, right: float, level: Floats) -> bool:
-        """Whether the evidence lets a level be that was tracked between two posts."""
+        """Whether a level that was tracked between two posts is kept."""
         shown = float(_greatest(cover, self.y, level[None])[0])
-        seen = self._level_strength(left, right, *level)
-        strength, sure = seen / self.usual_level, shown > WHOLE and seen > SURE
+        beam_strength = self._level_strength(left, right, *level)
+        strength, sure = beam_strength / self.usual_level, shown > WHOLE and beam_strength > SURE
         sunk = strength < FAINT and level.mean() < self.floor + SUNK * self.tracked.thickness
-        like, plain = self._storey_likeness(left, right, level), shown > WHOLE or shown * strength > self.settings.plain
-        strange = like < self.settings.strange or (like < self.settings.doubted and not plain)
+        similarity = self._storey_similarity(left, right, level)
+        plain = shown > WHOLE or shown * strength > self.settings.plain
+        strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
         return shown >= self.settings.lost and not sunk and (sure or not strange)
 
     def _is_level(self, cover: float, left: float, right: float, centre: float) -> bool:
-        """Whether a height at which nothing was tracked is a level's: by its cover, its paint, and where it is.
+        """Whether there is a level at a height where none was tracked: by its cover, its paint, and its height.
 
-        Below the posts' feet are goods and markings; but a guard hides feet, and what is as strong there as the beams and painted like
-        them in most sections is a beam: the paint of one section alone is judged by what the light and the goods there leave of it.
+        Below the posts' feet are goods and markings. But a guard may hide feet: a stripe there that is as strong as the beams, and painted like
+        them in half of the sections, is a beam. One section alone does not decide, because goods and shade change its paint.
         """
-        half, like = self.tracked.thickness / 2, self._likeness(left, right, centre)
+        half, similarity = self.tracked.thickness / 2, self._paint_similarity(left, right, centre)
         strong = self._level_strength(left, right, centre - half, centre + half) > STRONG * self.usual_level
         if centre <= self.floor + half:
-            return cover > self.settings.level and self._usual_likeness(centre) >= ALIKE_BELOW and strong
+            return cover > self.settings.level and self._usual_similarity(centre) >= SIMILAR_BELOW and strong
         behind = not strong and self.rear.shows(self._tracked_beside(left, right), centre)
-        if centre >= self.ceiling + half or like < self.settings.strange or behind:
+        if centre >= self.ceiling + half or similarity < self.settings.strange or behind:
             return False
         if cover >= self.settings.level:
-            return self.paint.tells or self._is_plain(cover, left, right, centre)
-        return like >= ALIKE and max(cover, self._usual_cover(centre)) >= self.settings.painted
+            return self.paint.is_informative or self._is_plain(cover, left, right, centre)
+        return similarity >= SIMILAR and max(cover, self._usual_cover(centre)) >= self.settings.painted
 
-    def _likeness(self, left: float, right: float, centre: float) -> float:
-        """How like the tracked beams' the paint at a height is between two posts; neither like nor unlike where paint does not tell."""
-        return self.paint.likeness(left, right, centre) if self.paint.tells else NEITHER
+    def _paint_similarity(self, left: float, right: float, centre: float) -> float:
+        """The similarity of the paint at a height between two posts to the tracked beams'; `NEITHER` where paint is not informative."""
+        return self.paint.similarity(left, right, centre) if self.paint.is_informative else NEITHER
 
-    def _storey_likeness(self, left: float, right: float, level: Floats) -> float:
-        """How like the others' a level's paint is where it shows, in its own section, or usually in those where one was tracked at its height:
-        goods shade a level in one of them."""
+    def _storey_similarity(self, left: float, right: float, level: Floats) -> float:
+        """The similarity of a level's paint where it shows: the greater of that in its own section and the median of the sections with a tracked
+        level at its height. Goods may shade a level in one section."""
         centre, thickness = float(level.mean()), self.tracked.thickness
         spans = [(float(before[1]), float(after[0])) for before, after in pairwise(self.tracked.posts)]
-        alike = [
-            self._shown_likeness(*span, level)
+        similarities = [
+            self._shown_similarity(*span, level)
             for span, levels in zip(spans, self.tracked.sections, strict=True)
             if len(levels) and np.abs(levels.mean(axis=1) - centre).min() < thickness
         ]
-        return max(self._shown_likeness(left, right, level), float(np.median(alike)))
+        return max(self._shown_similarity(left, right, level), float(np.median(similarities)))
 
-    def _shown_likeness(self, left: float, right: float, level: Floats) -> float:
-        """As `_likeness`, of the columns that show a level between two posts."""
-        if not self.paint.tells:
+    def _shown_similarity(self, left: float, right: float, level: Floats) -> float:
+        """As `_paint_similarity`, over the columns that show a level between two posts."""
+        if not self.paint.is_informative:
             return NEITHER
-        return self.paint.likeness(left, right, float(level.mean()), self._shown(left, right, level))
+        return self.paint.similarity(left, right, float(level.mean()), self._shown(left, right, level))
 
-    def _usual_likeness(self, centre: float) -> float:
-        """How like the tracked beams' the paint at a height is in half of the sections at least."""
+    def _usual_similarity(self, centre: float) -> float:
+        """The median over the sections of the similarity of the paint at a height to the tracked beams'."""
         spans = [(float(before[1]), float(after[0])) for before, after in pairwise(self.tracked.posts)]
-        return float(np.median([self._likeness(*span, centre) for span in spans]))
+        return float(np.median([self._paint_similarity(*span, centre) for span in spans]))
 
     def _usual_cover(self, centre: float) -> float:
-        """The cover at a height that half of the tracked sections have: levels often go on from bay to bay."""
+        """The upper median over the tracked sections of the cover at a height: levels often continue from bay to bay."""
         around = centre + self.tracked.thickness * np.array([[-0.5, 0.5]])
         return float(np.quantile([_greatest(cover, self.y, around)[0] for cover in self.covers], 0.5, method="higher"))
 
     def _is_plain(self, cover: float, left: float, right: float, centre: float) -> bool:
-        """Whether a level shows all along, or is not faint for those that were tracked: stripes of other racks, seen through this, are."""
+        """Whether a level has cover along the whole length, or is not faint against the tracked ones. Stripes of racks behind are faint."""
         half = self.tracked.thickness / 2
         strength = self._level_strength(left, right, centre - half, centre + half) / self.usual_level
         return cover > WHOLE or cover * strength > self.settings.plain
@@ -337,10 +343,10 @@ class GridSearch:
         return [self._level_cover(float(left[1]), float(right[0])) for left, right in pairwise(self.tracked.posts)]
 
     def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
-        """y (2,) of the edges of a level whose cover is greatest at a row: those of its paint where that is like the others', else where the
-        cover is down to half, within reason."""
+        """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, else where the cover falls
+        to half. The height is limited to 0.6 to 1.4 of the usual one."""
         centre, usual = float(self.y[row]), self.tracked.thickness
-        if self._likeness(left, right, centre) >= ALIKE:
+        if self._paint_similarity(left, right, centre) >= SIMILAR:
             low, high = self.paint.extent(left, right, centre)
         else:
             below = np.flatnonzero(cover < cover[row] / 2)
@@ -350,22 +356,22 @@ class GridSearch:
         return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
 
     def _tracked_beside(self, left: float, right: float) -> Floats:
-        """The levels of the tracked section that the middle between two posts lies in; none beyond the ends."""
+        """The levels of the tracked section in which the middle between two posts lies; none beyond the ends."""
         section = int(np.searchsorted(self.tracked.posts.mean(axis=1), (left + right) / 2)) - 1
         inside = 0 <= section < len(self.tracked.sections)
         return self.tracked.sections[section] if inside else np.zeros((0, 2))
 
     def _tracked_between(self, left: Floats, right: Floats) -> Floats:
-        for own, levels in zip(pairwise(self.tracked.posts), self.tracked.sections, strict=True):
-            if np.allclose(own[0], left) and np.allclose(own[1], right):
+        for posts, levels in zip(pairwise(self.tracked.posts), self.tracked.sections, strict=True):
+            if np.allclose(posts[0], left) and np.allclose(posts[1], right):
                 return levels
         return np.zeros((0, 2))
 
 
 def _mean(values: Singles, weight: Singles, axis: int) -> Floats:
-    """The mean along an axis over cells that were seen, 0 where there are none."""
-    seen = weight > 0
-    return np.asarray((values * seen).sum(axis=axis) / np.maximum(seen.sum(axis=axis), 1), np.float64)
+    """The mean along an axis over visible cells, 0 where there are none."""
+    visible = weight > 0
+    return np.asarray((values * visible).sum(axis=axis) / np.maximum(visible.sum(axis=axis), 1), np.float64)
 
 
 def _greatest(cover: Floats, places: Floats, intervals: Floats) -> Floats:
@@ -376,11 +382,11 @@ def _greatest(cover: Floats, places: Floats, intervals: Floats) -> Floats:
 
 
 def _peaks(cover: Floats, least: float) -> list[int]:
-    """Where the cover is greatest among its neighbours and at least `least`, the best first; the middle of a plateau."""
+    """The indices of the smoothed cover's local maxima where the cover is at least `least`, the greatest first."""
     rounded = np.round(gaussian_filter1d(cover, 1.0), 6)
     inner = (rounded[1:-1] >= rounded[:-2]) & (rounded[1:-1] > rounded[2:])
-    found = np.flatnonzero(inner & (cover[1:-1] >= least)) + 1
-    return [int(k) for k in found[np.argsort(-rounded[found], kind="stable")]]
+    peaks = np.flatnonzero(inner & (cover[1:-1] >= least)) + 1
+    return [int(k) for k in peaks[np.argsort(-rounded[peaks], kind="stable")]]
 
 
 def _usual_bay(posts: Floats) -> float:

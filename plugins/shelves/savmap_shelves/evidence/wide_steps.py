@@ -1,4 +1,4 @@
-"""Steps from beam to beam that are too wide for their section: one between may be hidden."""
+"""Steps between beams that are too wide for their section: a beam between may be hidden."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,14 +7,18 @@ import numpy as np
 from savmap.types import Floats
 
 FAR, LEAST_STEPS, EVEN, AMID = 1.6, 3, 1.5, 0.15
-"""A step from beam to beam may hide one where it is so many times the usual of at least so many others of its section, the greatest of which is at most
-`EVEN` times the least, and the sections beside have beams in it, not within this share of it at its ends: 60 simulated rows have no such step."""
+"""A step may hide a beam if all of these hold. It is `FAR` times the median of the section's other steps. There are `LEAST_STEPS` others, the greatest
+at most `EVEN` times the least. The sections beside have beams in it, farther than a share `AMID` of it from its ends. 60 simulated rows have no such
+step."""
 
 
 def wide_steps(sections: Sequence[Floats]) -> Iterator[tuple[int, int, float]]:
-    """Two beams of a section far further apart than its others, where the sections beside go on: the numbers of the section and of the lower beam, and the
-    section's usual step. `sections`: heights (m,) from the bottom. One that stands in the shade behind goods may show in no frame. A passage or a
-    pallet's place goes through the sections beside, too, or is in one of several."""
+    """Steps of a section that are too wide, where the sections beside have beams: the numbers of the section and of the lower beam, from 0, and the
+    section's median step.
+
+    sections: heights (m,) of the beams, from the bottom. A beam in the shade behind goods may show in no frame. A passage or a pallet place is
+    no such step: it goes through the sections beside too, or is one of several.
+    """
     for number, levels in enumerate(sections):
         steps = np.diff(levels)
         beside = [sections[k] for k in (number - 1, number + 1) if 0 <= k < len(sections)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import Bools, Feature, Floats, Ints, RowFacts
-from savmap_shelves.evidence.second_readings import believed
+from savmap_shelves.evidence.second_readings import accepted_readings
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
@@ -112,11 +112,11 @@ def _settled(grid: FaceGrid) -> FaceSightings | None:
         edges_of(np.where(levels.ends[:, :, None], heights_of(sightings, corners, grid.fit.states), np.nan))
         for corners in (sightings.corners, sightings.second)
     )
-    settled = believed(levels.section, levels.which, first, second)
-    if not settled.edges.any():
+    accepted = accepted_readings(levels.section, levels.which, first, second)
+    if not accepted.edges.any():
         return None
-    corners = np.where(settled.second[:, None], sightings.second, sightings.corners)
-    lost = settled.edges[levels.which] & (levels.which >= 0)[:, None] & ~settled.first & ~settled.second
+    corners = np.where(accepted.second[:, None], sightings.second, sightings.corners)
+    lost = accepted.edges[levels.which] & (levels.which >= 0)[:, None] & ~accepted.first & ~accepted.second
     return replace(sightings, corners=np.where(lost[:, None], -1, corners)).without_beams(np.asarray(lost.all(axis=1)))
 
 
