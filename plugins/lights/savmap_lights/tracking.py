@@ -16,7 +16,7 @@ from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of,
 from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Lamp, Place
 from savmap_lights.space.scatter import scatter
-from savmap_lights.space.ties import place_of
+from savmap_lights.space.ties import point_of
 from savmap_lights.space.unmapped import Light, light_before, light_beyond, shining
 
 MAX_SLOPE = 3.0
@@ -34,24 +34,24 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     Lamps are those of the line nearest above the camera's path, numbered along x from 1.
     Raises StructureError when no lamp is seen in at least three frames.
     """
-    seen = sightings(features, facts, start, upwards=True, max_slope=MAX_SLOPE)
-    marks = marks_of(seen)
-    if len(np.unique(marks.seen.frames)) < LEAST_FRAMES:
+    observed = sightings(features, facts, start, upwards=True, max_slope=MAX_SLOPE)
+    marks = marks_of(observed)
+    if len(np.unique(marks.sightings.frames)) < LEAST_FRAMES:
         raise no_lamp()
     level = level_of(marks)
     line = line_of(marks, level)
-    seen = sightings(completed(features, seen, level, line), facts, start, upwards=True, max_slope=MAX_SLOPE)
-    marks = marks_of(seen)
+    observed = sightings(completed(features, observed, level, line), facts, start, upwards=True, max_slope=MAX_SLOPE)
+    marks = marks_of(observed)
     marks = marks.where(np.abs(marks.aside(level) - line) <= SAME_LINE_M)
-    glimpses = seen.where(seen.of_part("glimpse"))
-    lit = lit_stretches(seen.where(seen.of_part("middle")), level, line, facts)
+    glimpses = observed.where(observed.of_part("glimpse"))
+    lit = lit_stretches(observed.where(observed.of_part("middle")), level, line, facts)
     lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
     if not lamps:
         raise no_lamp()
     tracks = _tracks(lamps, marks, level, line, facts, start)
     complete = _complete(tracks, lamps)
     mapped = [lamps[number - 1] for number in complete]
-    places = shining(seen, level, line, mapped)
+    places = shining(observed, level, line, mapped)
     return _numbered(tracks, complete, light_before(mapped, places), light_beyond(mapped, places))
 
 
@@ -62,18 +62,20 @@ def _tracks(
     named = [(number, part, place) for number, lamp in enumerate(lamps) for part, place in lamp.items()]
     rays, index = _rays(named, marks, level_m, facts)
     fitted = fit(rays, level_m)
-    aside = marks.seen.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.seen.slopes[index, 1]
+    aside = (
+        marks.sightings.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.sightings.slopes[index, 1]
+    )
     agree, wider = scatter(aside, rays.sigma, rays.place, fitted.kept)
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     tracks = []
     for number, (lamp, part, place) in enumerate(named):
-        own = np.flatnonzero((rays.place == number) & agree)
-        fits = len(own) >= MOST_FIT * (rays.place == number).sum()
-        if len(own) < LEAST_FITTING or not fits:
+        agreeing = np.flatnonzero((rays.place == number) & agree)
+        fits = len(agreeing) >= MOST_FIT * (rays.place == number).sum()
+        if len(agreeing) < LEAST_FITTING or not fits:
             continue
         features = [
-            _at_middle(_widened(marks.seen.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
-            for k in own.tolist()
+            _at_middle(_widened(marks.sightings.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
+            for k in agreeing.tolist()
         ]
         track = track_of(lamp + 1, part, features)
         if _is_vaguely_off(track, float(fitted.heights[lamp]) - level_m, facts, path):
@@ -88,7 +90,7 @@ def _is_vaguely_off(track: Track, off_m: float, facts: RowFacts, path: Trajector
     """Whether a track seems to be on another plane than the lamps, without its rays being sure of that: no lamp."""
     if abs(off_m) <= OTHER_PLANE_M:
         return False
-    _, covariance = place_of(track, facts, path)
+    _, covariance = point_of(track, facts, path)
     return abs(off_m) < SURELY_OFF * float(np.sqrt(covariance[1, 1]))
 
 
@@ -113,8 +115,8 @@ def _numbered(
         if track.place[track.label] in complete:
             index = complete.index(int(track.place[track.label]))
             name = f"{track.label} {index + 1} / {track.place['part']}"
-            told = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
-            places = {key: round(1000 * light.x) for key, light in told.items() if light is not None}
+            lights = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
+            places = {key: round(1000 * light.x) for key, light in lights.items() if light is not None}
             after = beyond[index]
             often = (
                 {}
@@ -127,18 +129,18 @@ def _numbered(
 
 def _rays(named: Sequence[tuple[int, str, Place]], marks: Marks, level_m: float, facts: RowFacts) -> tuple[Rays, Ints]:
     """The rays to all places along x, and the index of each one's mark."""
-    seen = marks.seen
+    observed = marks.sightings
     index = np.concatenate([place.marks for _, _, place in named])
     number = np.concatenate([np.full(len(place.marks), k) for k, (_, _, place) in enumerate(named)])
     lamp = np.concatenate([np.full(len(place.marks), k) for k, _, place in named])
     outward = np.concatenate([np.full(len(place.marks), place.outward[0]) for _, _, place in named])
-    slope = seen.slopes[index, 0]
+    slope = observed.slopes[index, 0]
     edge = -outward * np.sign(slope).astype(np.int64)
-    focal = np.array([facts.views[seen.features[k].view].camera[0, 0] for k in index.tolist()])
-    pixels = np.array([np.sqrt(seen.features[k].covariance[0, 0, 0]) for k in index.tolist()])
-    above = level_m - seen.origins[index, 1]
-    sigma = np.hypot(PATH_M, pixels / focal * above * (1 + slope**2 + seen.slopes[index, 1] ** 2))
-    return Rays(number, lamp, seen.origins[index, 0], seen.origins[index, 1], slope, edge, sigma), index
+    focal = np.array([facts.views[observed.features[k].view].camera[0, 0] for k in index.tolist()])
+    pixels = np.array([np.sqrt(observed.features[k].covariance[0, 0, 0]) for k in index.tolist()])
+    above = level_m - observed.origins[index, 1]
+    sigma = np.hypot(PATH_M, pixels / focal * above * (1 + slope**2 + observed.slopes[index, 1] ** 2))
+    return Rays(number, lamp, observed.origins[index, 0], observed.origins[index, 1], slope, edge, sigma), index
 
 
 def _at_middle(

@@ -9,7 +9,7 @@ from savmap.graph import KeySpace, camera_priors, merge, solve
 from savmap.types import Feature, Structure
 from savmap_lights.doubts import UNKNOWN_M
 from savmap_lights.plugin import Lights, Settings
-from savmap_lights.space.ties import alike, place_of, unnoticed
+from savmap_lights.space.ties import agreeing, point_of, unnoticed
 from savmap_lights.tracking import track_lamps
 
 from . import drawn_ceiling as drawn
@@ -64,7 +64,7 @@ def test_thick_strips_beside_the_camera_are_at_their_middles() -> None:
         drawn.facts(),
         drawn.path(),
     )
-    rays = [place_of(track, drawn.facts(), drawn.path()) for track in tracks]
+    rays = [point_of(track, drawn.facts(), drawn.path()) for track in tracks]
     truth = [[x, drawn.HEIGHT_M, 2.4] for start in starts for x in (start, start + 1.0)]
     assert (np.abs(np.array([point for point, _ in rays]) - truth).max(axis=0) < [0.012, 0.005, 0.003]).all()
     assert max(np.sqrt(covariance[2, 2]) for _, covariance in rays) < 0.0015
@@ -114,14 +114,14 @@ def test_a_lamp_that_hangs_lower_keeps_its_height() -> None:
 
 def test_values_are_alike_that_agree_with_most() -> None:
     values, sigmas = np.array([6.0, 6.002, 5.999, 5.9, 6.05]), np.array([0.002, 0.002, 0.002, 0.002, 0.03])
-    assert alike(values, sigmas).tolist() == [True, True, True, False, True]
-    assert not alike(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
+    assert agreeing(values, sigmas).tolist() == [True, True, True, False, True]
+    assert not agreeing(np.array([6.0, 6.1, 6.2, 6.3]), np.full(4, 0.002)).any()
 
 
 def test_ties_are_as_loose_as_the_test_is_blind() -> None:
     vague, sharp = np.full(5, 0.03), np.full(5, 0.002)
     values = np.array([6.0, 6.0, 6.0, 6.0, 5.92])
-    assert alike(values, vague).all()
+    assert agreeing(values, vague).all()
     assert 0.02 < unnoticed(values, vague) < 0.03
     assert unnoticed(np.full(5, 6.0), vague) == 0.0
     assert unnoticed(6.0 + sharp * [1, -1, 0, 1, -1], sharp) < 0.003

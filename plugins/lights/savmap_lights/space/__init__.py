@@ -1,1 +1,1 @@
-"""Lamps in space, from a known path: the plane and line they are on, their places, and what they have in common."""
+"""Lamps in space, by a known camera path: their plane and line, their places, and relations between them."""

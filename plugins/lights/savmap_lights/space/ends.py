@@ -1,6 +1,6 @@
-"""Ends and centres of lamps in space, from a known path: places along a line, heights, and how thick the lamps are.
+"""Ends and centres of lamps in space, by a known path: places along a line, heights, and the lamps' thickness.
 
-What is seen of a box from below: its lower edge at an end that lies beyond the camera, its upper edge at an end that faces the camera.
+A camera below a box sees its lower edge at an end that lies beyond the camera, and its upper edge at an end that faces the camera.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the lamps' thickness m;
-    and which rays (n,) fit."""
+    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the lamps' thickness, m;
+    kept (n,): whether each ray fits."""
 
     places: Floats
     heights: Floats
@@ -44,8 +44,8 @@ class Fitted:
 
 
 def fit(rays: Rays, level_m: float) -> Fitted:
-    """Places, heights and thickness by robust least squares. Heights differ by centimetres at most, unless the rays say more; a
-    thickness is believed where it is significant and no more than a lamp's."""
+    """Places, heights and thickness by robust least squares (Tukey). A prior of `APART_M` binds the heights to a common one. A thickness is
+    accepted if it is significant and at most `2 * THICKEST_M`."""
     with_edges = _fit(rays, level_m, bool((rays.edge != 0).any()))
     half, sigma = with_edges[0].half_m, with_edges[1]
     if SURELY * sigma < half < THICKEST_M or not (rays.edge != 0).any():
@@ -68,20 +68,20 @@ def _fit(rays: Rays, level_m: float, thick: bool) -> tuple[Fitted, float]:
     prior[np.arange(lamps), count + 1 + np.arange(lamps)] = 1 / APART_M
     prior[lamps, count] = 1e-3
     weight = 1 / rays.sigma
-    scale, answer, normal = 1.0, np.zeros(size), np.eye(size)
+    scale, parameters, normal = 1.0, np.zeros(size), np.eye(size)
     for _ in range(ROUNDS):
-        whole = np.concatenate([left * weight[:, None], prior])
-        normal = whole.T @ whole + 1e-9 * np.eye(size)
-        answer = np.linalg.solve(normal, whole.T @ np.concatenate([right * weight, np.zeros(lamps + 1)]))
-        errors = (left @ answer - right) / rays.sigma
+        design = np.concatenate([left * weight[:, None], prior])
+        normal = design.T @ design + 1e-9 * np.eye(size)
+        parameters = np.linalg.solve(normal, design.T @ np.concatenate([right * weight, np.zeros(lamps + 1)]))
+        errors = (left @ parameters - right) / rays.sigma
         scale = max(1.0, 1.48 * float(np.median(np.abs(errors))))
-        off = np.abs(errors) / (TUKEY * scale)
-        weight = np.where(off < 1, 1 - np.minimum(off, 1) ** 2, 1e-6) / rays.sigma
+        relative_error = np.abs(errors) / (TUKEY * scale)
+        weight = np.where(relative_error < 1, 1 - np.minimum(relative_error, 1) ** 2, 1e-6) / rays.sigma
     spread = scale**2 * np.linalg.inv(normal)
     to_heights = np.zeros((lamps, size))
     to_heights[:, count] = 1.0
     to_heights[np.arange(lamps), count + 1 + np.arange(lamps)] = 1.0
     sigmas = np.sqrt(np.einsum("ij,jk,ik->i", to_heights, spread, to_heights))
-    half = float(answer[-1]) if thick else 0.0
-    fitted = Fitted(answer[:count], level_m + to_heights @ answer, sigmas, half, off < 1)
+    half = float(parameters[-1]) if thick else 0.0
+    fitted = Fitted(parameters[:count], level_m + to_heights @ parameters, sigmas, half, relative_error < 1)
     return fitted, float(np.sqrt(spread[-1, -1])) if thick else 0.0

@@ -1,4 +1,4 @@
-"""Lamps of a line from the places of their ends: strips where it is lit between two, compact lamps at their centres."""
+"""Lamps of a line by the places of their ends and centres: strips where the line is lit between two ends, and compact lamps."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ SHORTEST_M = 0.1
 
 
 def lamps_of(aisle: Aisle) -> list[Lamp]:
-    """The lamps of a line by the kind that most marks are of: strips along it, strips across it, or compact lamps."""
+    """The lamps of a line, of the kind of most marks: strips along it, strips across it, or compact lamps."""
     outward = aisle.marks.outward
     counts = [(outward[:, 0] != 0).sum(), (outward[:, 1] != 0).sum(), 2 * (outward == 0).all(axis=1).sum()]
     kind = int(np.argmax(counts))
@@ -31,28 +31,28 @@ def lamps_of(aisle: Aisle) -> list[Lamp]:
 
 
 def lit_stretches(middles: Sightings, level_m: float, line_z: float, facts: RowFacts) -> Floats:
-    """From where to where (n, 2) along x something on the line was seen lit."""
+    """Stretches (n, 2) of x, m, on which something on the line was seen lit."""
     places = middles.at(level_m)
     above = level_m - middles.origins[:, 1]
     focal = np.array([facts.views[feature.view].camera[0, 0] for feature in middles.features])
     spread = np.array([np.trace(feature.covariance[0]) for feature in middles.features])
     half = np.sqrt(spread) / np.maximum(focal, 1e-9) * above * (1 + np.square(middles.slopes).sum(axis=1))
-    own = np.abs(places[:, 1] - line_z) <= SAME_LINE_M
-    return np.stack([places[own, 0] - half[own], places[own, 0] + half[own]], axis=1)
+    on_line = np.abs(places[:, 1] - line_z) <= SAME_LINE_M
+    return np.stack([places[on_line, 0] - half[on_line], places[on_line, 0] + half[on_line]], axis=1)
 
 
 def _along(starts: Sequence[Place], stops: Sequence[Place], lit: Floats) -> list[Lamp]:
-    """Strips along the line: each start with the stop that follows it, where it is lit between them. What is lit beside a start or a stop
-    that has no partner is a strip with one end in sight."""
+    """Strips along the line: a start is paired with the stop that follows it, if the line is lit between them. A start or a stop without a
+    partner, beside a lit stretch, is a strip with one end in sight."""
     lamps: list[Lamp] = []
-    taken: list[Place] = []
+    paired: list[Place] = []
     ends = sorted([*starts, *stops], key=lambda place: place.x - place.outward[0] * SHORTEST_M / 4)
     for here, after in pairwise(ends):
         if here.outward[0] < 0 < after.outward[0] and _is_lit(here.x, after.x, lit):
             lamps.append({"end 0": here, "end 1": after})
-            taken += [here, after]
+            paired += [here, after]
     for number, here in enumerate(ends):
-        if not any(here is other for other in taken):
+        if not any(here is other for other in paired):
             beyond = [other.x for other in (ends[number + 1 :] if here.outward[0] < 0 else ends[:number])]
             limit = (min if here.outward[0] < 0 else max)(beyond, default=-here.outward[0] * np.inf)
             lamps += _open(here, limit, lit)
@@ -60,7 +60,7 @@ def _along(starts: Sequence[Place], stops: Sequence[Place], lit: Floats) -> list
 
 
 def _is_lit(start: float, stop: float, lit: Floats) -> bool:
-    """Whether most of a stretch was seen lit, at least as long as a strip may be."""
+    """Whether a stretch is long enough for a strip and most of it was seen lit."""
     inside = lit[(lit[:, 0] < stop) & (lit[:, 1] > start)]
     marks = np.linspace(start, stop, 41)[1:-1]
     covered = ((inside[:, :1] <= marks) & (marks <= inside[:, 1:])).any(axis=0)
@@ -68,16 +68,16 @@ def _is_lit(start: float, stop: float, lit: Floats) -> bool:
 
 
 def _open(place: Place, limit: float, lit: Floats) -> list[Lamp]:
-    """A strip of which one end is in sight, as far as it was seen lit without a break, at most to `limit`."""
-    way = -place.outward[0]
+    """A strip with one end in sight, as far as it was seen lit without a break, at most to `limit`; none if that is short."""
+    direction = -place.outward[0]
     reach = 0.0
-    stretches = np.sort(way * (lit - place.x), axis=1)
+    stretches = np.sort(direction * (lit - place.x), axis=1)
     for low, high in stretches[np.argsort(stretches[:, 0])]:
         if low <= reach + SHORTEST_M and high > reach:
-            reach = min(float(high), way * (limit - place.x))
-    part = "end 0" if way > 0 else "end 1"
+            reach = min(float(high), direction * (limit - place.x))
+    part = "end 0" if direction > 0 else "end 1"
     long = reach > LEAST_OPEN_M
-    return [{part: replace(place, seen_to=place.x + way * reach)}] if long else []
+    return [{part: replace(place, seen_to=place.x + direction * reach)}] if long else []
 
 
 def _across(nears: Sequence[Place], fars: Sequence[Place]) -> list[Lamp]:

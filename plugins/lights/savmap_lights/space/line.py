@@ -1,4 +1,4 @@
-"""The plane and the line that lamps are on: a sweep through heights until the sightings of all frames fall on one another."""
+"""The plane and the line of the lamps, by a sweep through heights: at the right one, sightings of all frames coincide."""
 
 from dataclasses import dataclass, replace
 
@@ -20,20 +20,22 @@ LEAST_FRAMES = 3
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Sightings of what has a place: ends and centres of lamps. `outward` (n, 2): the direction along x and z, 0 or +-1, in which a
-    lamp ends there; (0, 0) for centres. `middles` (n, 2): the slopes of the rays to the middle of what was seen of each one's lamp."""
+    """Sightings of ends and centres of lamps. `outward` (n, 2): the direction along x and z, 0 or +-1, in which a lamp ends there; (0, 0)
+    for centres. `middles` (n, 2): the slopes of the rays to the middle of the visible part of each one's lamp."""
 
-    seen: Sightings
+    sightings: Sightings
     outward: Ints
     middles: Floats
 
     def where(self, keep: Bools) -> "Marks":
-        """Those for which a mask (n,) is true."""
-        return replace(self, seen=self.seen.where(keep), outward=self.outward[keep], middles=self.middles[keep])
+        """The marks for which a mask (n,) is true."""
+        return replace(
+            self, sightings=self.sightings.where(keep), outward=self.outward[keep], middles=self.middles[keep]
+        )
 
     def aside(self, level_m: float) -> Floats:
         """z (n,) m of the lamps' middles at a level."""
-        origins = self.seen.origins
+        origins = self.sightings.origins
         return np.asarray(origins[:, 2] + (level_m - origins[:, 1]) * self.middles[:, 1])
 
     @property
@@ -42,30 +44,32 @@ class Marks:
         return np.asarray(3 * self.outward[:, 0] + self.outward[:, 1])
 
 
-def marks_of(seen: Sightings) -> Marks:
-    """The ends of strips, and the centres of compact lamps. An end points away from the middle of what was seen of its strip."""
+def marks_of(sightings: Sightings) -> Marks:
+    """The ends of strips, and the centres of compact lamps. An end points away from the middle of the visible part of its strip."""
     middles = {
         (feature.frame, feature.view, feature.instance): slope
-        for feature, slope in zip(seen.features, seen.slopes, strict=True)
+        for feature, slope in zip(sightings.features, sightings.slopes, strict=True)
         if feature.part == "middle"
     }
-    outward = np.zeros((len(seen.features), 2), np.int64)
-    towards = seen.slopes.copy()
-    kept = np.zeros(len(seen.features), np.bool_)
-    for index, (feature, slope) in enumerate(zip(seen.features, seen.slopes, strict=True)):
+    outward = np.zeros((len(sightings.features), 2), np.int64)
+    towards = sightings.slopes.copy()
+    kept = np.zeros(len(sightings.features), np.bool_)
+    for index, (feature, slope) in enumerate(zip(sightings.features, sightings.slopes, strict=True)):
         middle = middles.get((feature.frame, feature.view, feature.instance))
         kept[index] = feature.part == "centre" if middle is None else feature.part.startswith("end")
         if middle is not None and kept[index]:
             towards[index] = middle
             axis = int(np.argmax(np.abs(slope - middle)))
             outward[index, axis] = int(np.sign(slope[axis] - middle[axis]))
-    return Marks(seen.where(kept), outward[kept], towards[kept])
+    return Marks(sightings.where(kept), outward[kept], towards[kept])
 
 
 def level_of(marks: Marks) -> float:
-    """The height, m, at which marks of one kind in different frames fall on one another best, searched above the camera, coarsely, then
-    finely. The tolerance grows with the height tried: otherwise the lowest, where all rays are close, always wins."""
-    base = float(marks.seen.origins[:, 1].mean())
+    """The height, m, at which marks of one kind in different frames coincide best. The search above the camera is coarse, then fine.
+
+    The tolerance grows with the height tried: else the lowest height, where all rays are close, would always have the best score.
+    """
+    base = float(marks.sightings.origins[:, 1].mean())
     steps = int(np.log(HEIGHTS_M[1] / HEIGHTS_M[0]) / np.log(COARSE_STEP))
     above = HEIGHTS_M[0] * COARSE_STEP ** np.arange(steps)
     best = above[np.argmax([_gathering(marks, base, height, COARSE) for height in above])]
@@ -74,35 +78,36 @@ def level_of(marks: Marks) -> float:
 
 
 def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
-    """How many pairs of marks of one kind, of different frames, lie within `width` times the height of one another, softly."""
-    places = marks.seen.at(base + above)
+    """The score of a height: Gaussian weights of the distances between marks of one kind in different frames, summed over pairs. The sigma is
+    `width` times the height."""
+    places = marks.sightings.at(base + above)
     near = over_aisle(marks, base + above)
     total = 0.0
     for kind in np.unique(marks.kind):
-        own = near & (marks.kind == kind)
-        order = np.argsort(places[own, 0], kind="stable")
-        points, frames = places[own][order] / (width * above), marks.seen.frames[own][order]
-        certainty = marks.seen.certainty[own][order]
+        chosen = near & (marks.kind == kind)
+        order = np.argsort(places[chosen, 0], kind="stable")
+        points, frames = places[chosen][order] / (width * above), marks.sightings.frames[chosen][order]
+        certainty = marks.sightings.certainty[chosen][order]
         for step in range(1, min(NEIGHBOURS, len(points) - 1) + 1):
-            apart = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
-            counts = np.exp(-0.5 * apart) * (frames[step:] != frames[:-step])
+            distances = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
+            counts = np.exp(-0.5 * distances) * (frames[step:] != frames[:-step])
             total += float((counts * certainty[step:] * certainty[:-step]).sum())
     return total
 
 
 def over_aisle(marks: Marks, level_m: float) -> Bools:
-    """Which marks' (n,) lamps would be before the face, and not far aside of the camera, at a level."""
+    """Whether each mark's (n,) lamp, at a level, would be in front of the face and not far aside of the camera."""
     z = marks.aside(level_m)
-    near: Bools = (z > 0) & (np.abs(z - marks.seen.origins[:, 2]) < NEAR_M)
+    near: Bools = (z > 0) & (np.abs(z - marks.sightings.origins[:, 2]) < NEAR_M)
     return near
 
 
 def line_of(marks: Marks, level_m: float) -> float:
-    """z of the line of lamps, parallel to x, that runs nearest above the camera, of those with marks that many frames agree on.
+    """z of the line of lamps, parallel to x, that is nearest to the camera's path, of those with marks that many frames agree on.
 
     Raises StructureError where there is none."""
-    places, above = marks.seen.at(level_m), level_m - float(marks.seen.origins[:, 1].mean())
-    weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.seen.certainty
+    places, above = marks.sightings.at(level_m), level_m - float(marks.sightings.origins[:, 1].mean())
+    weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.sightings.certainty
     z = marks.aside(level_m)
     weight[(_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
     firm = z[weight > 0]
@@ -111,20 +116,20 @@ def line_of(marks: Marks, level_m: float) -> float:
         raise no_lamp()
     support = np.array([weight[np.abs(z - line) <= SAME_LINE_M].sum() for line in lines])
     good = lines[support >= LEAST_OF_BEST * support.max()]
-    return float(good[np.argmin(np.abs(good - np.median(marks.seen.origins[:, 2])))])
+    return float(good[np.argmin(np.abs(good - np.median(marks.sightings.origins[:, 2])))])
 
 
 def _partners(marks: Marks, places: Floats, width_m: float) -> Ints:
-    """In how many other frames each mark (n,) has one of its kind within `width_m` at a level."""
+    """The number of other frames in which each mark (n,) has one of its kind within `width_m` at a level."""
     near = (np.abs(places[:, None] - places[None]) <= width_m).all(axis=-1) & (marks.kind[:, None] == marks.kind[None])
-    frames, index = np.unique(marks.seen.frames, return_inverse=True)
+    frames, index = np.unique(marks.sightings.frames, return_inverse=True)
     counts = np.zeros((len(places), len(frames)), np.int64)
     np.maximum.at(counts.T, index, near.T.astype(np.int64))
     return np.asarray(counts.sum(axis=1) - 1)
 
 
 def no_lamp() -> StructureError:
-    """What is said where no lamps are found."""
+    """The error for a row in which no lamps are found."""
     return StructureError(
         "no three frames show a lamp in one place: does the ceiling view show lamps, and was the network trained on such?"
     )

@@ -1,4 +1,4 @@
-"""Places of ends and centres along a line of lamps: where marks of many frames agree."""
+"""Places of ends and centres along a line of lamps, at which marks of many frames agree."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ JOINT_M = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """An end or a centre: where it is along x at the lamps' level, which way its lamp ends there, and its marks (indices);
-    how far along x its lamp was seen, where that has no other end in sight."""
+    """An end or a centre: x, m, at the lamps' level; the direction in which its lamp ends there; and the indices of its marks. `seen_to`: x to
+    which its lamp was seen, where no other end is in sight."""
 
     x: float
     outward: tuple[int, int]
@@ -32,8 +32,8 @@ Lamp = dict[str, Place]
 
 @dataclass(frozen=True, eq=False)
 class Aisle:
-    """What was seen of a line of lamps: its marks, height and z, m, the stretches (n, 2) of x that are lit, places (k, 2) x and z of
-    glimpses of what is partly hidden, and their frames (k,)."""
+    """A line of lamps: its marks, height and z, m; the stretches (n, 2) of x that are lit; glimpses (k, 2), x and z m, of partly hidden lamps;
+    and the glimpses' frames (k,)."""
 
     marks: Marks
     level_m: float
@@ -46,53 +46,53 @@ class Aisle:
 
 
 def places_of(aisle: Aisle, outward: tuple[int, int]) -> list[Place]:
-    """Where marks that point the same way agree, in most of the frames between the first and the last that show them."""
+    """Places at which marks of one outward direction agree, in enough of the frames between the first and the last that show them."""
     marks = aisle.marks
-    own = np.flatnonzero((marks.outward == np.array(outward)).all(axis=1))
-    x = marks.seen.at(aisle.level_m)[own, 0]
+    indices = np.flatnonzero((marks.outward == np.array(outward)).all(axis=1))
+    x = marks.sightings.at(aisle.level_m)[indices, 0]
     width = SAME_LAMP_M if outward == (0, 0) else SAME_END_M
-    found = []
-    for at in peaks.peaks(x, width, LEAST_FRAMES):
-        chosen = own[np.abs(x - at) <= width]
-        if _is_steady(aisle, chosen, float(at)):
-            found.append(Place(float(at), outward, _one_a_frame(marks, chosen, aisle.level_m, float(at))))
-    return found
+    places = []
+    for peak in peaks.peaks(x, width, LEAST_FRAMES):
+        chosen = indices[np.abs(x - peak) <= width]
+        if _is_steady(aisle, chosen, float(peak)):
+            places.append(Place(float(peak), outward, _nearest_per_frame(marks, chosen, aisle.level_m, float(peak))))
+    return places
 
 
 def shown(places: Sequence[Place], joined: Sequence[Place], aisle: Aisle) -> list[Place]:
-    """The places that enough of all frames show that could. A joint, where a place of `joined` is near, shows from below only."""
+    """The places that are seen in enough of the frames that could show them. A joint, near a place of `joined`, shows from below only."""
     points = np.array([[place.x, aisle.level_m, aisle.line_z] for place in places]).reshape(-1, 3)
-    could = frames_showing(points, aisle.facts, aisle.path, UPWARDS[:, 2])
+    frames_in_view = frames_showing(points, aisle.facts, aisle.path, UPWARDS[:, 2])
     counts = [len(_frames_of(aisle, place.marks, place.x)) for place in places]
     return [
         place
-        for place, frames, all_frames in zip(places, counts, could.tolist(), strict=True)
+        for place, frames, all_frames in zip(places, counts, frames_in_view.tolist(), strict=True)
         if frames >= LEAST_SHOWN * all_frames or any(abs(place.x - other.x) < JOINT_M for other in joined)
     ]
 
 
 def _frames_of(aisle: Aisle, chosen: Ints, x: float) -> Ints:
-    """The frames of some marks, or that have a glimpse at their place."""
+    """The frames of the chosen marks, and those with a glimpse at their place."""
     glimpses = (np.abs(aisle.glimpses - np.array([x, aisle.line_z])) <= SAME_LAMP_M).all(axis=1)
-    return np.union1d(aisle.marks.seen.frames[chosen], aisle.glimpsed[glimpses])
+    return np.union1d(aisle.marks.sightings.frames[chosen], aisle.glimpsed[glimpses])
 
 
-def _one_a_frame(marks: Marks, chosen: Ints, level_m: float, x: float) -> Ints:
-    """Of several marks in one frame the nearest to a place."""
-    away = np.abs(marks.seen.at(level_m)[chosen, 0] - x)
-    order = np.lexsort((away, marks.seen.frames[chosen]))
-    _, first = np.unique(marks.seen.frames[chosen][order], return_index=True)
+def _nearest_per_frame(marks: Marks, chosen: Ints, level_m: float, x: float) -> Ints:
+    """Of the chosen marks in each frame, the index of the one nearest to x."""
+    away = np.abs(marks.sightings.at(level_m)[chosen, 0] - x)
+    order = np.lexsort((away, marks.sightings.frames[chosen]))
+    _, first = np.unique(marks.sightings.frames[chosen][order], return_index=True)
     return np.asarray(chosen[order][first])
 
 
 def _is_steady(aisle: Aisle, chosen: Ints, x: float) -> bool:
-    """Whether enough frames show a place, of those whose view was rendered and that passed between the outermost that measured it."""
-    seen, facts = aisle.marks.seen, aisle.facts
-    measured = seen.frames[chosen]
+    """Whether a place is seen in enough of the frames with a rendered view, between the first and the last frame that measured it."""
+    sightings, facts = aisle.marks.sightings, aisle.facts
+    measured = sightings.frames[chosen]
     frames = _frames_of(aisle, chosen, x)
     frames = frames[(frames >= measured.min()) & (frames <= measured.max())]
     passing = aisle.path.frames[(aisle.path.frames >= frames[0]) & (aisle.path.frames <= frames[-1])].tolist()
-    views = {seen.features[index].view for index in chosen.tolist()}
+    views = {sightings.features[index].view for index in chosen.tolist()}
     rendered = [
         any(facts.views[view].shows(frame) and view.startswith(facts.frames.passes[frame]) for view in views)
         for frame in passing

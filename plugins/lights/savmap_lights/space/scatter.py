@@ -1,4 +1,4 @@
-"""How far rays to one place scatter aside of the line of lamps: what lies far off is left out, the others count for as much as they agree."""
+"""The scatter of rays to one place across the line of lamps: outliers are left out, and the sigma of the others grows with their scatter."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ MAD_TO_SIGMA = 1.48
 
 
 def scatter(aside: Floats, sigma: Floats, place: Ints, kept: Bools) -> tuple[Bools, Floats]:
-    """Which of the rays (n,) that were kept agree aside, m, with the others to their places, and by how much (n,), at least 1, those to
-    each place scatter more than their standard deviations, m."""
+    """Whether each ray (n,) that was kept agrees, in its offset `aside` (n,) m, with the others to its place; and the ratio (n,), at least 1, of
+    the scatter of each place's rays to their standard deviations `sigma` (n,) m."""
     agree, wider = kept.copy(), np.ones(len(aside))
     for number in np.unique(place[kept]):
-        own = place == number
-        errors = np.abs(aside - np.median(aside[own & kept])) / sigma
-        wider[own] = max(1.0, MAD_TO_SIGMA * float(np.median(errors[own & kept])))
-        agree[own] &= errors[own] < FAR * wider[own]
+        of_place = place == number
+        errors = np.abs(aside - np.median(aside[of_place & kept])) / sigma
+        wider[of_place] = max(1.0, MAD_TO_SIGMA * float(np.median(errors[of_place & kept])))
+        agree[of_place] &= errors[of_place] < FAR * wider[of_place]
     return agree, wider

@@ -1,4 +1,4 @@
-"""What lamps have in common, tested on the data: equal heights, and a line parallel to the aisle."""
+"""Relations between lamps, tested on the data: equal heights, and a line parallel to the aisle."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -18,7 +18,7 @@ FEWEST = 3
 HALVINGS = 30
 SQRT_2 = 2**0.5
 STATED = 4
-"""As many measurements as the stated standard deviations count for, beside how well the rays meet."""
+"""The weight of the stated standard deviations in a variance, in measurements; the residuals of the rays have the other part."""
 
 
 def ties(
@@ -28,8 +28,8 @@ def ties(
     path: Trajectory,
     on_a_line: bool,
 ) -> list[door.Relation]:
-    """Relations between the same parts of neighbouring lamps: all of them where the user says that the lamps are `on_a_line`, at one
-    height; otherwise those of y and those of z that hold for most lamps, between the lamps that they hold for."""
+    """Relations between the same parts of neighbouring lamps. With `on_a_line`, the user says that all lamps have one height and one line, and
+    all relations are given. Else equal y, and equal z, are given if they hold for most lamps, between the lamps for which they hold."""
     if on_a_line:
         by_part = _are_across(tracks, facts, path)
         return [*_all_equal("y", keys, False), *_all_equal("z", keys, by_part)]
@@ -40,9 +40,9 @@ def _are_across(tracks: Sequence[Track], facts: RowFacts, path: Trajectory) -> b
     """Whether most lamps with two ends lie across the aisle."""
     ends: dict[str, list[Floats]] = {}
     for track in tracks:
-        ends.setdefault(str(track.place[track.label]), []).append(place_of(track, facts, path)[0])
-    ways = [np.abs(both[1] - both[0]) for both in ends.values() if len(both) == 2]
-    return bool(ways) and float(np.mean([way[2] > way[0] for way in ways])) > 0.5
+        ends.setdefault(str(track.place[track.label]), []).append(point_of(track, facts, path)[0])
+    extents = [np.abs(both[1] - both[0]) for both in ends.values() if len(both) == 2]
+    return bool(extents) and float(np.mean([extent[2] > extent[0] for extent in extents])) > 0.5
 
 
 def _all_equal(axis: door.Axis, keys: Mapping[str, Mapping[str, int]], by_part: bool) -> Iterator[door.Relation]:
@@ -66,22 +66,22 @@ def _tied(
     parts: dict[str, list[Track]] = {}
     for track in tracks:
         parts.setdefault("" if axis == "y" else str(track.place["part"]), []).append(track)
-    for own in parts.values():
-        placed = [place_of(track, facts, path) for track in own]
-        values = np.array([point[column] for point, _ in placed])
-        sigmas = np.array([np.sqrt(covariance[column, column]) for _, covariance in placed])
-        agree = alike(values, sigmas)
-        chosen = [own[index] for index in np.flatnonzero(agree).tolist()]
-        blind = SQRT_2 * unnoticed(values[agree], sigmas[agree]) if axis == "y" else 0.0
-        tied = max(TIED_M, blind)
+    for part_tracks in parts.values():
+        points = [point_of(track, facts, path) for track in part_tracks]
+        values = np.array([point[column] for point, _ in points])
+        sigmas = np.array([np.sqrt(covariance[column, column]) for _, covariance in points])
+        agree = agreeing(values, sigmas)
+        chosen = [part_tracks[index] for index in np.flatnonzero(agree).tolist()]
+        undetected = SQRT_2 * unnoticed(values[agree], sigmas[agree]) if axis == "y" else 0.0
+        tied = max(TIED_M, undetected)
         pairs = pairwise(
             keys[f"{track.label} {track.place[track.label]}"][str(track.place["part"])] for track in chosen
         )
         yield from (door.equal_coordinate(axis, first, second, tied) for first, second in pairs)
 
 
-def alike(values: Floats, sigmas: Floats) -> np.ndarray:
-    """Which of some values (n,) with standard deviations (n,) agree with the most likely one; none where most do not."""
+def agreeing(values: Floats, sigmas: Floats) -> np.ndarray:
+    """Whether each value (n,), with a standard deviation (n,), agrees with the weighted median. None does where most do not."""
     if len(values) < FEWEST:
         return np.zeros(len(values), np.bool_)
     spread = np.hypot(sigmas, HANGS_M)
@@ -91,8 +91,8 @@ def alike(values: Floats, sigmas: Floats) -> np.ndarray:
 
 
 def unnoticed(values: Floats, sigmas: Floats) -> float:
-    """How far, m, some values (n,) with standard deviations (n,) may differ between themselves without it showing: the scatter with which
-    values would fit a common one this well in one of two cases. 0 where they fit so well without any."""
+    """The true scatter, m, of values (n,) with standard deviations (n,) that their misfit does not reveal: with this additional scatter, the chi
+    square about their mean is its median. 0 where it is below the median without any."""
     if len(values) < FEWEST:
         return 0.0
     least = float(chdtri(len(values) - 1, 0.5))
@@ -117,8 +117,8 @@ def _weighted_median(values: Floats, weights: Floats) -> float:
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
-def place_of(track: Track, facts: RowFacts, path: Trajectory) -> tuple[Floats, Floats]:
-    """Where the rays of a track meet (3,) m, and its covariance (3, 3) m^2, the path being taken for true."""
+def point_of(track: Track, facts: RowFacts, path: Trajectory) -> tuple[Floats, Floats]:
+    """The point (3,) m at which the rays of a track meet, and its covariance (3, 3) m^2. The path is taken as exact."""
     origins, rays = door.sight_lines(track, facts, path)
     across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
     focal = np.array([facts.views[view].camera[0, 0] for view in track.views])

@@ -16,23 +16,23 @@ ASIDE_M = 0.25
 
 @dataclass(frozen=True)
 class Light:
-    """Something that shines: where along x, m, and in how many frames it was seen to."""
+    """A bright object: x, m, and the number of frames in which it was seen."""
 
     x: float
     frames: int
 
 
-def shining(seen: Sightings, level_m: float, line_z: float, lamps: Sequence[Lamp]) -> list[Light]:
-    """What on the line was seen to shine in enough frames, away from all lamps."""
-    at = seen.at(level_m)
-    own = (np.abs(at[:, 1] - line_z) < ASIDE_M) & ~seen.of_part("side")
+def shining(sightings: Sightings, level_m: float, line_z: float, lamps: Sequence[Lamp]) -> list[Light]:
+    """Bright objects on the line, in enough frames, away from all lamps."""
+    positions = sightings.at(level_m)
+    unexplained = (np.abs(positions[:, 1] - line_z) < ASIDE_M) & ~sightings.of_part("side")
     for lamp in lamps:
         low, high = reach_of(lamp)
-        own &= (at[:, 0] < low - BESIDE_M) | (at[:, 0] > high + BESIDE_M)
-    x, frames = at[own, 0], seen.frames[own]
-    found = peaks.peaks(x, SAME_LAMP_M, LEAST_FRAMES)
-    counts = [len(np.unique(frames[np.abs(x - place) <= SAME_LAMP_M])) for place in found]
-    return [Light(place, count) for place, count in zip(found.tolist(), counts, strict=True) if count >= LEAST_FRAMES]
+        unexplained &= (positions[:, 0] < low - BESIDE_M) | (positions[:, 0] > high + BESIDE_M)
+    x, frames = positions[unexplained, 0], sightings.frames[unexplained]
+    places = peaks.peaks(x, SAME_LAMP_M, LEAST_FRAMES)
+    counts = [len(np.unique(frames[np.abs(x - place) <= SAME_LAMP_M])) for place in places]
+    return [Light(place, count) for place, count in zip(places.tolist(), counts, strict=True) if count >= LEAST_FRAMES]
 
 
 def light_beyond(lamps: Sequence[Lamp], lights: Sequence[Light]) -> list[Light | None]:
@@ -52,6 +52,6 @@ def light_before(lamps: Sequence[Lamp], lights: Sequence[Light]) -> Light | None
 
 
 def reach_of(lamp: Lamp) -> tuple[float, float]:
-    """From where to where along x a lamp was seen."""
+    """Start and stop of a lamp along x, m, as far as it was seen."""
     ends = [x for place in lamp.values() for x in (place.x, place.seen_to) if x is not None]
     return min(ends), max(ends)
