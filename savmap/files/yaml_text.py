@@ -12,6 +12,8 @@ from savmap.files.texts import SURROGATES
 
 MOST_MB = 2.0
 MOST_DEPTH = 50
+PARSERS_DEPTH = "maximum nesting depth"
+"""What newer versions of libyaml say of a text that is nested too deeply for itself; it reads ahead of the events, and says so before their bound is passed."""
 MOST_VALUES = 100_000
 """With what aliases stand for: a site of 2000 rows has 60 000."""
 MOST_LETTERS = 4000
@@ -83,7 +85,7 @@ def require_bounded(text: str) -> None:
             if event.anchor is not None:
                 counts[event.anchor] = 1
         if len(sections) > MOST_DEPTH:
-            raise _error(f"it is nested more than {MOST_DEPTH} deep", event.start_mark)
+            raise _too_deep(event.start_mark)
         if total > MOST_VALUES:
             raise _error(
                 f"it holds more than {MOST_VALUES} values, with those that aliases stand for", event.start_mark
@@ -91,8 +93,12 @@ def require_bounded(text: str) -> None:
 
 
 def _events(text: str) -> Iterable[Any]:
-    events: Iterable[Any] = yaml.parse(text, Loader=_Events)
-    return events
+    try:
+        yield from yaml.parse(text, Loader=_Events)
+    except yaml.MarkedYAMLError as error:
+        if PARSERS_DEPTH in str(error.problem):
+            raise _too_deep(error.problem_mark) from error
+        raise
 
 
 def _meant(count: int | None, alias: Any) -> int:
@@ -106,6 +112,10 @@ def _require_scalar(event: Any) -> None:
         raise _error(f"a text has {len(event.value)} letters; at most {MOST_LETTERS} are read", event.start_mark)
     if SURROGATES.search(event.value):
         raise _error("a text holds half a character", event.start_mark)
+
+
+def _too_deep(mark: Any) -> BoundError:
+    return _error(f"it is nested more than {MOST_DEPTH} deep", mark)
 
 
 def _error(problem: str, mark: Any) -> BoundError:
