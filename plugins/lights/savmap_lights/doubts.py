@@ -15,7 +15,7 @@ LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
 """The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
 for each one that shows the lamps on either side, the light before the next one was seen."""
 
-FEWEST, FEWEST_STEPS = 4, 2
+FEWEST, FEWEST_STEPS, FEWEST_ALIKE = 4, 2, 3
 OFF_SIGMA, OFF_M = 5.0, 0.05
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
@@ -64,15 +64,21 @@ def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A strip longer or shorter than most, where most are equal. Beyond the row's ends, seen from afar, joints may not show: the verdict makes that a note."""
+    """A strip longer or shorter than most, where most are equal, or than at least three that are, if no other strip has its length: parts of
+    strips differ, kinds of lamps do not. Beyond the row's ends, seen from afar, joints may not show: the verdict makes that a note."""
     strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
     lengths = np.array([np.linalg.norm(lamp.vertices[1] - lamp.vertices[0]) for lamp in strips])
-    if len(strips) < FEWEST or not _are_regular(lengths):
+    if len(strips) < FEWEST:
         return
-    usual = float(np.median(lengths))
-    for lamp, length in zip(strips, lengths.tolist(), strict=True):
-        if not 1 / LONGER < length / usual < LONGER:
-            what = f"{lamp.id} is {length:.2f} m long, most are {usual:.2f} m: an end or a joint may be wrong"
+    alike = (np.abs(lengths - lengths[:, None]) < REGULAR * np.maximum(lengths, lengths[:, None])).sum(axis=1)
+    regular = _are_regular(lengths)
+    if not regular and alike.max() < FEWEST_ALIKE:
+        return
+    usual = float(np.median(lengths)) if regular else float(lengths[alike.argmax()])
+    for lamp, length, likes in zip(strips, lengths.tolist(), alike.tolist(), strict=True):
+        if not 1 / LONGER < length / usual < LONGER and (regular or likes == 1):
+            which = "most" if regular else f"{alike.max()} others"
+            what = f"{lamp.id} is {length:.2f} m long, {which} are {usual:.2f} m: an end or a joint may be wrong"
             yield Doubt("shape", what, (lamp.id,), _middle(lamp))
 
 

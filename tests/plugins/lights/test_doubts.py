@@ -80,6 +80,20 @@ def test_a_strip_longer_than_its_likes_is_doubted(which: int) -> None:
     assert lines(lamps)[0] == f"light {which} is 2.40 m long, most are 1.20 m: an end or a joint may be wrong"
 
 
+def test_parts_of_strips_in_an_irregular_line_are_doubted() -> None:
+    # half of the strips are cut by girders or joined across a joint: no length is that of most
+    lengths = [0.86, 1.70, 1.69, 0.73, 4.24, 0.58, 1.72, 1.71]
+    starts = np.concatenate([[0.0], np.cumsum(np.array(lengths) + 0.1)[:-1]])
+    lamps = [lamp(k, float(x), length) for k, (x, length) in enumerate(zip(starts, lengths, strict=True), 1)]
+    doubted = [line for line in lines(lamps) if "m long" in line]
+    assert [line.split(" is ")[0] for line in doubted] == ["light 1", "light 4", "light 5", "light 6"]
+    assert doubted[0].endswith("m long, 4 others are 1.70 m: an end or a joint may be wrong")
+
+
+def test_two_kinds_of_strips_are_beyond_doubt() -> None:
+    assert not lines([lamp(k, 2.0 * k, 1.2 if k % 2 else 1.7) for k in range(1, 7)])
+
+
 def test_an_end_never_seen_is_doubted_between_lamps_only() -> None:
     lamps = [lamp(k, 3.0 * k, sigma_x=UNKNOWN_M if k in (2, 4) else 0.003) for k in range(1, 5)]
     assert lines(lamps) == ["an end of light 2 was never seen: its length is not known"]
