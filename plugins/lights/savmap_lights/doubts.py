@@ -14,6 +14,8 @@ LIGHT_BEYOND, LIGHT_BEFORE = "light beyond, x m", "light before, x m"
 LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
 """The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
 for each one that shows the lamps on either side, the light before the next one was seen."""
+SIDES, SIDES_NOT_SEEN = "sides", "not seen"
+"""The attribute of a compact lamp around which the brightness falls in hardly a frame."""
 
 FEWEST, FEWEST_STEPS, FEWEST_ALIKE = 4, 2, 3
 OFF_SIGMA, OFF_M = 5.0, 0.05
@@ -35,6 +37,7 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
         *_unexplained(ordered),
         *_alone(ordered),
         *_open(ordered),
+        *_without_sides(ordered),
     ]
 
 
@@ -148,3 +151,11 @@ def _open(lamps: Sequence[Structure]) -> Iterator[Doubt]:
             yield Doubt(
                 "shape", f"an end of {lamp.id} was never seen: its length is not known", (lamp.id,), _middle(lamp)
             )
+
+
+def _without_sides(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """A compact lamp whose sides do not show: what is around it is as bright, as in a skylight or on an overexposed ceiling."""
+    for lamp in lamps:
+        if lamp.attributes.get(SIDES) == SIDES_NOT_SEEN:
+            what = f"{lamp.id}: where it ends does not show, what is around it is as bright: is it a lamp, or a part of a skylight?"
+            yield Doubt("shape", what, (lamp.id,), _middle(lamp))

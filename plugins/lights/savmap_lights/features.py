@@ -12,7 +12,7 @@ from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, com
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
-from savmap_lights.picture.strips import VARYING, Body, strips
+from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips
 
 FIRST_LIKE = 20_000
 GLARING, MASKED = 30_000, 60_000
@@ -48,6 +48,11 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     features += _compact(view, detections, lamps, 0)
     features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
     return features + _by_mask(view, detections, left - _numbers(compact, lit))
+
+
+def is_by_mask(feature: Feature) -> bool:
+    """Whether a feature was measured in a mask alone: the brightness does not fall beside it."""
+    return not FIRST_STRIP <= feature.instance < MASKED
 
 
 Known = tuple[int, Compact, Seed]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Structure, Track
-from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M
-from savmap_lights.tracking import BEFORE, BEYOND, OFTEN, SEEN_TO
+from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, SIDES, SIDES_NOT_SEEN, UNKNOWN_M
+from savmap_lights.tracking import BEFORE, BEYOND, BY_MASK, OFTEN, SEEN_TO
 
 FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
 ENOUGH = 0.6
@@ -29,6 +29,15 @@ def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> li
     told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
     return [
         replace(lamp, attributes={**lamp.attributes, **{name: x[lamp.id] for name, x in told.items() if lamp.id in x}})
+        for lamp in lamps
+    ]
+
+
+def with_unseen_sides(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
+    """The lamps, with an attribute of those that hardly a frame shows darker surroundings of: the network's masks alone say that they are lamps."""
+    unseen = _by_lamp(tracks, BY_MASK)
+    return [
+        replace(lamp, attributes={**lamp.attributes, SIDES: SIDES_NOT_SEEN}) if lamp.id in unseen else lamp
         for lamp in lamps
     ]
 

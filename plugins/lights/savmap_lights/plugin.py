@@ -11,7 +11,7 @@ import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.doubts import doubts_of, is_whole
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import with_light_beyond, with_open_ends
+from savmap_lights.open_ends import with_light_beyond, with_open_ends, with_unseen_sides
 from savmap_lights.scores import centre_of, score_lamps
 from savmap_lights.solids import with_solids
 from savmap_lights.space.ties import ties
@@ -116,7 +116,7 @@ class Lights:
         other is as far as it was seen, and not known along x. Light beyond a lamp that none explains is in its attributes. The space that
         a lamp fills has an assumed width and height."""
         lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
-        return with_light_beyond(with_solids(lamps), tracks)
+        return with_unseen_sides(with_light_beyond(with_solids(lamps), tracks), tracks)
 
     @hookimpl
     def doubt(self, structures: Sequence[Structure]) -> list[door.Doubt]:

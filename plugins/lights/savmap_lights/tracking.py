@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Feature, Floats, Ints, RowFacts, Track, Trajectory, project, sightings, track_of
+from savmap_lights.features import is_by_mask
 from savmap_lights.space.ends import Fitted, Rays, fit
 from savmap_lights.space.lamps import lamps_of, lit_stretches
 from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
@@ -25,6 +26,7 @@ OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
 PATH_M = 0.007
 SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
 OFTEN = "light beyond, frames for those that show its neighbours, %"
+BY_MASK, MOSTLY = "measured in masks alone, %", 0.75
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
@@ -82,6 +84,9 @@ def _tracks(
             continue
         if place.seen_to is not None:
             track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
+        by_mask = float(np.mean([is_by_mask(feature) for feature in features]))
+        if part == "centre" and by_mask >= MOSTLY:
+            track = replace(track, place={**track.place, BY_MASK: round(100 * by_mask)})
         tracks.append(track)
     return tracks
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Structure
-from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, UNKNOWN_M, doubts_of
+from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, SIDES, SIDES_NOT_SEEN, UNKNOWN_M, doubts_of
 
 
 def lamp(number: int, x: float, length: float = 1.2, height: float = 6.0, sigma_x: float = 0.003) -> Structure:
@@ -103,3 +103,8 @@ def test_an_end_never_seen_is_doubted_between_lamps_only() -> None:
 def test_light_beside_the_only_lamp_is_doubted(share: float, doubted: bool) -> None:
     only = replace(lamp(1, 1.5), attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: share})
     assert ["no lamp explains" in doubt.what for doubt in doubts_of([only])] == [True] * doubted
+
+
+def test_a_lamp_whose_sides_do_not_show_is_doubted() -> None:
+    (line,) = lines([replace(lamp(1, 0.0), attributes={SIDES: SIDES_NOT_SEEN})])
+    assert line.startswith("light 1: where it ends does not show")

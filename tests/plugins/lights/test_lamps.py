@@ -13,6 +13,7 @@ from savmap.graph import KeySpace, Solution, camera_priors, merge, solve
 from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Track, Trajectory, View, ViewSpec
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
+from savmap_lights.doubts import SIDES, SIDES_NOT_SEEN
 from savmap_lights.features import extract_features
 from savmap_lights.plugin import Lights, Settings
 from savmap_lights.tracking import track_lamps
@@ -159,3 +160,21 @@ def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
     }
     found = LINE.describe(tracks, lost)
     assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_lamps_whose_sides_show_nowhere_say_so(lit: bool) -> None:
+    squares = ends()
+    squares[:, 1, 0] = squares[:, 0, 0] + 0.2
+    features: list[Feature] = []
+    for frame, pose in enumerate(path().world_from_rig):
+        view, detections = view_of(squares, pose, frame)
+        shine = np.maximum.reduce([np.zeros((480, 640), np.float32), *(mask.probability for mask in detections)])
+        image = np.repeat((255 * shine * lit).astype(np.uint8)[..., None], 3, axis=2)
+        features += extract_features(replace(view, image=image), detections)
+    tracks = track_lamps(features, facts(), path())
+    constraints = LINE.constrain(tracks, facts(), path(), KeySpace("lights"))
+    solution = solve(merge(camera_priors(facts(), path(), fixed=path()), constraints))
+    lamps = LINE.describe(tracks, solution.landmarks_of("lights"))
+    assert len(lamps) >= 3
+    assert all(lamp.attributes.get(SIDES) == (None if lit else SIDES_NOT_SEEN) for lamp in lamps)
