@@ -15,7 +15,7 @@ LIGHT_OFTEN = "light beyond, share of its neighbours' frames"
 """The attributes of a lamp that tell where, before the next one, and of the first one, before it, something shines that no lamp explains; in how many frames
 for each one that shows the lamps on either side, the light before the next one was seen."""
 SIDES, SIDES_NOT_SEEN = "sides", "not seen"
-"""The attribute of a compact lamp around which the brightness falls in hardly a frame."""
+"""The attribute of a compact lamp, and its value where the brightness falls around it in at most a quarter of the frames."""
 
 FEWEST, FEWEST_STEPS, FEWEST_ALIKE = 4, 2, 3
 OFF_SIGMA, OFF_M = 5.0, 0.05
@@ -67,8 +67,12 @@ def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """A strip longer or shorter than most, where most are equal, or than at least three that are, if no other strip has its length: parts of
-    strips differ, kinds of lamps do not. Beyond the row's ends, seen from afar, joints may not show: the verdict makes that a note."""
+    """A strip longer or shorter than the others.
+
+    Where most strips are equal, each that differs from these is doubted. Where most are not, but at least three are, a strip is doubted if no
+    other has its length: a second kind of lamp comes more than once, a part of a strip does not. The verdict makes a note of a doubt beyond
+    the row's ends, where joints may not show from afar.
+    """
     strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
     lengths = np.array([np.linalg.norm(lamp.vertices[1] - lamp.vertices[0]) for lamp in strips])
     if len(strips) < FEWEST:

@@ -34,7 +34,7 @@ def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> li
 
 
 def with_unseen_sides(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps, with an attribute of those that hardly a frame shows darker surroundings of: the network's masks alone say that they are lamps."""
+    """The lamps, with the attribute `SIDES` where most frames measured a lamp in the network's mask alone."""
     unseen = _by_lamp(tracks, BY_MASK)
     return [
         replace(lamp, attributes={**lamp.attributes, SIDES: SIDES_NOT_SEEN}) if lamp.id in unseen else lamp
