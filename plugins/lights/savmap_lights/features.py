@@ -12,7 +12,7 @@ from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, com
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
-from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips
+from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips, without_hidden_ends
 
 FIRST_LIKE = 20_000
 GLARING, MASKED = 30_000, 60_000
@@ -39,7 +39,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     features: list[Feature] = []
     left = set(range(len(detections)))
     if glare is not None:
-        left, features = _glaring(view, detections, glare)
+        left, features = _glaring(view, detections, glare, grey)
     seeds = [seed for seed in seeds_of(grey, detections) if seed.number in left]
     compact, lit = _found(grey, seeds)
     lamps = _apart(
@@ -71,7 +71,9 @@ def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
     return {number for number, _, _ in compact} | {number for body in lit for number in body.numbers}
 
 
-def _glaring(view: View, detections: Sequence[Detection], glare: Glare) -> tuple[set[int], list[Feature]]:
+def _glaring(
+    view: View, detections: Sequence[Detection], glare: Glare, grey: Singles
+) -> tuple[set[int], list[Feature]]:
     """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside which it glares."""
     compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
     bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
@@ -83,8 +85,8 @@ def _glaring(view: View, detections: Sequence[Detection], glare: Glare) -> tuple
     features = _compact(view, detections, lamps, GLARING)
     for body in bodies:
         sigma = SIGMA_END_PX if body.instance < FIRST_FAINT else FAINT_PX
-        again = replace(strip_again(glare.darkest, body), instance=GLARING + body.instance)
-        features += _strip(view, detections, again, sigma)
+        again = without_hidden_ends(grey, strip_again(glare.darkest, body))
+        features += _strip(view, detections, replace(again, instance=GLARING + body.instance), sigma)
     measured = {number for number, _, sigma in lamps if sigma < FAINT_PX}
     measured |= {number for body in bodies if body.instance < FIRST_FAINT for number in body.numbers}
     return set(range(len(detections))) - measured, features

@@ -8,6 +8,8 @@ from savmap.geometry.pinhole import project
 from savmap.types import Detection, Feature, Floats, View
 from savmap_lights.features import extract_features
 from savmap_lights.picture.glare import glare_of
+from savmap_lights.picture.seeds import seeds_of
+from savmap_lights.picture.strips import strips, without_hidden_ends
 
 from . import drawn_ceiling as drawn
 
@@ -58,6 +60,20 @@ def test_what_adjoins_a_compact_lamp_is_no_part_of_it() -> None:
     lamp, purlin = drawn.strip(X - 0.1, X + 0.1), drawn.strip(X + 0.1, X + 0.16)
     centre = found(extract_features(pictured([lamp], beside=[purlin]), seen(lamp)), "centre", "glimpse")
     assert np.abs(centre - pixel(X)).max() < 0.8
+
+
+def test_what_runs_across_below_a_line_of_light_is_no_end_of_it() -> None:
+    # In the last levels below white the ceiling is as dark as a girder, which shows there as a joint does.
+    lamp = drawn.strip(X - 1.8, X + 1.8)
+    picture = drawn.picture([lamp], POSE, beams=[X + 0.5])
+    grey, last = picture.astype(np.float32), np.where(picture > 200, 50, 0).astype(np.float32)
+    girder = np.array([[x, 5.5, drawn.LINE_Z_M] for x in (X + 0.5, X + 0.7)])
+    sides = project((girder - POSE[:3, 3]) @ POSE[:3, :3] @ drawn.CEILING.rig_from_view, drawn.CEILING.camera)
+    for body in strips(last, seeds_of(last, drawn.seen(picture, False))):
+        assert all(end is not None for end in body.ends)
+        shown = without_hidden_ends(grey, body)
+        hidden = np.array(shown.covered)[:, None, 0] - sides[:, 0]
+        assert sum(end is not None for end in shown.ends) == 1 and np.abs(hidden).min() < 2
 
 
 def test_a_dark_ceiling_and_a_skylight_glare_not() -> None:

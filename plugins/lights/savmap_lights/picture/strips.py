@@ -88,6 +88,18 @@ def _worth(line: Sequence[Body]) -> int:
     return sum(end is not None for end in line[0].ends)
 
 
+def without_hidden_ends(grey: Singles, body: Body) -> Body:
+    """A strip that was found in another picture, without the ends that something which runs across hides in the picture's brightness."""
+    middle = body.reach.mean(axis=0)
+    hides = [
+        end is not None and is_covered(grey, middle, body.axis, body.width, float((end - middle) @ body.axis), outward)
+        for end, outward in zip(body.ends, (-1, 1), strict=True)
+    ]
+    first, second = (None if hidden else end for end, hidden in zip(body.ends, hides, strict=True))
+    covered = tuple(end for end, hidden in zip(body.ends, hides, strict=True) if end is not None and hidden)
+    return replace(body, ends=(first, second), covered=(*body.covered, *covered))
+
+
 def length_of(body: Body) -> float:
     return float(np.linalg.norm(body.reach[1] - body.reach[0]))
 
