@@ -73,7 +73,8 @@ def test_what_runs_across_below_a_line_of_light_is_no_end_of_it() -> None:
         assert all(end is not None for end in body.ends)
         shown = without_hidden_ends(grey, body)
         hidden = np.array(shown.covered)[:, None, 0] - sides[:, 0]
-        assert sum(end is not None for end in shown.ends) == 1 and np.abs(hidden).min() < 2
+        assert sum(end is not None for end in shown.ends) == 1
+        assert np.abs(hidden).min() < 2
 
 
 def test_a_dark_ceiling_and_a_skylight_glare_not() -> None:

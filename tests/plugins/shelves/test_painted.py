@@ -10,11 +10,12 @@ from savmap.sim.paint.faces import Lighting
 from savmap.sim.paint.raster import Camera, camera_at
 from savmap.sim.paint.shade import painted
 from savmap.sim.paint.stage import Stage
+from savmap.sim.paint.wardrobe import Wardrobe
 from savmap.train.data.dataset import group_of, read_dataset
 from savmap_shelves.simulation.painted import pictures
 from savmap_shelves.simulation.painted.pictures import CLASSES, main, picture
 from savmap_shelves.simulation.painted.racks import SIDES, Bay, Row, build_row, random_style
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe, wardrobe
+from savmap_shelves.simulation.painted.wardrobe import wardrobe
 
 UPRIGHT, BEAM = 1, 2
 

@@ -9,19 +9,19 @@ from collections.abc import Callable
 import numpy as np
 
 from savmap.sim.paint.stage import Stage
+from savmap.sim.paint.wardrobe import Wardrobe, grey
 from savmap_shelves.simulation.painted.goods import (
     Room,
     cartons,
     colour,
     crates,
-    grey,
     long_things,
     pallet,
     palleted,
     sacks,
     wrapped,
 )
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe, paint
+from savmap_shelves.simulation.painted.wardrobe import paint
 
 Thing = Callable[[Stage, Wardrobe], None]
 

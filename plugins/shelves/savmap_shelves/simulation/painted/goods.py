@@ -11,7 +11,8 @@ import numpy as np
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.prints import vivid
 from savmap.sim.paint.stage import Rgb, Stage, Surface
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe, paint
+from savmap.sim.paint.wardrobe import Wardrobe, grey
+from savmap_shelves.simulation.painted.wardrobe import paint
 
 Load = Callable[[Stage, Wardrobe, "Room"], None]
 
@@ -24,12 +25,6 @@ class Room:
     height: float
     depth: float
     near: bool
-
-
-def grey(rng: Random, low: float, high: float) -> Rgb:
-    """A tint of one tone."""
-    tone = float(rng.uniform(low, high))
-    return tone, tone, tone
 
 
 def colour(rng: Random) -> Rgb:

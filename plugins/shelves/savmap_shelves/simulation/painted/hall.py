@@ -7,9 +7,10 @@ import numpy as np
 from savmap.sim.paint.faces import Lighting
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.stage import Rgb, Stage
+from savmap.sim.paint.wardrobe import Wardrobe, grey
 from savmap.types import Floats
-from savmap_shelves.simulation.painted.goods import colour, grey, muted
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe, paint
+from savmap_shelves.simulation.painted.goods import colour, muted
+from savmap_shelves.simulation.painted.wardrobe import paint
 
 
 @dataclass(frozen=True)

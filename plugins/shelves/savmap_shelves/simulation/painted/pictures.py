@@ -19,11 +19,12 @@ from savmap.sim.paint.raster import Camera, camera_at
 from savmap.sim.paint.series import Sample, write_series
 from savmap.sim.paint.shade import Painted, painted
 from savmap.sim.paint.stage import Stage
+from savmap.sim.paint.wardrobe import Wardrobe
 from savmap_shelves.simulation.painted import clutter
 from savmap_shelves.simulation.painted.goods import Room, Storage, fill_opening, random_storage
 from savmap_shelves.simulation.painted.hall import Hall, build_hall, lamps, lighting, reflections
 from savmap_shelves.simulation.painted.racks import SIDES, Bay, Row, build_row, random_row, random_style
-from savmap_shelves.simulation.painted.wardrobe import Wardrobe, wardrobe
+from savmap_shelves.simulation.painted.wardrobe import wardrobe
 
 CLASSES = ("upright", "beam", "upright_side", "beam_side")
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.stage import IGNORED, Stage, Surface, Tag
-from savmap_shelves.simulation.painted.wardrobe import Paint, Wardrobe, paint, paints, zinc
+from savmap.sim.paint.wardrobe import Wardrobe
+from savmap_shelves.simulation.painted.wardrobe import Paint, paint, paints, zinc
 
 UPRIGHT, BEAM = 1, 2
 SIDES = 2

@@ -1,6 +1,6 @@
-"""The textures that a block of pictures shares, by kind; and paints."""
+"""The textures of racks, goods and halls; and paints."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 
 from savmap.sim.paint import materials, prints
-from savmap.sim.paint.atlas import TILE, Atlas, Texture, atlas_of
+from savmap.sim.paint.atlas import TILE, Texture
 from savmap.sim.paint.faces import Singles
 from savmap.sim.paint.noise import Random, texture
 from savmap.sim.paint.photographs import crops
-from savmap.sim.paint.stage import Rgb, Surface
+from savmap.sim.paint.stage import Rgb
+from savmap.sim.paint.wardrobe import Recipes, Wardrobe, wardrobe_of
 
 _BANDS: tuple[tuple[Rgb, ...], ...] = (
     ((0.95, 0.75, 0.05), (0.07, 0.07, 0.07)),
@@ -20,30 +21,7 @@ _BANDS: tuple[tuple[Rgb, ...], ...] = (
     ((0.95, 0.75, 0.05), (0.95, 0.75, 0.05)),
 )
 
-
-@dataclass(frozen=True)
-class Wardrobe:
-    """An atlas, and which of its tiles are of which kind."""
-
-    atlas: Atlas
-    kinds: Mapping[str, tuple[int, ...]]
-
-    def any(self, rng: Random, kind: str) -> int:
-        """Some tile of a kind."""
-        tiles = self.kinds[kind]
-        return tiles[int(rng.integers(len(tiles)))]
-
-    def surface(self, rng: Random, kind: str, tint: Rgb = (1.0, 1.0, 1.0), span: float = 0.0) -> Surface:
-        """A surface of some tile of a kind; `span` metres a repetition both ways."""
-        return Surface(self.any(rng, kind), tint, (span, span))
-
-    def photographed(self, rng: Random, kind: str, tint: Rgb, span: float, share: float = 0.3) -> Surface:
-        """As `surface`, but in a share of cases a crop of a photograph where there are some."""
-        real = bool(self.kinds["photograph"]) and rng.random() < share
-        return self.surface(rng, "photograph" if real else kind, tint, span)
-
-
-_MADE: Mapping[str, tuple[int, Callable[[Random], Texture]]] = {
+_MADE: Recipes = {
     "paint": (8, lambda rng: _of(materials.worn(rng, float(rng.random())))),
     "zinc": (6, lambda rng: texture(materials.galvanised(rng), 1.0)),
     "zinc_post": (
@@ -76,20 +54,12 @@ _MADE: Mapping[str, tuple[int, Callable[[Random], Texture]]] = {
     "cloth": (4, materials.woven),
     "plain": (1, lambda rng: texture(np.ones((TILE, TILE), np.float32))),
 }
-"""How many textures of each kind a wardrobe has, and what makes one."""
 _PHOTOGRAPHS = 40
 
 
 def wardrobe(rng: Random, photographs: Path | None = None) -> Wardrobe:
     """New textures of all kinds; crops of a folder's photographs beside them."""
-    textures: list[Texture] = []
-    kinds: dict[str, tuple[int, ...]] = {}
-    for kind, (count, make) in _MADE.items():
-        kinds[kind] = tuple(range(len(textures), len(textures) + count))
-        textures += [make(rng) for _ in range(count)]
-    real = crops(photographs, _PHOTOGRAPHS, rng)
-    kinds["photograph"] = tuple(range(len(textures), len(textures) + len(real)))
-    return Wardrobe(atlas_of([*textures, *real]), kinds)
+    return wardrobe_of(rng, _MADE, crops(photographs, _PHOTOGRAPHS, rng))
 
 
 def _of(material: tuple[Singles, Singles]) -> Texture:

@@ -1,0 +1,1 @@
+"""Made-up pictures of ceilings, for training the network."""

@@ -1,0 +1,1 @@
+"""Ceilings with lamps, painted: several a second, exact masks."""
