@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from savmap.adapt.faces import Face, faces_of, outlines_of
-from savmap.adapt.looks import LookedAt, evenly, looks_at, poses_of, turned, views_of
 from savmap.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
+from savmap.adapt.views import SeenView, evenly, poses_of, seen_views, turned, views_of
 from savmap.errors import StructureError
 from savmap.label.run import picture_name
 from savmap.plugin.manager import LoadedPlugin
@@ -82,8 +82,8 @@ def labelled_views(
         chosen = evenly(found[name], round(count * len(found[name]) / total) if total else 0)
         shares = _shares(chosen, pattern)
         by_frame = {frame: [spec for of, spec in shares if of == frame] for frame in chosen}
-        looked = list(looks_at(row, job.site.rows[name].passes, loaded[name], by_frame, monitor))
-        yield from _labelled(row, faces_of(outlines[name]), looked, loaded[name], shares)
+        seen = list(seen_views(row, job.site.rows[name].passes, loaded[name], by_frame, monitor))
+        yield from _labelled(row, faces_of(outlines[name]), seen, loaded[name], shares)
 
 
 def _shares(chosen: Mapping[int, Sequence[ViewSpec]], pattern: Iterator[str]) -> Shares:
@@ -95,15 +95,15 @@ def _shares(chosen: Mapping[int, Sequence[ViewSpec]], pattern: Iterator[str]) ->
 
 
 def _labelled(
-    row: RowMap, faces: Sequence[Face], looked: Sequence[LookedAt], plugin: LoadedPlugin, shares: Shares
+    row: RowMap, faces: Sequence[Face], seen: Sequence[SeenView], plugin: LoadedPlugin, shares: Shares
 ) -> Iterator[tuple[str, Labelled]]:
-    if not looked:
+    if not seen:
         return
     mapped = {*row.views.values()}
-    packed_views, classes = [one.packed_view for one in looked if one.spec in mapped], looked[0].classes
+    packed_views, classes = [one.packed_view for one in seen if one.spec in mapped], seen[0].classes
     known = [KnownFace.of(face, gather(face.patch, classes, packed_views, row.views, row.trajectory)) for face in faces]
     poses, settings = poses_of(row), MaskSettings()
-    for one in looked:
+    for one in seen:
         mask = mask_of(one.packed_view, one.spec, poses[one.frame], known, plugin.classes, settings)
         if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
             yield shares[one.frame, one.spec], (picture_name(row.name, one.spec.name, one.frame), one.picture, mask)

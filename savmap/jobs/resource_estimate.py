@@ -14,7 +14,7 @@ from savmap.jobs.scheduler import SOLVED
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
 from savmap.pipeline.row import measure
-from savmap.pipeline.second_look import warnings_untold
+from savmap.pipeline.second_look import warnings_held_back
 from savmap.site.job import Job, plugins_for
 from savmap.site.preflight import Footage
 
@@ -112,7 +112,7 @@ def _rate(job: Job, part: Footage) -> Rate:
         strips=job.site.orthophotos,
         stills=job.site.panoramas,
     )
-    with warnings_untold():  # of a few frames, which show a part of the row
+    with warnings_held_back():  # of a few frames, which show a part of the row
         measured = measure(request, probe)
     stored = packed(measured.measurements) + packed(measured.strips)
     warm = min(WARM, len(probe.clock) - 2)

@@ -73,7 +73,7 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
-    """The result of a walk over a row's passes.
+    """What was measured in all passes of a row.
 
     plans: the views of each pass. packed_views: by plugin, for those whose structure lies in planes. plugins: with the networks that were
     used. strips: for an orthophoto. floor: views of the floor, whose specifications are in `floor_views`.

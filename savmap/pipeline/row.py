@@ -64,7 +64,7 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
     markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
-    walked = measure_row(
+    measured = measure_row(
         row.name,
         row.passes,
         row.plugins,
@@ -75,7 +75,7 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         row.strips,
         row.stills,
     )
-    return MeasuredRow(row, look_again(row, walked, monitor), strips=walked.strips)
+    return MeasuredRow(row, look_again(row, measured, monitor), strips=measured.strips)
 
 
 def locate(row: MeasuredRow) -> LocatedRow:

@@ -89,37 +89,39 @@ class Expectation:
                 yield thing, Doubt("support", what)
 
 
-def look_again(row: RowRequest, walked: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
+def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
     """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked. What is still not
     tracked after the last look is doubted."""
-    measurements = walked.measurements
-    for plugin in walked.plugins or row.plugins:
+    measurements = measured.measurements
+    for plugin in measured.plugins or row.plugins:
         if (
-            plugin.name not in walked.packed_views
+            plugin.name not in measured.packed_views
             or plugin.name not in measurements.locators
             or plugin.failure is not None
         ):
             continue
-        alone = Alone(row, plugin)
+        alone = PluginAlone(row, plugin)
         for _ in range(LOOKS):
-            expectation = expect(alone, walked, measurements)
+            expectation = expect(alone, measured, measurements)
             if expectation is None:
                 break
             monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.there)} objects")
-            features = measure_again(row.name, plugin, walked, expectation, monitor)
+            features = measure_again(row.name, plugin, measured, expectation, monitor)
             anew = replace(measurements, features={**measurements.features, plugin.name: features})
             if alone.located(anew) is None:
                 measurements = replace(measurements, doubts=(*measurements.doubts, not_followed(plugin)))
                 break
             measurements = anew
         else:
-            left = expect(alone, walked, measurements)
-            found = tuple(unexplained(left, walked.packed_views[plugin.name], measurements.facts.views)) if left else ()
+            left = expect(alone, measured, measurements)
+            found = (
+                tuple(unexplained(left, measured.packed_views[plugin.name], measurements.facts.views)) if left else ()
+            )
             measurements = replace(measurements, doubts=(*measurements.doubts, *found))
-        depths = tuple(depths_of(alone, walked, measurements)) if plugin.has("flat_parts") else ()
+        depths = tuple(depths_of(alone, measured, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
-        if walked.floor and not measurements.floor.tracks:
-            measurements = replace(measurements, floor=floor_of(alone, walked, measurements))
+        if measured.floor and not measurements.floor.tracks:
+            measurements = replace(measurements, floor=floor_of(alone, measured, measurements))
     return measurements
 
 
@@ -129,7 +131,7 @@ def not_followed(plugin: LoadedPlugin) -> Doubt:
     return Doubt("support", what)
 
 
-class Alone:
+class PluginAlone:
     """A plugin and where the camera was by what it alone tracked, worked out once for the same features."""
 
     def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
@@ -152,7 +154,7 @@ class Alone:
         bare = replace(self.row, references=References(), travel_m=None, calibration=None)
         try:
             start, frames = first_poses(bare, measurements)
-            with warnings_untold():
+            with warnings_held_back():
                 tracks = alone.track(features, measurements.facts, start.world_from_rig[:, :3, :3], path)
                 constraints = alone.constrain(tracks, measurements.facts, path or start)
             return graph.locate_camera(graph.merge(frames, constraints, partial=True))
@@ -160,14 +162,14 @@ class Alone:
             return None
 
 
-def expect(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Expectation | None:
+def expect(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> Expectation | None:
     """What a plugin expects by the evidence; None where that is what it tracked, or where it cannot be tracked at all."""
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
         return None
     points, packed_views, views = (
         located.points[plugin.name],
-        walked.packed_views[plugin.name],
+        measured.packed_views[plugin.name],
         measurements.facts.views,
     )
     planes = plugin.planes(points)
@@ -216,30 +218,30 @@ def meets(one: Expected, other: Expected) -> bool:
     return bool((low < last + room).all() and (first < high + room).all())
 
 
-def depths_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:
+def depths_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:
     """How deep the plugin's flat parts lie, where the pictures tell."""
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
         return
-    packed_views, views = walked.packed_views[plugin.name], measurements.facts.views
+    packed_views, views = measured.packed_views[plugin.name], measurements.facts.views
     for flat in plugin.flat_parts(located.points[plugin.name]):
         depth = depth_of(plugin.name, flat, packed_views, views, located.path)
         if depth is not None:
             yield depth
 
 
-def floor_of(alone: Alone, walked: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
+def floor_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
     """Points of the floor before the plugin's first upright plane, where the pictures tell."""
     located, plugin = alone.located(measurements), alone.plugin
     planes = plugin.planes(located.points[plugin.name]) if located is not None else []
     face = next((plane for plane in planes if plane.up[1] > UPRIGHT), None)
     if located is None or face is None:
         return FloorTracks()
-    return floor_tracks(face, walked.floor, walked.floor_views, located.path)
+    return floor_tracks(face, measured.floor, measured.floor_views, located.path)
 
 
 @contextmanager
-def warnings_untold() -> Iterator[None]:
+def warnings_held_back() -> Iterator[None]:
     """While this lasts, what plugins and libraries warn of in this thread is not told: what is used in the end is tracked once more,
     and that is told."""
     here = threading.get_ident()
@@ -258,13 +260,13 @@ def warnings_untold() -> Iterator[None]:
 
 
 def measure_again(
-    row: str, plugin: LoadedPlugin, walked: MeasuredPasses, expectation: Expectation, monitor: Monitor
+    row: str, plugin: LoadedPlugin, measured: MeasuredPasses, expectation: Expectation, monitor: Monitor
 ) -> list[Feature]:
     """The features of a plugin in all passes, measured where objects are expected."""
     look = SecondLook(plugin, expectation)
-    passes = walked.measurements.facts.frames.passes
+    passes = measured.measurements.facts.frames.passes
     features: list[Feature] = []
-    for plan in walked.plans:
+    for plan in measured.plans:
         views = [spec for (owner, _), spec in plan.views().items() if owner == plugin.name]
         text = f"row {row}, {plan.name}: looking again"
         render = partial(look.render, views=views)

@@ -12,7 +12,7 @@ from savmap.pipeline import second_look
 from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
 from savmap.pipeline.records import LocatedRow, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
-from savmap.pipeline.second_look import Alone, depths_of
+from savmap.pipeline.second_look import PluginAlone, depths_of
 from savmap.types import FlatDepth, FlatParts, PlanePatch
 from savmap.types.progress import NoteCollector, SilentMonitor
 from savmap.vision.markers import MarkerTracks
@@ -79,13 +79,13 @@ def watched(located: LocatedCamera | None, monkeypatch: pytest.MonkeyPatch) -> t
         return depth(-0.01, "made-up", "thing 1") if arguments[1] is FLAT else None
 
     monkeypatch.setattr(second_look, "depth_of", told)
-    monkeypatch.setattr(Alone, "located", lambda self, measurements: located)
+    monkeypatch.setattr(PluginAlone, "located", lambda self, measurements: located)
     other = replace(FLAT, axis="y", parts=())
     plugin = loaded(flat_parts=lambda self, points: [FLAT, other])
     seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
-    walked = MeasuredPasses(seen, [], {"made-up": ()})
-    alone = Alone(RowRequest("A", (), [plugin], References()), plugin)
-    return list(depths_of(alone, walked, seen)), asked
+    measured = MeasuredPasses(seen, [], {"made-up": ()})
+    alone = PluginAlone(RowRequest("A", (), [plugin], References()), plugin)
+    return list(depths_of(alone, measured, seen)), asked
 
 
 def test_a_plugin_is_asked_once_it_is_located(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,7 +105,7 @@ def test_what_cannot_be_located_is_worked_out_once(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(second_look, "first_poses", fails)
     seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
-    alone = Alone(RowRequest("A", (), [loaded()], References()), loaded())
+    alone = PluginAlone(RowRequest("A", (), [loaded()], References()), loaded())
     assert alone.located(seen) is None
     assert alone.located(seen) is None
     assert len(tries) == 1

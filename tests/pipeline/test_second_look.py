@@ -100,7 +100,7 @@ def looked(
         return expectations.pop(0)
 
     monkeypatch.setattr(second_look, "expect", asked)
-    monkeypatch.setattr(second_look.Alone, "located", lambda *arguments: PATH if followed else None)
+    monkeypatch.setattr(second_look.PluginAlone, "located", lambda *arguments: PATH if followed else None)
     notes = NoteCollector()
     row = RowRequest("A", (), [plugin], References())
     return look_again(row, walked, notes), notes.lines

@@ -85,12 +85,12 @@ def fit_grid(
     fitter = GridFitter(facts.name, sightings, settings, spacing, feet_of(features, sightings), trusting=expected)
     if len(passes) > 1:
         states = _joined([fitter.grid(states, frames) for frames in passes], passes, facts.name)
-    every = np.arange(len(facts.frames))
-    grid = fitter.grid(states, every)
-    settled = _settled(grid)
-    if settled is None and not expected:
+    all_frames = np.arange(len(facts.frames))
+    grid = fitter.grid(states, all_frames)
+    second = _with_second_readings(grid)
+    if second is None and not expected:
         return grid
-    return replace(fitter, sightings=settled or sightings, trusting=False).grid(grid.fit.states, every)
+    return replace(fitter, sightings=second or sightings, trusting=False).grid(grid.fit.states, all_frames)
 
 
 def _through_passages(grid: FaceGrid) -> Bools:
@@ -102,7 +102,7 @@ def _through_passages(grid: FaceGrid) -> Bools:
     return seen_through(grid.levels.section, scatter.reshape(-1, 2))
 
 
-def _settled(grid: FaceGrid) -> FaceSightings | None:
+def _with_second_readings(grid: FaceGrid) -> FaceSightings | None:
     """The sightings with second readings of edges instead of the first where all frames together speak for them; None where they do nowhere.
 
     Of an edge that was read elsewhere by most, frames without such a reading tell nothing.

@@ -23,7 +23,7 @@ TRIED = 12
 """How many of a view's frames tell whether it shows outlines."""
 WIDEST_DEG = 130.0
 WORTH = 0.25
-"""A view is looked at that shows so much of the outlines as a share of what the best one shows."""
+"""A view is used that shows so much of the outlines as a share of what the best one shows."""
 YAW_DEG, PITCH_DEG, ZOOMS = 40.0, 15.0, (0.6, 1.1)
 """How far a turned view looks to the side and up or down, and how wide it is, as a share of the one beside it."""
 
@@ -32,7 +32,7 @@ Chosen = Mapping[int, Sequence[ViewSpec]]
 
 
 @dataclass(frozen=True, eq=False)
-class LookedAt:
+class SeenView:
     """A view of a row whose camera's pose is known: its picture (h, w, 3) RGB, and what the network makes of it, by its classes."""
 
     spec: ViewSpec
@@ -82,9 +82,9 @@ def turned(spec: ViewSpec, frame: int, number: int = 0) -> ViewSpec:
     )
 
 
-def looks_at(
+def seen_views(
     row: RowMap, passes: Sequence[Pass], plugin: LoadedPlugin, chosen: Chosen, monitor: Monitor
-) -> Iterator[LookedAt]:
+) -> Iterator[SeenView]:
     """The chosen views, rendered from the video, with what the plugin's network makes of them. Raises VideoError, ModelError."""
     segmenters, renderer = SegmenterPool([plugin]), Renderer()
 
@@ -98,7 +98,7 @@ def looks_at(
         for panorama, views in rendered(row_pass.clip, first, DecodeReport(), render, monitor, doing):
             for view in views:
                 seen = segmenters.predict(plugin, view)
-                yield LookedAt(view.spec, panorama.frame, view.image, PackedView.of(view, seen), tuple(seen.classes))
+                yield SeenView(view.spec, panorama.frame, view.image, PackedView.of(view, seen), tuple(seen.classes))
 
 
 def _frames(row: RowMap, spec: ViewSpec) -> list[int]:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.adapt import labels, looks
+from savmap.adapt import labels, views
 from savmap.adapt.faces import outlines_of
 from savmap.errors import StructureError
 from savmap.site.model import Pass
@@ -59,16 +59,16 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         panorama[rows.astype(int), columns.astype(int)] = 30
     for number in range(FRAMES):
         cv2.imwrite(str(folder / f"{number:03d}.png"), panorama)
-    monkeypatch.setattr(looks, "SegmenterPool", DarkPool)
+    monkeypatch.setattr(views, "SegmenterPool", DarkPool)
     rows = {"A": SimpleNamespace(passes=[Pass(video=folder, fps=30.0)])}
     return SimpleNamespace(site=SimpleNamespace(rows=rows), opened=lambda row, name: PLUGIN, source=Path("site.yaml"))
 
 
 def test_views_that_show_nothing_are_left_out(row: RowMap) -> None:
-    found = looks.views_of(row, outlines_of(row.structures["posts"], CLASSES))
+    found = views.views_of(row, outlines_of(row.structures["posts"], CLASSES))
     assert found == [(frame, SPEC) for frame in range(2, FRAMES)]
-    assert list(looks.evenly(found, 3)) == [2, 16, FRAMES - 1]
-    assert looks.evenly([], 3) == {}
+    assert list(views.evenly(found, 3)) == [2, 16, FRAMES - 1]
+    assert views.evenly([], 3) == {}
 
 
 def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
@@ -91,11 +91,11 @@ def test_too_few_views_are_refused(job: Any, row: RowMap, tmp_path: Path) -> Non
 
 
 def test_turned_views_look_elsewhere_and_stay() -> None:
-    views = [looks.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
-    assert views == [looks.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
-    assert len({(view.yaw_deg, view.pitch_deg, view.hfov_deg) for view in views}) == 18
-    assert len({view.name for view in views}) == 2
-    assert all(abs(view.yaw_deg) <= looks.YAW_DEG and abs(view.pitch_deg) <= looks.PITCH_DEG for view in views)
+    specs = [views.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
+    assert specs == [views.turned(SPEC, frame, number) for frame in range(9) for number in range(2)]
+    assert len({(view.yaw_deg, view.pitch_deg, view.hfov_deg) for view in specs}) == 18
+    assert len({view.name for view in specs}) == 2
+    assert all(abs(view.yaw_deg) <= views.YAW_DEG and abs(view.pitch_deg) <= views.PITCH_DEG for view in specs)
 
 
 def test_turned_views_are_labelled_where_they_look(job: Any, row: RowMap, tmp_path: Path) -> None:
