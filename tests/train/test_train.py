@@ -112,6 +112,13 @@ class TestWithTorch:
         for left, right, both in zip(one.parameters(), other.parameters(), mean.parameters(), strict=True):
             assert torch.allclose((left + right) / 2, both)
         assert Segmenter(tmp_path / "m.onnx").classes == ("column",)
+        recipe = average([tmp_path / "a.pt", tmp_path / "b.pt"], ["column"], tmp_path / "m.onnx", weights=[1, 3])
+        assert recipe["weights"] == [1, 3]
+        mean, _ = load_checkpoint(tmp_path / "m.checkpoint.pt", ["column"])
+        for left, right, both in zip(one.parameters(), other.parameters(), mean.parameters(), strict=True):
+            assert torch.allclose(0.25 * left + 0.75 * right, both, atol=1e-6)
+        with pytest.raises(OutputError, match=r"--weights: give one above 0 for each of the 2 files"):
+            average([tmp_path / "a.pt", tmp_path / "b.pt"], ["column"], tmp_path / "n.onnx", weights=[1])
         with pytest.raises(OutputError, match=r"a\.pt: is for column, not for crossbar"):
             average([tmp_path / "a.pt", tmp_path / "b.pt"], ["crossbar"], tmp_path / "n.onnx")
         assert not (tmp_path / "n.onnx").exists()

@@ -5,6 +5,7 @@ World: x along the aisle, y up, the camera at x = z = 0.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,6 +27,8 @@ TEXTURES: Recipes = {
     "plain": (1, lambda rng: texture(np.ones((256, 256), np.float32))),
 }
 _PIECE_M = 2.0
+_NEAR_M, _NEAR_PIECE_M = 12.0, 1.0
+"""Bars are lit piece by piece as far as this, so that lamps brighten them near by."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,13 @@ def build_hall(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     for build, share in _PARTS.items():
         if stage.rng.random() < share:
             build(stage, wardrobe, hall)
+
+
+def _bar(stage: Stage, length: float, y: tuple[float, float], z: tuple[float, float], surface: Surface) -> None:
+    """A box along x of the present frame, `length` metres either way."""
+    near = np.arange(-min(length, _NEAR_M), min(length, _NEAR_M) + 0.01, _NEAR_PIECE_M)
+    for low, high in pairwise([-length, *near.tolist(), length]):
+        stage.box((low, y[0], z[0]), (high, y[1], z[1]), surface)
 
 
 def _roof(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
@@ -120,13 +130,13 @@ def _girders(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
             if lattice:
                 _truss(stage, steel, hall, length, thick / 2, tall + 0.3)
             else:
-                stage.box((-length, hall.under, 0.0), (length, hall.under + tall, thick), steel)
+                _bar(stage, length, (hall.under, hall.under + tall), (0.0, thick), steel)
 
 
 def _truss(stage: Stage, steel: Surface, hall: Hall, length: float, thick: float, tall: float) -> None:
     """A lattice along x of the present frame."""
     for y in (hall.under, hall.under + tall):
-        stage.box((-length, y, 0.0), (length, y + thick, thick), steel)
+        _bar(stage, length, (y, y + thick), (0.0, thick), steel)
     count = min(60, int(2 * length / tall))
     for k in range(count):
         with stage.frame((-length + k * tall, hall.under, thick / 3), 0.0, 0.0, 45.0 if k % 2 else -45.0):
@@ -142,7 +152,7 @@ def _purlins(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     reach, length = (hall.along, hall.across) if across else (hall.across, hall.along)
     for at in np.arange(-reach + float(rng.uniform(0, pitch)), reach, pitch):
         with stage.frame((float(at), 0.0, 0.0) if across else (0.0, 0.0, float(at)), 90.0 if across else 0.0):
-            stage.box((-length, hall.height - tall, 0.0), (length, hall.height, wide), steel)
+            _bar(stage, length, (hall.height - tall, hall.height), (0.0, wide), steel)
 
 
 def _pipes(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
@@ -156,7 +166,7 @@ def _pipes(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
         with stage.frame((0.0, y, at) if along else (at, y, 0.0), 0.0 if along else 90.0):
             if rng.random() < 0.4:
                 wide = float(rng.uniform(0.1, 0.8))
-                stage.box((-length, 0.0, -wide / 2), (length, radius + 0.03, wide / 2), surface)
+                _bar(stage, length, (0.0, radius + 0.03), (-wide / 2, wide / 2), surface)
             else:
                 stage.cylinder((-length, 0.0, 0.0), radius, 2 * length, surface, surface, 7, lying=True)
                 if rng.random() < 0.4:
@@ -168,7 +178,8 @@ def _racks(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     """The tops of rows of racks on either side of the aisle, with goods that are bright at times."""
     rng = stage.rng
     half, top = float(rng.uniform(0.8, 1.8)), min(float(rng.uniform(2.5, 8.0)), hall.under - 0.3)
-    steel = _steel(stage, wardrobe)
+    steel, beams = _steel(stage, wardrobe), _steel(stage, wardrobe)
+    tall = float(rng.choice([0.02, 0.05, 0.11]))
     for side in (-1, 1):
         with stage.frame((0.0, 0.0, 0.0), 0.0 if side < 0 else 180.0):
             for x in np.arange(-hall.along, hall.along, 2.7):
@@ -178,7 +189,7 @@ def _racks(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
                     (x + 0.2, 0.0, -half - 1.1), (x + 2.5, top - float(rng.uniform(0.0, 2.0)), -half - 0.05), goods
                 )
             for y in np.arange(top - 0.2, 1.0, -1.6):
-                stage.box((-hall.along, y, -half - 0.06), (hall.along, y + 0.11, -half), steel)
+                _bar(stage, hall.along, (y, y + tall), (-half - 0.06, -half), beams)
 
 
 def _placards(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:

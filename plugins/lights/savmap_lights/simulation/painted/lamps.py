@@ -45,7 +45,7 @@ def random_style(rng: Random, wardrobe: Wardrobe) -> Style:
     return Style(
         kind=kind,
         long=long,
-        wide=long if compact else float(np.exp(rng.uniform(math.log(0.025), math.log(0.32)))),
+        wide=long if compact else float(np.exp(rng.uniform(math.log(0.03), math.log(0.4)))),
         thick=float(rng.uniform(0.005, 0.12)),
         gap=float(rng.choice([0.0, 0.005, 0.02, 0.04, 0.06, 0.1])) if kind == "line" else float(rng.uniform(0.2, 5.0)),
         across=kind == "strip" and rng.random() < 0.25,

@@ -29,7 +29,7 @@ CLASSES = ("light",)
 _BLOCK = 100
 """Pictures that share their textures."""
 _WORLD_FROM_RIG = np.diag([1.0, -1.0, -1.0])
-_OVEREXPOSED, _UNLIT = 0.2, 0.04
+_OVEREXPOSED, _UNLIT = 0.3, 0.04
 
 
 @lru_cache(maxsize=2)
@@ -72,8 +72,8 @@ def random_camera(rng: Random, hall: Hall) -> Camera:
 
 def _lighting(rng: Random, places: Floats) -> Lighting:
     """The lamps' own light on the roof, and light from everywhere."""
-    power = np.exp(rng.uniform(math.log(0.05), math.log(4))) * rng.uniform(0.7, 1.3, len(places))
-    return Lighting(places, power, float(rng.uniform(0.15, 0.9)), float(rng.uniform(0.0, 0.5)), 0.0)
+    power = np.exp(rng.uniform(math.log(0.1), math.log(12))) * rng.uniform(0.7, 1.3, len(places))
+    return Lighting(places, power, float(rng.uniform(0.05, 0.9)), float(rng.uniform(0.0, 0.5)), 0.0)
 
 
 def names(seed: int, count: int) -> list[str]:
