@@ -23,6 +23,8 @@ REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
 OFTEN = 0.75
 LONGER = 1.3
+NEARER = 0.5
+NEAR_PITCH = 0.2
 
 
 def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
@@ -32,6 +34,7 @@ def doubts_of(lamps: Sequence[Structure]) -> list[Doubt]:
     return [
         *_heights(whole),
         *_lengths(whole),
+        *_parts(whole),
         *_gaps(ordered),
         *_next_in_line(ordered),
         *_unexplained(ordered),
@@ -89,6 +92,20 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
             yield Doubt("shape", what, (lamp.id,), _middle(lamp))
 
 
+def _parts(lamps: Sequence[Structure]) -> Iterator[Doubt]:
+    """Two neighbours that are together as long as at least three other strips, and nearer to one another than half of what those are."""
+    strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
+    extents = np.array([np.sort(lamp.vertices[:, 0]) for lamp in strips]).reshape(-1, 2)
+    lengths, gaps = np.diff(extents, axis=1)[:, 0], extents[1:, 0] - extents[:-1, 1]
+    for k, (one, other) in enumerate(pairwise(strips)):
+        together = float(extents[k + 1, 1] - extents[k, 0])
+        alike = np.abs(lengths - together) < REGULAR * together
+        between = gaps[alike[1:] & alike[:-1]]
+        if alike.sum() >= FEWEST_ALIKE and len(between) and gaps[k] < NEARER * between.min():
+            what = f"{one.id} and {other.id} are together {together:.2f} m long, as {alike.sum()} others are: are they parts of one?"
+            yield Doubt("shape", what, (one.id, other.id), _middle(one))
+
+
 def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """A gap in a line of lamps that is regular but for it, and in which something shines. A dark one is a lamp that is out, or none."""
     x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
@@ -123,16 +140,36 @@ def _next_in_line(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """Light between lamps of an irregular line that was seen about as often as they were: no pitch tells whether one belongs there."""
+    """Light between lamps of an irregular line that was seen about as often as they were: no pitch tells whether one belongs there. Where all
+    steps are multiples of one pitch, as where lamps are out, one belongs at multiples of it only."""
     x = np.array([lamp.vertices[:, 0].mean() for lamp in lamps if is_whole(lamp)])
-    if len(x) > FEWEST and _are_regular(np.diff(x)):
+    steps = np.diff(x)
+    if len(x) > FEWEST and _are_regular(steps):
         return
+    pitch = _pitch(steps)
     for before, after in pairwise(lamps):
-        if float(before.attributes.get(LIGHT_OFTEN, 0.0)) >= OFTEN:
-            place = float(before.attributes[LIGHT_BEYOND])
-            _, y, z = _middle(before)
+        if float(before.attributes.get(LIGHT_OFTEN, 0.0)) < OFTEN:
+            continue
+        place = float(before.attributes[LIGHT_BEYOND])
+        along, y, z = _middle(before)
+        if pitch is None or abs(_off_multiple(place - along, pitch)) < NEAR_PITCH * pitch:
             what = f"something shines {place:.2f} m along the row, between {before.id} and {after.id}, and no lamp explains it: one may be missing"
             yield Doubt("shape", what, (before.id, after.id), (place, y, z))
+
+
+def _pitch(steps: Floats) -> float | None:
+    """The least step, m, of which all are multiples and at least three are no more than one; None where there is none."""
+    if len(steps) < FEWEST:
+        return None
+    pitch = float(np.median(steps[steps < (1 + REGULAR) * steps.min()]))
+    once = np.abs(steps - pitch) < REGULAR * pitch
+    multiples = np.abs(_off_multiple(steps, pitch)) < REGULAR * pitch
+    return pitch if once.sum() >= FEWEST_ALIKE and multiples.all() else None
+
+
+def _off_multiple(steps: Floats | float, pitch: float) -> Floats:
+    """How far steps are off the nearest multiple of a pitch, m."""
+    return np.asarray(steps - pitch * np.round(np.asarray(steps) / pitch))
 
 
 def _alone(lamps: Sequence[Structure]) -> Iterator[Doubt]:

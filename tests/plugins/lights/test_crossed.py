@@ -35,6 +35,13 @@ def test_parts_that_are_together_as_long_as_the_others_are_one_strip(unseen: str
     assert all(place.seen_to is None for lamp in lamps for place in lamp.values())
 
 
+def test_parts_are_one_strip_though_lengths_scatter() -> None:
+    lengths = [0.728, 0.723, 0.694, 0.692, 0.736]
+    lamps = [strip(2.0 * k, 2.0 * k + length) for k, length in enumerate(lengths)]
+    parts = [strip(10.0, 10.328), strip(10.398, 10.694)]
+    assert extents(joined([*lamps, *parts])) == extents([*lamps, strip(10.0, 10.694)])
+
+
 def test_three_parts_are_one_strip() -> None:
     start = 4 * PITCH
     parts = [strip(start, start + 0.4), strip(start + 0.5, start + 1.0), strip(start + 1.1, start + LENGTH)]

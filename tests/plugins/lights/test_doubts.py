@@ -90,6 +90,18 @@ def test_parts_of_strips_in_an_irregular_line_are_doubted() -> None:
     assert doubted[0].endswith("m long, 4 others are 1.70 m: an end or a joint may be wrong")
 
 
+def test_two_parts_of_one_strip_are_doubted() -> None:
+    sizes = [(0.0, 0.66), (2.0, 0.66), (4.0, 0.23), (4.43, 0.23), (6.0, 0.65), (8.0, 0.66)]
+    (line,) = lines([lamp(k, x, length) for k, (x, length) in enumerate(sizes, 1)])
+    assert line == "light 3 and light 4 are together 0.66 m long, as 4 others are: are they parts of one?"
+
+
+def test_two_kinds_of_strips_in_one_line_of_light_are_beyond_doubt() -> None:
+    lengths = [1.5, 1.5, 1.5, 0.73, 0.73, 1.5]
+    starts = np.concatenate([[0.0], np.cumsum(np.array(lengths) + 0.04)[:-1]])
+    assert not lines([lamp(k, float(x), length) for k, (x, length) in enumerate(zip(starts, lengths, strict=True), 1)])
+
+
 def test_two_kinds_of_strips_are_beyond_doubt() -> None:
     assert not lines([lamp(k, 2.0 * k, 1.2 if k % 2 else 1.7) for k in range(1, 7)])
 
@@ -103,6 +115,13 @@ def test_an_end_never_seen_is_doubted_between_lamps_only() -> None:
 def test_light_beside_the_only_lamp_is_doubted(share: float, doubted: bool) -> None:
     only = replace(lamp(1, 1.5), attributes={LIGHT_BEYOND: 6.2, LIGHT_OFTEN: share})
     assert ["no lamp explains" in doubt.what for doubt in doubts_of([only])] == [True] * doubted
+
+
+@pytest.mark.parametrize(("place", "doubted"), [(5.6, False), (6.6, True)])
+def test_light_in_a_line_with_a_pitch_is_doubted_where_a_lamp_may_hang(place: float, doubted: bool) -> None:
+    lamps = [lamp(k, x) for k, x in enumerate((0.0, 2.0, 4.0, 8.0, 12.0, 14.0), 1)]  # two are out
+    lamps[2] = replace(lamps[2], attributes={LIGHT_BEYOND: place, LIGHT_OFTEN: 0.9})
+    assert any("no lamp explains" in line for line in lines(lamps)) == doubted
 
 
 def test_a_lamp_whose_sides_do_not_show_is_doubted() -> None:

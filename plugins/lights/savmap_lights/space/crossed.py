@@ -13,6 +13,8 @@ from savmap_lights.space.places import Lamp
 
 FEWEST = 3
 ALIKE, ALIKE_M = 0.01, 0.02
+TOGETHER, TOGETHER_M = 0.05, 0.02
+"""So far the length of parts together may be off the usual one: on an overexposed ceiling ends come out a little too far apart, some more than others."""
 MOST_PARTS = 4
 NEARER = 0.5
 """The gap between parts is at most this share of the least gap between whole strips."""
@@ -62,7 +64,7 @@ def _last_part(lamps: Sequence[Lamp], extents: Floats, first: int, length: float
             break
         reach = extents[last, 1] - extents[first, 0]
         ends = "end 0" in lamps[first] and "end 1" in lamps[last]
-        if ends and abs(reach - length) < ALIKE * length + ALIKE_M:
+        if ends and abs(reach - length) < TOGETHER * length + TOGETHER_M:
             return last
     return first
 
