@@ -159,13 +159,13 @@ class Lights:
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
         """Lines of lamps for the simulator."""
-        from savmap_lights.scene import scene
+        from savmap_lights.simulation.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
         """Lamps of one kind for a random place."""
-        from savmap_lights.scene import random_section
+        from savmap_lights.simulation.scene import random_section
 
         return random_section(rng, site, drawn)

@@ -1,1 +1,1 @@
-"""Made-up pictures of ceilings, for training the network."""
+"""Made-up lamps: for the simulator, and in painted pictures to train the network on."""
