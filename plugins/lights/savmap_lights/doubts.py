@@ -93,7 +93,8 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _parts(lamps: Sequence[Structure]) -> Iterator[Doubt]:
-    """Two neighbours that are together as long as at least three other strips, and nearer to one another than half of what those are."""
+    """Two neighbours that may be parts of one strip: together they are as long as each of at least three others, and the gap between them is less than half
+    of the least gap between those."""
     strips = [lamp for lamp in lamps if len(lamp.vertices) == 2]
     extents = np.array([np.sort(lamp.vertices[:, 0]) for lamp in strips]).reshape(-1, 2)
     lengths, gaps = np.diff(extents, axis=1)[:, 0], extents[1:, 0] - extents[:-1, 1]
@@ -158,7 +159,7 @@ def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def _pitch(steps: Floats) -> float | None:
-    """The least step, m, of which all are multiples and at least three are no more than one; None where there is none."""
+    """The pitch of a line, m: its least step, if at least three steps are equal to it and all steps are multiples of it; None otherwise."""
     if len(steps) < FEWEST:
         return None
     pitch = float(np.median(steps[steps < (1 + REGULAR) * steps.min()]))

@@ -1,5 +1,6 @@
 """Labelled sets, picture by picture: those that are there are kept, so a run that was stopped goes on."""
 
+import argparse
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -23,3 +24,14 @@ def write_series(
                 yield name, *make(index)
 
     write_samples(folder, classes, renderer, missing())
+
+
+def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options of a parser, with those of every series: `count`, `seed` and `output`. Exits where they are out of range."""
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    options = parser.parse_args(arguments)
+    if options.seed < 0 or options.count < 1:
+        parser.error("--seed is 0 or more, --count 1 or more")
+    return options

@@ -16,7 +16,7 @@ from savmap.sim.paint.develop import developed
 from savmap.sim.paint.faces import Lighting
 from savmap.sim.paint.noise import Random
 from savmap.sim.paint.raster import Camera
-from savmap.sim.paint.series import Sample, write_series
+from savmap.sim.paint.series import Sample, parsed, write_series
 from savmap.sim.paint.shade import painted
 from savmap.sim.paint.stage import Stage
 from savmap.sim.paint.wardrobe import Wardrobe, wardrobe_of
@@ -89,12 +89,7 @@ def write_pictures(folder: Path, count: int, seed: int) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of ceilings with lamps, painted: a few a second")
-    parser.add_argument("--count", type=int, required=True)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    options = parser.parse_args(arguments)
-    if options.seed < 0 or options.count < 1:
-        parser.error("--seed is 0 or more, --count 1 or more")
+    options = parsed(parser, arguments)
     cv2.setNumThreads(1)
     with ending_in_one_line():
         write_pictures(options.output, options.count, options.seed)
