@@ -22,6 +22,7 @@ HARD, SOFT = 1e4, 1e-3
 SMOOTH_M = 1.0
 ANCHORED = 50
 """How many cameras have their mean position set: an equation of all of them would be dense."""
+LEAST_FIRM = 1e-6
 
 Equation = tuple[list[tuple[int, float]], float]
 
@@ -82,7 +83,8 @@ def linear_positions(problem: Problem, poses: Floats, initial: Floats) -> tuple[
     cameras, points = poses[:, :3, 3], initial
     for number in range(ROUNDS):
         forms = forms_in_world.forms * (weights / depths)[:, None, None]
-        unknowns = _solve(vstack([_rows(problem, plan, forms, poses), priors]).tocsc(), plan.size)
+        anchors = _anchors(problem, plan, poses, weights / depths)
+        unknowns = _solve(vstack([_rows(problem, plan, forms, poses), priors, *anchors]).tocsc(), plan.size)
         cameras, points = _unpack(plan, unknowns, poses)
         errors, depths = forms_in_world.residuals(points[problem.at_key] - cameras[problem.at_frame])
         weights = _weights(np.linalg.norm(errors, axis=1), number)
@@ -127,16 +129,11 @@ def _rows(problem: Problem, plan: Layout, forms: Floats, poses: Floats) -> csc_m
 
 
 def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Iterator[Equation]:
-    """Rough position and scale; smooth motion; a faint pull of every coordinate to its start."""
+    """Smooth motion; the extent of a path without a face plane; a faint pull of every coordinate to its start."""
     for slots, value in _faint(plan, initial):
         yield [(slots, SOFT)], SOFT * value
     if not plan.cameras:
         return
-    free = [axis for axis in range(3) if axis == 2 or (plan.slot[:, axis] >= 0).all()]
-    anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))
-    for axis in free:
-        weight = HARD / len(anchors)
-        yield [(3 * f + axis, weight) for f in anchors.tolist()], HARD * float(poses[anchors, axis, 3].mean())
     if (plan.slot[:, 2] >= 0).any() and not (plan.slot[:, 2] < 0).any():
         yield _travel(poses, plan)
     for chunk in problem.passes():
@@ -144,6 +141,23 @@ def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Ite
             for axis in range(3):
                 bend = [(3 * int(before) + axis, 0.5), (3 * int(now) + axis, -1.0), (3 * int(after) + axis, 0.5)]
                 yield [(slot, weight / SMOOTH_M) for slot, weight in bend], 0.0
+
+
+def _anchors(problem: Problem, plan: Layout, poses: Floats, factors: Floats) -> Iterator[csc_matrix]:
+    """Position and scale, where cameras are sought: the mean place of some is the start's.
+
+    Each camera counts by how firmly its measurements, with their `factors` (n,), hold it, and at most as much as most do. One that few hold would
+    fly off, and the others shrink to a point for it, where all equations are met."""
+    if not plan.cameras:
+        return
+    anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))
+    firm = np.bincount(problem.at_frame, np.square(factors), plan.cameras)[anchors]
+    shares = np.minimum(firm, np.median(firm)) + LEAST_FIRM * firm.max()
+    shares /= shares.sum()
+    for axis in range(3):
+        if axis == 2 or (plan.slot[:, axis] >= 0).all():
+            entries = [(3 * f + axis, HARD * share) for f, share in zip(anchors.tolist(), shares.tolist(), strict=True)]
+            yield _matrix([(entries, HARD * float(shares @ poses[anchors, axis, 3]))], plan.size)
 
 
 def _faint(plan: Layout, initial: Floats) -> Iterator[tuple[int, float]]:
