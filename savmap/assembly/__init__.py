@@ -2,6 +2,7 @@
 
 from savmap.assembly.alignment import Aligned, aligned, alignment_lines
 from savmap.assembly.assemble import SQUARE_DEG, Assembly, assembled
+from savmap.assembly.doubts import with_doubts
 from savmap.assembly.summary import site_lines
 
-__all__ = ["SQUARE_DEG", "Aligned", "Assembly", "aligned", "alignment_lines", "assembled", "site_lines"]
+__all__ = ["SQUARE_DEG", "Aligned", "Assembly", "aligned", "alignment_lines", "assembled", "site_lines", "with_doubts"]

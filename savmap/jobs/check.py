@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from savmap.assembly.same_face import rows_with_same_face
 from savmap.errors import SavmapError, SiteError, VideoError
 from savmap.jobs.resource_estimate import resource_estimate
 from savmap.jobs.tasks import request_for
@@ -77,7 +78,7 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     findings = list(preflight.footage(job))
     footage = [finding for finding in findings if isinstance(finding, Footage)]
     yield from (finding for finding in findings if isinstance(finding, SavmapError))
-    yield from preflight.twins(footage)
+    yield from (line for _, _, line in rows_with_same_face(job.site.rows))
     if wrong_settings:
         yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
         return

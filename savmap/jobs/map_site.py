@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from savmap.assembly import aligned, assembled
+from savmap.assembly import aligned, assembled, with_doubts
+from savmap.assembly.same_face import same_face_doubts
 from savmap.errors import DoubtfulError, OutputError, PluginsLeftOutError, RowsFailedError, SavmapError, format_error
 from savmap.files.atomic import file_name, read_json, sha256, write_text
 from savmap.files.kinds import kind_of
@@ -194,6 +195,7 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     survey = read_survey(job.site.survey) if job.site.survey else None
     with failures_gathered() as failures, warnings_as_notes(monitor):
         placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
+        placed = with_doubts(placed, same_face_doubts({name: job.site.rows[name] for name in placed.rows}))
         site_map, further = in_users_world(job, placed)
         for note in (*notes, *further):
             monitor.note(note)

@@ -238,19 +238,6 @@ def _footage(job: Job, part: Footage) -> SavmapError | Footage:
     return replace(part, frames=frames)
 
 
-def twins(footage: Sequence[Footage]) -> Iterator[str]:
-    """Passes of different rows that show the same face: the same frames, looked at in the same way."""
-    first: dict[object, Footage] = {}
-    for part in footage:
-        views = part.row_pass.model_dump_json(include={"views"})
-        other = first.setdefault((part.row_pass.footage, part.row_pass.side, views), part)
-        if other.row != part.row:
-            yield (
-                f"row {part.row}, {part.name}: the same frames, side and views as row {other.row}, {other.name}; "
-                "is it the same face?"
-            )
-
-
 def output(job: Job) -> Iterator[SavmapError]:
     """Whether the output folder can be written; one that is not there is not left behind."""
     folders = () if is_url(job.output) else (job.output, *job.output.parents)

@@ -196,7 +196,7 @@ def test_the_same_face_under_two_names_is_checked(folder: Path) -> None:
         folder, GOOD + "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}]}\n"
     )
     assert code == 0
-    assert lines[0] == "row B, pass 1: the same frames, side and views as row A, pass 1; is it the same face?"
+    assert lines[0].startswith("rows A and B look at the same frames (A, pass 1), and neither has a `side`")
     assert lines[1].startswith("row A, pass 1: 40")
 
 
@@ -224,7 +224,9 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
 
     monkeypatch.setattr("savmap.pipeline.preview.plan_pass", aimed)
     lines, code = checked(
-        folder, GOOD + "  B/1:\n    passes: [{video: a.mp4, fps: 9}, {video: a.mp4, fps: 8}]\n", pictures=True
+        folder,
+        GOOD + "  B/1:\n    passes: [{video: a.mp4, side: left}, {video: a.mp4, side: left, fps: 8}]\n",
+        pictures=True,
     )
     assert code == 0, lines
     assert lines[0] == "row A, pass 1: 40 frames, views in out/views-A-pass-1.jpg"

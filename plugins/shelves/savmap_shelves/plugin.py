@@ -136,7 +136,7 @@ class Shelves:
     def doubt(self, structures: Sequence[Structure]) -> list[Doubt]:
         from savmap_shelves.doubts import doubts_of
 
-        return doubts_of(structures)
+        return doubts_of(structures, self.config.lowest_beam_bottom_height_m is not None)
 
     @hookimpl
     def openings(self, structures: Sequence[Structure]) -> list[Structure]:

@@ -145,6 +145,23 @@ def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(secti
     ]
 
 
+@pytest.mark.parametrize("section", [0, 2, 4])
+def test_a_lowest_beam_that_something_hides_in_all_frames_is_missed(section: int) -> None:
+    """A parked truck hid one, and the row was trusted: what was never measured has nothing to be doubted by."""
+    row = uneven_row()
+    del row["sections"][section]["beams"][0]
+    (doubt,) = doubts_of(structures_of(row))
+    assert "is one below it hidden?" in doubt.what
+    assert doubt.structures == (f"section {section + 1} / beam 1",)
+    assert doubts_of(structures_of(row), lowest_known=True) == []
+
+
+def test_a_passage_hides_no_beam() -> None:
+    row = uneven_row()
+    row["sections"][2]["beams"][:2] = []
+    assert doubts_of(structures_of(row)) == []
+
+
 def test_steps_that_differ_anyway_hide_nothing() -> None:
     row = uneven_row()
     for beam in row["sections"][2]["beams"][4:]:

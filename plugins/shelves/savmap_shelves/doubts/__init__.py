@@ -6,16 +6,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.types import Doubt, Structure
-from savmap_shelves.doubts.levels import odd_levels
+from savmap_shelves.doubts.levels import high_lowest_beams, odd_levels
 from savmap_shelves.doubts.sides import beams_with_sides
 from savmap_shelves.doubts.sizes import odd_bays, odd_scale, odd_sizes, unmeasured_edges
 
 
-def doubts_of(structures: Sequence[Structure]) -> list[Doubt]:
-    """Doubts of kind `shape`, each with the ids of the elements that it is about."""
+def doubts_of(structures: Sequence[Structure], lowest_known: bool = False) -> list[Doubt]:
+    """Doubts of kind `shape`, each with the ids of the elements that it is about. `lowest_known`: whether the heights of the lowest beams are given,
+    which the solve compares with the map."""
     by_id = {structure.id: structure for structure in structures}
     checks = (odd_scale, odd_bays, odd_sizes, unmeasured_edges, beams_with_sides, odd_levels)
     found = [doubt for check in checks for doubt in check(structures)]
+    if not lowest_known:
+        told = {ids for _, ids in found}
+        found += [(what, ids) for what, ids in high_lowest_beams(structures) if ids not in told]
     return [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
 
 

@@ -12,6 +12,8 @@ from savmap_shelves.mapping import MappedSection, sections_of
 LEAST_TO_COMPARE = 4
 REGULAR = 0.8
 LEVEL_M = 0.06
+HIGHER_M, PASSAGE_M, LEAST_SECTIONS = 0.5, 2.0, 3
+"""A lowest beam so much above those of most sections, of so many at least, may hide one below it; not one that leaves room to pass."""
 
 
 def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -32,6 +34,22 @@ def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str
                     f"the sections beside have a beam at {level:.2f} m that is missing beside {section.beams.ids[0]}",
                     section.beams.ids[:1],
                 )
+
+
+def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Sections whose lowest beam is far above those of the others, and is no lintel of a passage: what stands before a section in all frames hides a
+    beam, and leaves no step to see that by."""
+    sections = [section for section in sections_of(structures) if len(section.beams.ids)]
+    lowest = np.array([section.beams.intervals[0, 0] for section in sections])
+    for number, section in enumerate(sections if len(sections) >= LEAST_SECTIONS else ()):
+        usual = float(np.median(np.delete(lowest, number)))
+        if usual + HIGHER_M < lowest[number] < PASSAGE_M:
+            name = section.beams.ids[0]
+            yield (
+                f"{name} is {lowest[number]:.2f} m above the floor, the lowest of most sections {usual:.2f} m: is one below it hidden? "
+                "If not, give the heights of the lowest beams",
+                (name,),
+            )
 
 
 def _steps(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, ...]]]:
