@@ -1,6 +1,6 @@
 """Structures of a map as outlines, and the planes that they lie in."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -59,23 +59,27 @@ class Face:
         return float(np.median(means)) if means else 0.0
 
 
-def outlines_of(structures: Sequence[Structure], classes: Sequence[str]) -> list[Outline]:
+def outlines_of(
+    structures: Sequence[Structure], classes: Sequence[str], doubted: Collection[str] = ()
+) -> list[Outline]:
     """The outlines of the structures of a network's classes; those whose edges are no single ring have none.
 
     What all sides around are not sure of is common to the map and the camera's path, and moves nothing in the pictures. A side is
     unsure by what its two standard deviations have beyond that, and by at most a quarter of the outline's size across it. An outline
     that is much thicker or thinner than the size most of its class agree on has a wrong side, and nobody knows which: both are unsure by
     half of the outline or of what is usual. Where fewer than half of a class agree, all are unsure by a third of their thickness: a row
-    without one sure member of a class would teach that there is none.
+    without one sure member of a class would teach that there is none. Structures that are `doubted`, by their ids, are unsure all over.
     """
     found: list[tuple[str, Floats, _Sides]] = []
+    known: list[bool] = []
     for structure in structures:
         order = ring(structure.edges, len(structure.vertices)) if structure.label in classes else None
         if order is not None:
             corners, covariances = structure.vertices[order], structure.covariances[order]
             found.append((structure.label, corners, _Sides.of(corners, covariances)))
+            known.append(structure.id not in doubted)
     usual = _usual_around([sides for _, _, sides in found])
-    doubts = _doubts([label for label, _, _ in found], [sides for _, _, sides in found])
+    doubts = _doubts([label for label, _, _ in found], [sides for _, _, sides in found], known)
     return [
         Outline(label, corners, np.maximum(doubt, np.minimum(2 * np.maximum(sides.sigmas - least, 0), sides.sizes / 4)))
         for (label, corners, sides), least, doubt in zip(found, usual, doubts, strict=True)
@@ -121,17 +125,20 @@ def _usual_around(outlines: Sequence[_Sides]) -> list[Floats]:
     return np.split(least, np.cumsum([len(sides.sigmas) for sides in outlines])[:-1])
 
 
-def _doubts(labels: Sequence[str], outlines: Sequence[_Sides]) -> list[Floats]:
-    """For the sides (n,) of each outline, how far around them, m, it is wrong of itself: its thickness is not its class's."""
+def _doubts(labels: Sequence[str], outlines: Sequence[_Sides], known: Sequence[bool]) -> list[Floats]:
+    """For the sides (n,) of each outline, how far around them, m, it is wrong of itself: its thickness is not its class's, or it is not
+    `known` that it is there."""
     thickness, names = np.array([sides.thickness for sides in outlines]), np.array(labels)
     doubts: list[Floats] = []
-    for label, sides in zip(labels, outlines, strict=True):
+    for label, sides, there in zip(labels, outlines, known, strict=True):
         own = thickness[names == label]
         usual = most_common(own)
         alike = np.abs(own - usual) <= ODD * usual
         doubt = max(sides.thickness, usual) / 2 if abs(sides.thickness - usual) > ODD * usual else 0.0
         if alike.mean() < FEWEST_ALIKE:
             doubt = sides.thickness / 3
+        if not there:
+            doubt = max(sides.thickness, usual)
         doubts.append(np.where(sides.sizes < LONG * sides.thickness, doubt, 0.0))
     return doubts
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from savmap.adapt.faces import Face, faces_of, outlines_of
 from savmap.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
+from savmap.adapt.records import doubted_of
 from savmap.adapt.views import SeenView, evenly, poses_of, seen_views, turned, views_of
 from savmap.errors import StructureError
 from savmap.label.run import picture_name
@@ -75,7 +76,9 @@ def labelled_views(
     are left out. `count` is without the turned ones."""
     rows = {name: row for name, row in site_map.rows.items() if name in job.site.rows and row.structures.get(plugin)}
     loaded = {name: job.opened(name, plugin) for name in rows}
-    outlines = {name: outlines_of(row.structures[plugin], loaded[name].classes) for name, row in rows.items()}
+    outlines = {
+        name: outlines_of(row.structures[plugin], loaded[name].classes, doubted_of(row)) for name, row in rows.items()
+    }
     found = {name: views_of(row, outlines[name]) for name, row in rows.items()}
     total, pattern = sum(map(len, found.values())), cycle(PATTERN)
     for name, row in rows.items():

@@ -12,7 +12,7 @@ from savmap.site.job import Job
 from savmap.train.plan import Progress
 from savmap.types import RowMap, SiteMap
 
-ROUNDS, VIEWS, PRACTICE = 2, 150, 60
+ROUNDS, VIEWS, PRACTICE = 2, 150, 30
 
 
 class Meter(Protocol):
@@ -68,8 +68,13 @@ class State:
 
 
 def _sound(row: RowMap, plugin: str, classes: Sequence[str]) -> int:
-    doubted = {name for doubt in (row.verdict.doubts if row.verdict else ()) for name in doubt.structures}
+    doubted = doubted_of(row)
     return sum(one.label in classes and one.id not in doubted for one in row.structures.get(plugin, ()))
+
+
+def doubted_of(row: RowMap) -> frozenset[str]:
+    """The ids of the structures that a doubt of a row's verdict names."""
+    return frozenset(name for doubt in (row.verdict.doubts if row.verdict else ()) for name in doubt.structures)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from savmap.adapt.faces import Outline, faces_of, outlines_of, ring
 from savmap.types import Structure
@@ -88,3 +89,9 @@ def test_thicknesses_that_all_differ_teach_their_middles() -> None:
     widths = (0.046, 0.062, 0.069, 0.038, 0.044)
     unsure = [one.unsure_m.max() for one in posts(*widths)]
     assert np.allclose(unsure, [width / 3 for width in widths])
+
+
+def test_what_is_doubted_is_unsure_all_over() -> None:
+    sure = [post(number, 0.1) for number in range(3)]
+    outlines = outlines_of(sure, CLASSES, {"post 1"})
+    assert [float(one.unsure_m.max()) for one in outlines] == pytest.approx([0.0, 0.1, 0.0])

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,15 +21,16 @@ KILLS = 5
 
 
 def site(folder: Path, **more: Any) -> Path:
-    """The clip as two rows that share no frames; `more` goes into row C."""
+    """The clip as two rows that share no frames, and no file, for they are of one face; `more` goes into row C."""
     content = yaml.safe_load((EXAMPLE / "site.yaml").read_text(encoding="utf-8"))
     row = content["rows"].pop("A")
-    for name, fps in (("A", 2.0), ("C", 2.5)):
-        passes = [{**row["passes"][0], "video": str(EXAMPLE / "aisle-dev.mp4"), "fps": fps}]
-        content["rows"][name] = {**row, "passes": passes}
+    folder.mkdir(exist_ok=True)
+    video, copied = EXAMPLE / "aisle-dev.mp4", folder / "copy.mp4"
+    shutil.copy(video, copied)
+    for name, fps, clip in (("A", 2.0, video), ("C", 2.5, copied)):
+        content["rows"][name] = {**row, "passes": [{**row["passes"][0], "video": str(clip), "fps": fps}]}
     content["rows"]["C"] |= more
     del content["survey"]
-    folder.mkdir(exist_ok=True)
     path = folder / "site.yaml"
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path

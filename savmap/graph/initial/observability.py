@@ -96,10 +96,16 @@ def _scale_sigma(similarity: Similarity) -> float:
     return sigma if similarity.scale > 0 else np.inf
 
 
+class UnknownScaleError(SolveError):
+    """The references do not give the scale."""
+
+
 def require_known(problem: Problem, scale_sigma: float) -> None:
-    """Raise SolveError, naming what is missing, if the scale is not known to 5 %."""
+    """Raise UnknownScaleError, naming what is missing, if the scale is not known to 5 %."""
     if not scale_sigma < SCALE_LIMIT:
-        raise SolveError(f"row {problem.camera.facts.name}: the map's scale is not known; {_scale_advice(problem)}")
+        raise UnknownScaleError(
+            f"row {problem.camera.facts.name}: the map's scale is not known; {_scale_advice(problem)}"
+        )
 
 
 def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem:

@@ -13,7 +13,7 @@ from savmap.errors import SolveError
 from savmap.graph.calibration.report import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.initial.observability import robust_fit
+from savmap.graph.initial.observability import UnknownScaleError, robust_fit
 from savmap.graph.initial.outlier_references import START_SIGMA_M
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
@@ -201,7 +201,14 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit, judgement.mistaken)
     aside = measured_for(problem, judgement.mistaken)
-    solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, aside)
+    try:
+        solution = build_solution(
+            problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, aside
+        )
+    except UnknownScaleError as error:
+        doubts = "; ".join(doubt.what for doubt in judgement.doubts if doubt.kind == "reference")
+        row = problem.camera.facts.name
+        raise SolveError(f"row {row}: {doubts}; what is left does not give the scale") if doubts else error from None
     return replace(solution, doubts=(*solution.doubts, *judgement.doubts), unchecked=judgement.unchecked)
 
 
