@@ -14,9 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from physics_pictures import sampled, turned
+from physics_pictures import cropped, sampled, turned
 from physics_videos import Frames, Image
-from physics_ways import Case
+from physics_ways import Case, of
 
 from savmap.geometry.pinhole import rig_from_view
 from savmap.geometry.sphere import rays_from_panorama_pixels
@@ -131,6 +131,22 @@ def two_lenses(
             both.append(light * dark * lens)
         front = np.clip(0.5 + (90 - np.degrees(np.arccos(np.clip(rays[..., 2:], -1, 1)))) / blend_deg, 0, 1)
         return shown(front * both[0] + (1 - front) * both[1])
+
+    return change
+
+
+def bent_lenses(rig: Rig, apart_m: float, fade_deg: float) -> Change:
+    """Two lenses back to back along the drive, so that the seam crosses the face. The camera's program hides the step at the seam: it bends the
+    pictures within `fade_deg` of it, from where one lens is to where the other is."""
+    axis = rig.world_from_rig[0, :3, :3].T @ rig.towards
+
+    def change(picture: Image, index: int) -> Image:
+        rays = grid(len(picture))
+        from_seam = 90 - np.degrees(np.arccos(np.clip(rays @ axis, -1, 1)))
+        share = np.clip(from_seam / fade_deg, -1, 1)[..., None] / 2
+        apart = apart_m * (rig.world_from_rig[index, :3, :3] @ axis)
+        front, rear = (seen_from(rig, index, rays, side * apart) for side in (0.5, -0.5))
+        return sampled(picture, front * (0.5 + share) + rear * (0.5 - share))
 
     return change
 
@@ -348,6 +364,8 @@ def camera_cases(poses: Path) -> tuple[Case, ...]:
         Case("two lenses, hard seam, 10 % brighter", each(two_lenses(rig, 0.03, 1.1, blend_deg=0.2))),
         Case("vignettes and fringes", each(two_lenses(rig, 0.0, 1.0, 0.5, 0.003))),
         Case("two lenses, 6 cm apart", each(two_lenses(rig, 0.06, 1.1, 0.4, 0.002)), ANY, True),
+        Case("two lenses, bent at the seam", each(bent_lenses(rig, 0.03, 20.0)), "panorama", True),
+        Case("cut by 0.5 %, stretched", of(cropped(0.005)), "panorama", True),
         Case("dust and finger marks", each(spots)),
         Case("white balance drifts", each(tinted(0.25, 2.0))),
         Case("exposure pumps", each(pumping(0.45, 7.0))),

@@ -7,6 +7,7 @@ import pytest
 
 from savmap.errors import DoubtfulError
 from savmap.graph import References, camera_priors, solve_rows
+from savmap.graph.solver.directions import DirectionalErrors
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
@@ -67,6 +68,23 @@ def test_a_map_that_repeats_is_trusted() -> None:
     [note] = verdict.notes
     assert note.startswith(f"nothing checks camera height and length {LENGTH.start} to {LENGTH.end}: scale and place")
     assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
+
+
+@pytest.mark.parametrize(
+    ("off", "doubts", "notes"),
+    [
+        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.3)}, 1, 0),
+        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.05)}, 0, 1),
+        ({"wall": (0.01, 0.2), "lamps": (0.1, 0.3)}, 0, 0),
+    ],
+)
+def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], doubts: int, notes: int) -> None:
+    """What locates the camera may look different from aslant; something else that is off in the same way does not by chance."""
+    row = mapped(Wall)
+    directional = {plugin: DirectionalErrors(*values) for plugin, values in off.items()}
+    _, verdict = judge(replace(row, solution=replace(row.solution, directional=directional)))
+    assert [doubt.kind for doubt in verdict.doubts] == doubts * ["camera"]
+    assert sum("in all frames" in note for note in verdict.notes) == notes
 
 
 def test_what_is_said_twice_is_told_once() -> None:

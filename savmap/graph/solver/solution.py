@@ -11,6 +11,7 @@ from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
+from savmap.graph.solver.directions import DirectionalErrors, directional_errors
 from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.judgement.reference_tests import (
     GROSS_SIGMA,
@@ -56,7 +57,8 @@ class Solution:
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
     variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
-    of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames."""
+    of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames. `directional`: by plugin, what is
+    off in the same directions of the camera in all frames."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -71,6 +73,7 @@ class Solution:
     doubts: tuple[Doubt, ...] = ()
     unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
+    directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
         """Landmarks of a plugin by name; none of one that has none."""
@@ -112,6 +115,7 @@ def build_solution(
     refuse_contradiction(problem, tests)
     share = 1.0 - float(fit.kept.mean()) if len(fit.kept) else 0.0
     scale_sigma = _scale_sigma(problem, estimate, covariance)
+    directional = directional_errors(problem, estimate, fit)
     if problem.camera.fixed is None:
         require_known(problem, scale_sigma)
     return Solution(
@@ -129,6 +133,8 @@ def build_solution(
             **inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
+            **{f"directional {name}, deg": off.angle_deg for name, off in directional.items()},
+            **{f"directional {name}, share": off.share for name, off in directional.items()},
             **dict(_biases(problem, bias, covariance)),
             **(figures or {}),
         },
@@ -137,6 +143,7 @@ def build_solution(
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
         doubts=(*_misfits(problem, fit, aside), *_contradicted(tests)),
+        directional=directional,
     )
 
 

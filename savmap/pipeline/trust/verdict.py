@@ -18,13 +18,16 @@ UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
 MOST_REJECTED = 0.4
 OFTEN_SEEN = 0.5
+OFF_DEG, OFF_SHARE = 0.02, 0.08
+"""What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
 AXES = "xyz"
 
 
 def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
     """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
     found: dict[str, tuple[Structure, ...]] = {}
-    doubts = [*row.measurements.doubts, *row.solution.doubts]
+    of_camera, notes_of_camera = _no_panorama(row)
+    doubts = [*row.measurements.doubts, *row.solution.doubts, *of_camera]
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
@@ -33,7 +36,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         doubts += [*_unmapped(row, plugin.name), *plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
     kept, beyond = without_beyond(doubts, found, row.measurements.locators)
-    notes = (*row.solution.unchecked, *row.notes, *beyond)
+    notes = (*row.solution.unchecked, *row.notes, *notes_of_camera, *beyond)
     return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
 
 
@@ -55,6 +58,27 @@ def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
     if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
         what = f"nothing of `{plugin}` is mapped, but {seen} of {looked} frames show something like it: all of it may be missing"
         yield Doubt("support", what)
+
+
+def _no_panorama(row: DescribedRow) -> tuple[list[Doubt], list[str]]:
+    """A doubt where what locates the camera, and what another plugin measured, is off in the same directions of the camera in all frames, by angles that
+    are none of measuring; a note where it is what locates the camera alone, for that may look different from aslant."""
+    off = {
+        plugin: errors.angle_deg
+        for plugin, errors in row.solution.directional.items()
+        if errors.angle_deg > OFF_DEG and errors.share > OFF_SHARE
+    }
+    located = sorted(off.keys() & row.measurements.locators)
+    if not located:
+        return [], []
+    what = (
+        f"what {' and '.join(f'`{plugin}`' for plugin in sorted(off))} measured is up to {max(off.values()):.2f} degrees off in the same directions of the "
+        "camera in all frames"
+    )
+    wrong = "then errors are larger than their standard deviations say: do not crop or stretch its pictures, and mount it with a lens towards the row"
+    if len(off) > 1:
+        return [Doubt("camera", f"{what}: its pictures are no true panoramas; {wrong}")], []
+    return [], [f"{what}: it looks different from aslant, or the pictures are no true panoramas; {wrong}"]
 
 
 def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:
