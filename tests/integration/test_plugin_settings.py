@@ -84,6 +84,16 @@ def test_heights_of_lowest_beams_may_stand_alone(given: object) -> None:
     assert known.sigma == 0.002
 
 
+@pytest.mark.parametrize("given", [2.7, [2.7, None], {"value": 2.7}])
+def test_pitches_of_bays_may_stand_alone(given: object) -> None:
+    from savmap_shelves.settings import ShelvesSettings as Settings
+
+    known = Settings.model_validate({"bay_pitch_m": given}).bay_pitch_m
+    assert known is not None
+    assert known.value == ((2.7, None) if isinstance(given, list) else 2.7)
+    assert known.sigma == 0.003
+
+
 def test_sections_may_have_no_height_but_not_all() -> None:
     from savmap_shelves.settings import ShelvesSettings as Settings
 

@@ -1,5 +1,6 @@
 """Settings of the shelves in a site file."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,11 @@ from savmap.files.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=50)]
+
+
+def _alone(key: str) -> Callable[[Any], Any]:
+    """Lets a section's values stand alone, without their `key` and a sigma."""
+    return lambda given: {key: given} if isinstance(given, int | float | list | tuple) else given
 
 
 def _one_known(values: tuple[float | None, ...]) -> tuple[float | None, ...]:
@@ -29,20 +35,22 @@ class LowestBeam(BaseModel):
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
     """Standard deviation of each."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _values_alone(cls, given: Any) -> Any:
-        return {"values": given} if isinstance(given, int | float | list | tuple) else given
+    _values_alone = model_validator(mode="before")(_alone("values"))
 
 
 class BayPitch(BaseModel):
-    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres."""
+    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres.
+
+    The values may stand alone, without a sigma.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     value: Pitch | Annotated[tuple[Pitch | None, ...], AfterValidator(_one_known)]
     """One value, or one a section, left to right: `null` where a section was not measured."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
     """Standard deviation of each."""
+
+    _values_alone = model_validator(mode="before")(_alone("value"))
 
 
 class ShelvesSettings(BaseModel):
