@@ -23,6 +23,7 @@ SMOOTH_M = 1.0
 ANCHORED = 50
 """How many cameras have their mean position set: an equation of all of them would be dense."""
 LEAST_FIRM = 1e-6
+"""Of a camera that nothing holds; where nothing holds most of them, all count alike."""
 
 Equation = tuple[list[tuple[int, float]], float]
 
@@ -152,7 +153,7 @@ def _anchors(problem: Problem, plan: Layout, poses: Floats, factors: Floats) -> 
         return
     anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))
     firm = np.bincount(problem.at_frame, np.square(factors), plan.cameras)[anchors]
-    shares = np.minimum(firm, np.median(firm)) + LEAST_FIRM * firm.max()
+    shares = np.minimum(firm, np.median(firm)) + LEAST_FIRM
     shares /= shares.sum()
     for axis in range(3):
         if axis == 2 or (plan.slot[:, axis] >= 0).all():

@@ -40,11 +40,11 @@ def directional_errors(problem: Problem, estimate: Estimate, fit: Fit) -> dict[s
     return {
         part.plugin: found
         for part in problem.parts
-        if (found := _of(problem, estimate, fit.kept & np.isin(problem.measurements.keys, [*part.keys.values()])))
+        if (found := _field_of(problem, estimate, fit.kept & np.isin(problem.measurements.keys, [*part.keys.values()])))
     }
 
 
-def _of(problem: Problem, estimate: Estimate, chosen: Bools) -> DirectionalErrors | None:
+def _field_of(problem: Problem, estimate: Estimate, chosen: Bools) -> DirectionalErrors | None:
     if np.count_nonzero(chosen) < FEWEST:
         return None
     measurements = problem.measurements.take(chosen)
