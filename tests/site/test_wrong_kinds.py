@@ -87,7 +87,7 @@ def test_nor_does_one_about_an_entry_of_a_list(tmp_path: Path, location: tuple[s
         ("references: {markers: [{dictionary: abc, id: 7, size_m: 0.2}]}", "tag16h5, tag25h9, tag36h10, tag36h11, or 4x4_50 to 7x7_1000 is expected (it is 'abc')"),
         ("align:\n  points:\n  - {at: a, world_m: [1, 2, a]}\n  - {at: b, world_m: [1]}", "site.yaml:3: `align.points[0].world_m[2]`: a number is expected"),
         ("align:\n  points:\n  - {at: a, world_m: [1, 2, 3, 4]}\n  - {at: b, world_m: [1, 2]}", "`align.points[0].world_m`: at most 3 entries are expected"),
-        ("plugins:\n  shelves:\n    bay_pitch_m: 2.7", "site.yaml:3: `plugins.shelves.bay_pitch_m`: a section with keys is expected: {value: 2.7}"),
+        ("plugins:\n  shelves:\n    bay_pitch_m: 2,7", "site.yaml:3: `plugins.shelves.bay_pitch_m`: a decimal point is expected: 2.7"),
         ("plugins:\n  shelves:\n    lowest_beam_bottom_height_m: [0.3, a]", "`plugins.shelves.lowest_beam_bottom_height_m.values[1]`: a number is expected"),
         ("plugins:\n  shelves:\n    lowest_beam_bottom_height_m: 0,3", "a decimal point is expected: 0.3"),
     ],
