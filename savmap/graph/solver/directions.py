@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.graph.calibration.distortion import Lenses
-from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Bools, Floats
@@ -37,28 +36,19 @@ class DirectionalErrors:
 
 def directional_errors(problem: Problem, estimate: Estimate, fit: Fit) -> dict[str, DirectionalErrors]:
     """By plugin, the directional errors of what it measured and the solve kept. Plugins of which too little was measured have none."""
-    return {
-        part.plugin: found
-        for part in problem.parts
-        if (found := _field_of(problem, estimate, fit.kept & np.isin(problem.measurements.keys, [*part.keys.values()])))
-    }
+    errors = problem.residuals(estimate.poses, estimate.points)
+    kept = {part.plugin: fit.kept & np.isin(problem.measurements.keys, [*part.keys.values()]) for part in problem.parts}
+    return {plugin: _field_of(problem, errors, chosen) for plugin, chosen in kept.items() if chosen.sum() >= FEWEST}
 
 
-def _field_of(problem: Problem, estimate: Estimate, chosen: Bools) -> DirectionalErrors | None:
-    if np.count_nonzero(chosen) < FEWEST:
-        return None
-    measurements = problem.measurements.take(chosen)
-    rig_from_world = np.swapaxes(estimate.poses[problem.at_frame[chosen], :3, :3], 1, 2)
-    offsets = estimate.points[problem.at_key[chosen]] - estimate.poses[problem.at_frame[chosen], :3, 3]
-    lenses = Lenses.of(measurements)
-    errors = measurements.pixels - lenses.projected(np.einsum("nij,nj->ni", rig_from_world, offsets))[0]
-    whitening = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
-    whitened = np.einsum("nij,nj->ni", whitening, errors)
-    size = np.linalg.norm(whitened, axis=1)
+def _field_of(problem: Problem, errors: Floats, chosen: Bools) -> DirectionalErrors:
+    """The field that explains the whitened errors (n, 2) of the chosen measurements (n,)."""
+    values = errors[chosen]
+    size = np.linalg.norm(values, axis=1)
     weights = 1 / np.sqrt(1 + (size / (FAR_SIGMA * max(1.0, float(np.median(size))))) ** 2)
-    terms, moves = _terms(measurements, lenses)
-    slopes = np.einsum("nij,njk,nt->nikt", whitening, moves, terms) * weights[:, None, None, None]
-    slopes, values = slopes.reshape(2 * len(size), -1), (whitened * weights[:, None]).ravel()
+    terms, moves = _terms(problem, chosen)
+    slopes = np.einsum("nik,nt->nikt", moves, terms) * weights[:, None, None, None]
+    slopes, values = slopes.reshape(2 * len(size), -1), (values * weights[:, None]).ravel()
     prior = np.eye(slopes.shape[1]) / np.radians(USUAL_DEG) ** 2
     field = np.linalg.solve(slopes.T @ slopes + prior, slopes.T @ values)
     share = 1 - float(np.square(values - slopes @ field).sum() / max(np.square(values).sum(), 1e-12))
@@ -66,14 +56,16 @@ def _field_of(problem: Problem, estimate: Estimate, chosen: Bools) -> Directiona
     return DirectionalErrors(float(np.degrees(np.sqrt(np.square(turns).sum(axis=1).mean()))), share)
 
 
-def _terms(measurements: ImageMeasurements, lenses: Lenses) -> tuple[Floats, Floats]:
-    """The field's terms (n, t) in the measurements' directions, and how their pixels move (n, 2, 2) as these turn eastwards and upwards, px a radian."""
-    rays = lenses.rays(measurements.pixels)
+def _terms(problem: Problem, chosen: Bools) -> tuple[Floats, Floats]:
+    """The field's terms (n, t) in the directions of the chosen measurements, and how their whitened errors change (n, 2, 2) as these turn eastwards and
+    upwards, a radian."""
+    measurements, forms = problem.measurements.take(chosen), problem.linear_forms
+    rays = Lenses.of(measurements).rays(measurements.pixels)
     longitude, latitude = np.arctan2(rays[:, 0], rays[:, 2]), np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))
     east = np.stack([np.cos(longitude), np.zeros(len(rays)), -np.sin(longitude)], axis=1)
-    up = np.cross(east, rays)
-    slopes = lenses.projected(rays)[1]
-    moves = np.stack([np.einsum("nij,nj->ni", slopes, towards) for towards in (east, up)], axis=2)
+    towards = np.stack([east, np.cross(east, rays)], axis=2)
+    depths = np.einsum("ni,ni->n", forms.axes[chosen], rays)
+    moves = forms.forms[chosen] @ towards / depths[:, None, None]
     return np.stack([*_products(longitude, latitude)], axis=1), moves
 
 
