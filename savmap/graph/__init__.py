@@ -1,6 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.calibration.terms import Calibration, Shutter, Stitching
+from savmap.graph.calibration.terms import Calibration, Shutter, Stitching, VerticalScale
 from savmap.graph.constraints import (
     TIGHT_M,
     Constraints,
@@ -60,6 +60,7 @@ __all__ = [
     "Stitching",
     "SurveyedPoint",
     "ToldDepth",
+    "VerticalScale",
     "camera_priors",
     "check_jacobians",
     "equal_coordinate",

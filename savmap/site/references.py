@@ -14,6 +14,7 @@ from savmap.graph import (
     Shutter,
     Stitching,
     SurveyedPoint,
+    VerticalScale,
 )
 from savmap.site.sections import CalibrationSection, ReferenceSection
 
@@ -54,13 +55,14 @@ def misnamed(section: ReferenceSection, known: Sequence[str]) -> Iterator[tuple[
 
 def calibration_of(section: CalibrationSection) -> Calibration | None:
     """What of the camera is estimated; None if nothing is."""
-    panorama, shutter = section.panorama, section.rolling_shutter
-    if panorama is None and shutter is None:
+    panorama, vertical, shutter = section.panorama, section.vertical_scale, section.rolling_shutter
+    if panorama is None and vertical is None and shutter is None:
         return None
     return Calibration(
         Stitching(panorama.turn_sigma_deg, panorama.scale_sigma, panorama.blend_deg) if panorama else None,
         Shutter(shutter.sigma_s, shutter.axis) if shutter else None,
         section.front_deg,
+        VerticalScale(vertical.sigma) if vertical else None,
     )
 
 

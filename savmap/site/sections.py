@@ -202,6 +202,13 @@ class ShutterSection(Strict):
     """From the top of the panorama down, or across each half to the right."""
 
 
+class VerticalScaleSection(Strict):
+    """How much too large or too small the panorama may show elevations, all by one factor."""
+
+    sigma: Annotated[float, Field(gt=0, le=0.2)] = 0.02
+    """Standard deviation of the factor."""
+
+
 def _switched(value: object) -> object:
     return ({} if value else None) if isinstance(value, bool) else value
 
@@ -213,6 +220,11 @@ class CalibrationSection(Strict):
         PanoramaSection | None, BeforeValidator(_switched, json_schema_input_type=bool | PanoramaSection | None)
     ] = None
     """The fit of the panorama's two halves."""
+    vertical_scale: Annotated[
+        VerticalScaleSection | None,
+        BeforeValidator(_switched, json_schema_input_type=bool | VerticalScaleSection | None),
+    ] = None
+    """A factor of all elevations: panoramas that were cropped and stretched to 2:1 again."""
     rolling_shutter: Annotated[
         ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
     ] = None

@@ -46,6 +46,7 @@ REFERENCES = """
 # What of the camera is estimated with the map.
 #calibration:
 #  panorama: false  # the fit of the panorama's two halves
+#  vertical_scale: false  # one factor of all elevations, of panoramas that were cropped
 #  rolling_shutter: false  # the time from the first row of the panorama to the last one
 
 # Where rows stand in the site's frame, if they are regularly spaced: face to face across an aisle, then back to back, and so

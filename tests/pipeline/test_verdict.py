@@ -8,6 +8,7 @@ import pytest
 from savmap.errors import DoubtfulError
 from savmap.graph import References, camera_priors, solve_rows
 from savmap.graph.solver.directions import DirectionalErrors
+from savmap.graph.solver.solution import ElevationError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
@@ -85,6 +86,19 @@ def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], dou
     _, verdict = judge(replace(row, solution=replace(row.solution, directional=directional)))
     assert [doubt.kind for doubt in verdict.doubts] == doubts * ["camera"]
     assert sum("in all frames" in note for note in verdict.notes) == notes
+
+
+@pytest.mark.parametrize(
+    ("share", "sigma", "doubted"),
+    [(0.01, 0.001, "1.00 ± 0.10 % too large"), (-0.01, 0.001, "too small"), (0.01, 0.003, ""), (0.0015, 0.0001, "")],
+)
+def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
+    row = mapped(Wall)
+    off = {plugin: DirectionalErrors(0.05, 0.2) for plugin in ("wall", "lamps")} if doubted else {}
+    solution = replace(row.solution, elevations=ElevationError(share, sigma), directional=off)
+    _, verdict = judge(replace(row, solution=solution))
+    assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
+    assert all(doubted in doubt.what and "vertical_scale: true" in doubt.what for doubt in verdict.doubts)
 
 
 def test_what_is_said_twice_is_told_once() -> None:

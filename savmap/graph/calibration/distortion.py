@@ -1,4 +1,4 @@
-"""How stitching and read-out distort a panorama's pictures, at measured pixels."""
+"""How stitching, cropping and read-out distort a panorama's pictures, at measured pixels."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,6 @@ from savmap.types import Floats
 
 LEAST_DEPTH = 0.02
 LEAST_DEPTH_M = 0.2
-STITCHED = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Lenses:
 @dataclass(frozen=True, eq=False)
 class Distortion:
     """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
-    `blend_deg`, then that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
+    `blend_deg`, the `vertical` scale, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
@@ -78,15 +77,15 @@ class Distortion:
     front_deg: float
     blend_deg: float | None
     axis: str | None
+    vertical: bool = False
 
     def __call__(self, pixels: Floats) -> tuple[Floats, Floats]:
         """Where pixels (n, 2) would be without it, and how they move (n, 2, p) with each parameter."""
         rays = self.lenses.rays(pixels)
         true, moves = pixels, list[Floats]()
-        if self.blend_deg is not None:
-            rear = rear_share(self.lenses.rays(self.seen), self.front_deg, self.blend_deg)
-            basis = turns(rays, rear, self.front_deg)
-            turn = np.einsum("p,npi->ni", self.values[:STITCHED], basis)
+        basis = self._turns(rays)
+        if basis.shape[1]:
+            turn = np.einsum("p,npi->ni", self.values[: basis.shape[1]], basis)
             straight = np.asarray(Rotation.from_rotvec(turn).apply(rays))
             true, slopes = self.lenses.projected(straight)
             moves.append(-np.einsum("nij,npj->nip", slopes, np.cross(basis, straight[:, None])))
@@ -95,6 +94,16 @@ class Distortion:
             true = true - self.values[-1] * late
             moves.append(late[:, :, None])
         return true, np.concatenate(moves, axis=2)
+
+    def _turns(self, rays: Floats) -> Floats:
+        """Small turns (n, t, 3) of rays (n, 3) to their true directions, for each of the parameters that turn them."""
+        parts = [np.zeros((len(rays), 0, 3))]
+        if self.blend_deg is not None:
+            rear = rear_share(self.lenses.rays(self.seen), self.front_deg, self.blend_deg)
+            parts.append(turns(rays, rear, self.front_deg))
+        if self.vertical:
+            parts.append(lowered(rays)[:, None])
+        return np.concatenate(parts, axis=1)
 
     def _velocities(self, rays: Floats) -> Floats:
         """How fast (n, 2) px/s what is seen along rays (n, 3) moves in the picture, at the depths of the points."""
@@ -121,6 +130,14 @@ def turns(rays: Floats, rear: Floats, front_deg: float) -> Floats:
     halves = (rear - 0.5)[:, None, None] * rig_from_lens.T
     stretched = [((1 - rear) * off_axis)[:, None] * about, (rear * (np.pi - off_axis))[:, None] * -about]
     return np.concatenate([halves, np.stack(stretched, axis=1)], axis=1)
+
+
+def lowered(rays: Floats) -> Floats:
+    """Small turns (n, 3) of rays (n, 3) towards the panorama's horizon, by as much as they are above or below it."""
+    down = np.array([0.0, 1.0, 0.0])
+    about = np.cross(rays, down)
+    about /= np.maximum(np.linalg.norm(about, axis=-1), 1e-9)[:, None]
+    return np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))[:, None] * about
 
 
 def read_out_share(rays: Floats, front_deg: float, axis: str) -> Floats:

@@ -3,7 +3,8 @@
 A consumer panorama is put together from two fisheye lenses, back to back. To first order, wrong angles between the lenses
 and wrong principal points turn one half against the other, and a wrong focal length stretches a half away from its axis:
 small turns phi = sum_j beta_j b_j(r) of each ray r, the same in every frame (additional parameters of a self-calibrating
-bundle adjustment; Brown 1971). A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
+bundle adjustment; Brown 1971). A panorama that was cropped above and below and stretched to 2:1 again shows all elevations
+larger by one factor. A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
 one unknown, tau, times the pixel's velocity between neighbouring frames (Hedborg et al., Rolling shutter bundle adjustment,
 CVPR 2012). Turning jitter faster than the frames follow one another is not modelled.
 """
@@ -22,6 +23,7 @@ from savmap.types import Floats
 
 TURNS = ("rear pitch", "rear yaw", "rear roll")
 STRETCHES = ("front scale", "rear scale")
+VERTICAL = "vertical scale"
 SHUTTER = "read-out"
 STEP_PX = 0.5
 FAR_PX = 300.0
@@ -39,6 +41,17 @@ class Stitching:
     def __post_init__(self) -> None:
         if min(self.turn_sigma_deg, self.scale_sigma, self.blend_deg) <= 0:
             raise SolveError("calibration of the panorama: sigmas and blend must be greater than 0")
+
+
+@dataclass(frozen=True)
+class VerticalScale:
+    """Standard deviation of the share by which the panorama shows elevations too large."""
+
+    sigma: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.sigma <= 0:
+            raise SolveError("calibration of the vertical scale: sigma must be greater than 0")
 
 
 @dataclass(frozen=True)
@@ -62,11 +75,13 @@ class Calibration:
     stitching: Stitching | None = None
     shutter: Shutter | None = None
     front_deg: float = 0.0
+    vertical: VerticalScale | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters (p,)."""
-        return (*((*TURNS, *STRETCHES) if self.stitching else ()), *((SHUTTER,) if self.shutter else ()))
+        stitched = (*TURNS, *STRETCHES) if self.stitching else ()
+        return (*stitched, *((VERTICAL,) if self.vertical else ()), *((SHUTTER,) if self.shutter else ()))
 
     @cached_property
     def prior(self) -> Floats:
@@ -76,6 +91,8 @@ class Calibration:
     def _priors(self) -> Iterator[float]:
         if self.stitching:
             yield from 3 * [float(np.radians(self.stitching.turn_sigma_deg))] + 2 * [self.stitching.scale_sigma]
+        if self.vertical:
+            yield self.vertical.sigma
         if self.shutter:
             yield self.shutter.sigma_s
 
@@ -96,13 +113,15 @@ class Calibration:
     def corrected(self, measurements: ImageMeasurements, values: Floats, scene: Scene) -> ImageMeasurements:
         """Measurements with these parameters corrected for `values` (p,), and their slopes to these now.
 
-        Pixels and their covariances are moved with the picture about them. The slopes of a measurement are those at the pixel
-        where its point should be, which an edge leaves open along itself: its line turns about where it was seen.
+        Pixels, their covariances and the directions of other biases are moved with the picture about them: an edge's place is loose along it, and
+        only there. The slopes of a measurement are those at the pixel where its point should be, which an edge leaves open along itself: its line
+        turns about where it was seen.
         """
         lenses = Lenses.of(measurements)
         blend = self.stitching.blend_deg if self.stitching else None
         axis = self.shutter.axis if self.shutter else None
-        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis)
+        vertical = self.vertical is not None
+        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical)
         pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
         slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX
@@ -111,7 +130,7 @@ class Calibration:
         near = field(measurements.pixels + STEP_PX * offset / size)[1]
         moves = here + (size / STEP_PX)[:, :, None] * (near - here)
         biases = measurements.biases
-        all_slopes = np.concatenate([biases.slopes[:, :, : -len(self.names)], moves], axis=2)
+        all_slopes = np.concatenate([slopes @ biases.slopes[:, :, : -len(self.names)], moves], axis=2)
         return replace(
             measurements,
             pixels=pixels,

@@ -36,6 +36,7 @@ from savmap.graph.solver.optimise import (
     solution_of,
 )
 from savmap.graph.solver.solution import Solution
+from savmap.graph.solver.vertical_scale import elevation_error
 from savmap.types import Doubt, Floats, Ints
 
 CONTRADICTION_SIGMA = 5.0
@@ -57,7 +58,7 @@ def solve_rows(
     number: dict[Hashable, int] = {}
     pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in iterates]
     solved = _solutions(list(iterates.values()), pictures, site_wide)
-    solutions = iter([_with_halves(*pair) for pair in zip(solved, iterates.values(), strict=True)])
+    solutions = iter([_with_checks(*pair) for pair in zip(solved, iterates.values(), strict=True)])
     together = [result if isinstance(result, SolveError) else next(solutions) for result in alone]
     return [_beside_refused(row, together, problems, moments) for row in range(len(together))]
 
@@ -94,12 +95,19 @@ def _solutions(
     return [_attempt(solution_of, reduce(Iterate.doubted, doubts, iterate)) for iterate in iterates]
 
 
-def _with_halves(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
-    """A row's solution with how its landmarks repeat in either half of the frames, at the optimum that the row has alone."""
+def _with_checks(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
+    """A row's solution with how its landmarks repeat in either half of the frames, and whether its panoramas are stretched, at the optimum that the row
+    has alone."""
     if isinstance(result, SolveError):
         return result
     halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)
-    return replace(result, halves=halves)
+    elevations = elevation_error(iterate)
+    report = (
+        {"elevations, percent": 100 * elevations.share, "elevations, sigma percent": 100 * elevations.sigma}
+        if elevations
+        else {}
+    )
+    return replace(result, halves=halves, elevations=elevations, report={**result.report, **report})
 
 
 def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:

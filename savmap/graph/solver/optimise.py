@@ -285,6 +285,17 @@ def _rounds(
         kept, bias = fit.kept, bias + step
 
 
+def refined(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterate:
+    """The optimum near an estimate, without a look at the references. Raises SolveError if the graph cannot be solved."""
+    *_, last = _rounds(problem, estimate, options)
+    return last
+
+
+def shared_covariance(iterate: Iterate) -> Floats:
+    """Covariance (k, k) of the biases at an optimum, the camera's calibration last."""
+    return _covariance(iterate, None, ()).shared
+
+
 def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
     """The step that brings the free biases (k,) to their optimum; zeros where that is near."""
     if not iterate.problem.measurements.biases.free.any():

@@ -51,6 +51,14 @@ class RejectedMeasurement:
     view: str
 
 
+@dataclass(frozen=True)
+class ElevationError:
+    """The share by which a row's panoramas show all elevations too large, and its standard deviation."""
+
+    share: float
+    sigma: float
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
@@ -58,7 +66,7 @@ class Solution:
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
     variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
     of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames. `directional`: by plugin, what is
-    off in the same directions of the camera in all frames."""
+    off in the same directions of the camera in all frames. `elevations`: how much too large these are seen; None where that was not asked."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -74,6 +82,7 @@ class Solution:
     unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
     directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
+    elevations: ElevationError | None = None
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
         """Landmarks of a plugin by name; none of one that has none."""

@@ -20,13 +20,16 @@ MOST_REJECTED = 0.4
 OFTEN_SEEN = 0.5
 OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
+STRETCHED_SIGMA, STRETCHED = 4.0, 0.002
+"""Elevations are seen too large or too small from so many standard deviations, and from such a share, on."""
 AXES = "xyz"
 
 
 def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
     """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
     found: dict[str, tuple[Structure, ...]] = {}
-    of_camera, notes_of_camera = _no_panorama(row)
+    stretched = [*_stretched(row.solution)]
+    of_camera, notes_of_camera = (stretched, []) if stretched else _no_panorama(row)
     doubts = [*row.measurements.doubts, *row.solution.doubts, *of_camera]
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
@@ -58,6 +61,19 @@ def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
     if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
         what = f"nothing of `{plugin}` is mapped, but {seen} of {looked} frames show something like it: all of it may be missing"
         yield Doubt("support", what)
+
+
+def _stretched(solution: Solution) -> Iterator[Doubt]:
+    """A doubt where the solve with a vertical scale of the panoramas as one more unknown says that this is not 1."""
+    found = solution.elevations
+    if found is None or abs(found.share) < max(STRETCHED, STRETCHED_SIGMA * found.sigma):
+        return
+    how = f"{100 * abs(found.share):.2f} ± {100 * found.sigma:.2f} % too {'large' if found.share > 0 else 'small'}"
+    yield Doubt(
+        "camera",
+        f"all elevations are {how} in the pictures: they were cropped or stretched, and heights and distances are wrong by it; export whole panoramas, or "
+        "have it estimated with `calibration: {vertical_scale: true}`",
+    )
 
 
 def _no_panorama(row: DescribedRow) -> tuple[list[Doubt], list[str]]:

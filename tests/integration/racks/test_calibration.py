@@ -10,8 +10,27 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import SolveError
 from savmap.geometry import pinhole
-from savmap.graph import Calibration, Shutter, Solution, Stitching, camera_priors, merge, solve
-from savmap.graph.calibration.distortion import Distortion, Lenses, Scene, read_out_share, rear_share, turns, velocities
+from savmap.graph import (
+    Calibration,
+    Shutter,
+    Solution,
+    Stitching,
+    VerticalScale,
+    camera_priors,
+    merge,
+    solve,
+    solve_rows,
+)
+from savmap.graph.calibration.distortion import (
+    Distortion,
+    Lenses,
+    Scene,
+    lowered,
+    read_out_share,
+    rear_share,
+    turns,
+    velocities,
+)
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
@@ -20,6 +39,7 @@ SEAM_AHEAD = 90.0
 BLEND_DEG = 1.0
 OFF = np.array([*np.radians([0.8, -0.9, 0.6]), 0.0, 0.0])
 READ_OUT_S = 0.03
+STRETCHED = 0.01
 Move = Callable[[Floats], Floats]
 
 
@@ -45,6 +65,18 @@ def stitched(world: made.World) -> made.World:
         for _ in range(4):
             turn = np.einsum("p,npi->ni", OFF, turns(rays, rear_share(rays, SEAM_AHEAD, BLEND_DEG), SEAM_AHEAD))
             rays = Rotation.from_rotvec(-turn).apply(true)
+        return pinhole.project(rays @ view.rig_from_view, view.camera)
+
+    return replace(world, tracks=[moved(track, seen) for track in world.tracks])
+
+
+def stretched(world: made.World) -> made.World:
+    """As a panorama shows it that was cropped above and below and stretched to 2:1 again."""
+    view = world.facts.views["face"]
+
+    def seen(pixels: Floats) -> Floats:
+        rays = view.rig_rays(pixels)
+        rays = Rotation.from_rotvec(-STRETCHED * lowered(rays)).apply(rays)
         return pinhole.project(rays @ view.rig_from_view, view.camera)
 
     return replace(world, tracks=[moved(track, seen) for track in world.tracks])
@@ -117,6 +149,46 @@ def test_a_read_out_time_is_found(small: made.World) -> None:
     assert float(found.report["calibration read-out, ms"]) == pytest.approx(1e3 * READ_OUT_S, abs=3 * sigma)
 
 
+def test_stretched_elevations_are_found(small: made.World) -> None:
+    spoilt = stretched(small)
+    plain, found = solved(spoilt, None), solved(spoilt, Calibration(vertical=VerticalScale()))
+    sigma = float(found.report["calibration vertical scale, sigma percent"])
+    assert sigma < 10 * STRETCHED
+    assert float(found.report["calibration vertical scale, percent"]) == pytest.approx(100 * STRETCHED, abs=3 * sigma)
+    assert error(small, found) < 0.5 * error(small, plain)
+
+
+def test_biases_are_moved_with_the_picture(small: made.World) -> None:
+    """Along an edge its place is loose: a bias along it moves nothing, and must lie along it where the picture is moved to, or it would blow up all sigmas."""
+    term = Calibration(vertical=VerticalScale())
+    measured = constrained(small, term).measurements
+    loose = np.array([np.cos(0.6), np.sin(0.6)])
+    covariances = np.tile(1e6 * np.outer(loose, loose) + np.eye(2), (len(measured), 1, 1))
+    along = np.tile(800 * loose, (len(measured), 1))[:, :, None]
+    slopes = np.concatenate([along, measured.biases.slopes], axis=2)
+    spoilt = replace(measured, covariances=covariances, biases=replace(measured.biases, slopes=slopes))
+    points = np.tile([0.0, 0.0, 3.0], (len(measured), 1))
+    moved = term.corrected(spoilt, np.array([0.02]), Scene(points, np.zeros_like(points), np.zeros_like(points)))
+    bias = moved.biases.slopes[:, :, 0]
+    whitened = np.einsum("ni,nij,nj->n", bias, np.linalg.inv(moved.covariances), bias)
+    np.testing.assert_allclose(whitened, 0.8**2, rtol=0.01)
+
+
+def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -> None:
+    for world, share in ((small, 0.0), (stretched(small), STRETCHED)):
+        [result] = solve_rows([constrained(world, None)], [list(range(len(world.facts.frames)))])
+        assert isinstance(result, Solution)
+        assert result.elevations is not None
+        assert result.elevations.sigma < 0.2 * STRETCHED
+        assert result.elevations.share == pytest.approx(share, abs=4 * result.elevations.sigma)
+        assert result.report["elevations, percent"] == pytest.approx(100 * result.elevations.share)
+    [asked] = solve_rows(
+        [constrained(small, Calibration(vertical=VerticalScale()))], [list(range(len(small.facts.frames)))]
+    )
+    assert isinstance(asked, Solution)
+    assert asked.elevations is None
+
+
 def test_without_a_term_nothing_changes(small: made.World) -> None:
     plain, empty = solved(small, None), solved(small, Calibration())
     assert np.array_equal(plain.covariance.points, empty.covariance.points)
@@ -136,11 +208,11 @@ def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: str) -> No
     scene = Scene(points, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)))
 
     def at(values: Floats) -> tuple[Floats, Floats]:
-        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis)(pixels)
+        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis, vertical=True)(pixels)
 
-    values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 1.0])
+    values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 2.0, 1.0])
     _, moves = at(values)
-    for number, step in enumerate(1e-6 * np.eye(6)):
+    for number, step in enumerate(1e-6 * np.eye(7)):
         slope = (at(values - step)[0] - at(values + step)[0]) / 2e-6
         np.testing.assert_allclose(slope, moves[:, :, number], rtol=0.01, atol=0.5)
 
@@ -160,7 +232,9 @@ def test_velocities_of_a_camera_that_turns_as_it_goes() -> None:
     assert not velocities(poses, np.zeros(4))[0].any()
 
 
-@pytest.mark.parametrize("make", [lambda: Stitching(turn_sigma_deg=0.0), lambda: Shutter(sigma_s=-1.0)])
+@pytest.mark.parametrize(
+    "make", [lambda: Stitching(turn_sigma_deg=0.0), lambda: Shutter(sigma_s=-1.0), lambda: VerticalScale(0.0)]
+)
 def test_sigmas_are_positive(make: Callable[[], object]) -> None:
     with pytest.raises(SolveError, match="greater than 0"):
         make()
