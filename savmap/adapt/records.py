@@ -12,7 +12,7 @@ from savmap.site.job import Job
 from savmap.train.plan import Progress
 from savmap.types import RowMap, SiteMap
 
-ROUNDS, VIEWS, PRACTICE = 2, 150, 30
+ROUNDS, VIEWS, PRACTICE = 2, 150, 60
 
 
 class Meter(Protocol):

@@ -137,7 +137,7 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     if not (folder / SCORES).is_file():
         plan = TrainingPlan(
             trained_classes(work.classes, work.classes, start.trainable),
-            [sets.views, *work.replay],
+            [sets.views],
             folder / f"{work.plugin}.onnx",
             minutes_of(work.options.minutes, fine_tunes=True),
             init=start.trainable,
@@ -145,6 +145,7 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
             int8=True,
             steps=work.options.steps,
             choose_by=[sets.choice],
+            replay=work.replay,
         )
         with work.meter(f"training {work.plugin}") as progress:
             network = train(plan, progress)

@@ -42,7 +42,8 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     """
     assert plan.init is not None
     torch.manual_seed(plan.seed)
-    datasets = read_sets(plan.data, plan.classes, plan.mapping)
+    replay = read_sets(plan.replay, plan.classes, plan.mapping)
+    datasets = [*read_sets(plan.data, plan.classes, plan.mapping), *replay]
     samples = samples_of(datasets)
     tests = named_tests(plan, samples)
     training, validation = held_out(samples, SHARE)
@@ -56,7 +57,8 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     kept = ResumeFile(plan.output.with_suffix(SUFFIX), key)
     state = resumed(kept, trainer, progress)
     recipe: dict[str, Any] = described(datasets, plan.seed, plan.minutes, settings) | {"from": plan.init.name}
-    source = source_of(plan, training, settings, state)
+    replayed = {sample.origin for dataset in replay for sample in dataset.samples}
+    source = source_of(plan, training, settings, state, replayed)
 
     def validate() -> None:
         averaged = trainer.average.network

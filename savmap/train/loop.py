@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -145,10 +145,14 @@ def resumed(kept: ResumeFile, trainer: Trainer, progress: Progress) -> TrainingS
 
 
 def source_of(
-    plan: TrainingPlan, training: Sequence[Sample], settings: Hyperparameters, state: TrainingState
+    plan: TrainingPlan,
+    training: Sequence[Sample],
+    settings: Hyperparameters,
+    state: TrainingState,
+    replayed: Collection[str] = (),
 ) -> BatchSource:
-    """Where a run's batches come from."""
-    weights = sampling_weights(training)
+    """Where a run's batches come from; pictures of the origins that are `replayed` come seldom."""
+    weights = sampling_weights(training, replayed=replayed)
     return BatchSource(
         training, weights, len(plan.classes), settings.batch, plan.seed, settings.crop, start=state.steps
     )

@@ -45,7 +45,8 @@ class TrainingPlan:
     `init` is what to begin with: a checkpoint, or an ONNX file for fine-tuning; None for a network from nothing. `mapping` gives
     classes of the data sets the network's names. `held_out` are sets that fine-tuning only measures on; `int8`: whether it also
     writes the network in 8-bit integers. `steps`: how many to make, however long they take. `choose_by`: sets by which fine-tuning chooses
-    the best network along the way, instead of the pictures that it sets aside. `whole`: a network from an ONNX file is
+    the best network along the way, instead of the pictures that it sets aside. `replay`: further sets to fine-tune on, which are seen seldom, against
+    forgetting. `whole`: a network from an ONNX file is
     trained on in all its layers, as one from nothing, instead of with the care of fine-tuning.
     """
 
@@ -61,6 +62,7 @@ class TrainingPlan:
     steps: int | None = None
     whole: bool = False
     choose_by: Sequence[Path] = ()
+    replay: Sequence[Path] = ()
 
     def done(self, steps: int, spent_s: float) -> float:
         """The share 0..1 of the run that is done after so many steps and seconds."""

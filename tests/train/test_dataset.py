@@ -7,7 +7,16 @@ import pytest
 from PIL import Image
 
 from savmap.errors import OutputError
-from savmap.train.data.dataset import IGNORE, Sample, class_lookup, group_of, read_dataset, sampling_weights, split
+from savmap.train.data.dataset import (
+    IGNORE,
+    REPLAYED,
+    Sample,
+    class_lookup,
+    group_of,
+    read_dataset,
+    sampling_weights,
+    split,
+)
 from savmap.train.data.shapes import Shapes
 
 from .conftest import write_dataset
@@ -99,6 +108,15 @@ def test_a_small_data_set_counts_for_more_than_its_size(tmp_path: Path) -> None:
     small, large = write_dataset(tmp_path / "small", 1), write_dataset(tmp_path / "large", 4)
     samples = [sample for folder in (small, large) for sample in read_dataset(folder, ["column"]).samples]
     assert sampling_weights(samples) == pytest.approx([1 / 3, *[1 / 6] * 4])
+
+
+def test_pictures_against_forgetting_are_drawn_seldom(tmp_path: Path) -> None:
+    own, kept = write_dataset(tmp_path / "own", 1), write_dataset(tmp_path / "kept", 4)
+    samples = [sample for folder in (own, kept) for sample in read_dataset(folder, ["column"]).samples]
+    weights = sampling_weights(samples, replayed={samples[-1].origin})
+    assert weights == pytest.approx([1 - REPLAYED, *[REPLAYED / 4] * 4])
+    everything = {sample.origin for sample in samples}
+    assert sampling_weights(samples, replayed=everything) == pytest.approx([1 / 3, *[1 / 6] * 4])
 
 
 def test_no_header(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ to be judged) and `dataset.json` (`{"format": "savmap-dataset", "version": 1, "c
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -243,11 +243,18 @@ def held_out(samples: Sequence[Sample], share: float) -> tuple[list[Sample], lis
     return [sample for sample in samples if sample.group not in chosen], inside
 
 
-def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> NDArray[np.float64]:
+REPLAYED = 0.1
+"""Which share of what is seen pictures against forgetting are: many different ones seldom keep more, and cost less, than a few often."""
+
+
+def sampling_weights(
+    samples: Sequence[Sample], empty_weight: float = 0.2, replayed: Collection[str] = ()
+) -> NDArray[np.float64]:
     """Probability (n,) of drawing each sample.
 
     Pictures without any class are drawn less often. A data set's share goes with the square root of its number of pictures,
-    so that a small one with another look counts for more than its size. Raises OutputError where no picture shows any class.
+    so that a small one with another look counts for more than its size. Those that are `replayed` against forgetting, by their samples' origin,
+    have `REPLAYED` together. Raises OutputError where no picture shows any class.
     """
     showing = [_shows_class(sample) for sample in samples]
     if not any(showing):
@@ -256,6 +263,10 @@ def sampling_weights(samples: Sequence[Sample], empty_weight: float = 0.2) -> ND
     folders = np.array([sample.origin for sample in samples])
     for folder in np.unique(folders):
         weights[folders == folder] /= np.sqrt(np.sum(folders == folder))
+    seldom = np.isin(folders, [*replayed])
+    if seldom.any() and not seldom.all():
+        weights[seldom] *= REPLAYED / weights[seldom].sum()
+        weights[~seldom] *= (1 - REPLAYED) / weights[~seldom].sum()
     probabilities: NDArray[np.float64] = weights / weights.sum()
     return probabilities
 
