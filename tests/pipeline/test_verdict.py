@@ -8,7 +8,7 @@ import pytest
 from savmap.errors import DoubtfulError
 from savmap.graph import References, camera_priors, solve_rows
 from savmap.graph.solver.directions import DirectionalErrors
-from savmap.graph.solver.solution import ElevationError
+from savmap.graph.solver.solution import VerticalScaleError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
@@ -95,7 +95,7 @@ def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], dou
 def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
     row = mapped(Wall)
     off = {plugin: DirectionalErrors(0.05, 0.2) for plugin in ("wall", "lamps")} if doubted else {}
-    solution = replace(row.solution, elevations=ElevationError(share, sigma), directional=off)
+    solution = replace(row.solution, vertical_scale=VerticalScaleError(share, sigma), directional=off)
     _, verdict = judge(replace(row, solution=solution))
     assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
     assert all(doubted in doubt.what and "vertical_scale: true" in doubt.what for doubt in verdict.doubts)

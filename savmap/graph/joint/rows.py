@@ -36,7 +36,7 @@ from savmap.graph.solver.optimise import (
     solution_of,
 )
 from savmap.graph.solver.solution import Solution
-from savmap.graph.solver.vertical_scale import elevation_error
+from savmap.graph.solver.vertical_scale import vertical_scale_error
 from savmap.types import Doubt, Floats, Ints
 
 CONTRADICTION_SIGMA = 5.0
@@ -101,13 +101,9 @@ def _with_checks(result: Solution | SolveError, iterate: Iterate) -> Solution | 
     if isinstance(result, SolveError):
         return result
     halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)
-    elevations = elevation_error(iterate)
-    report = (
-        {"elevations, percent": 100 * elevations.share, "elevations, sigma percent": 100 * elevations.sigma}
-        if elevations
-        else {}
-    )
-    return replace(result, halves=halves, elevations=elevations, report={**result.report, **report})
+    vertical = vertical_scale_error(iterate)
+    report = {**result.report, **(vertical.report if vertical else {})}
+    return replace(result, halves=halves, vertical_scale=vertical, report=report)
 
 
 def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:

@@ -52,11 +52,16 @@ class RejectedMeasurement:
 
 
 @dataclass(frozen=True)
-class ElevationError:
+class VerticalScaleError:
     """The share by which a row's panoramas show all elevations too large, and its standard deviation."""
 
     share: float
     sigma: float
+
+    @property
+    def report(self) -> dict[str, float]:
+        """Its entries in the row's report."""
+        return {"elevations, percent": 100 * self.share, "elevations, sigma percent": 100 * self.sigma}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +71,7 @@ class Solution:
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
     variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
     of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames. `directional`: by plugin, what is
-    off in the same directions of the camera in all frames. `elevations`: how much too large these are seen; None where that was not asked."""
+    off in the same directions of the camera in all frames. `vertical_scale`: by how much elevations are seen too large; None where no solve told it."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -82,7 +87,7 @@ class Solution:
     unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
     directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
-    elevations: ElevationError | None = None
+    vertical_scale: VerticalScaleError | None = None
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
         """Landmarks of a plugin by name; none of one that has none."""

@@ -1,4 +1,4 @@
-"""Whether all elevations are seen too large by one factor: panoramas that were cropped above and below and stretched to 2:1 again.
+"""The vertical scale of a row's panoramas: it is not 1 where they were cropped above and below and stretched to 2:1 again.
 
 Poses and structures absorb most of it, so that residuals stay small. The row is solved once more with the factor as an unknown of the camera, which says how
 large it is, and how well it is known.
@@ -11,11 +11,14 @@ import numpy as np
 from savmap.errors import SolveError
 from savmap.graph.calibration.terms import Calibration, VerticalScale
 from savmap.graph.solver.optimise import Iterate, SolveOptions, refined, shared_covariance
-from savmap.graph.solver.solution import ElevationError
+from savmap.graph.solver.solution import VerticalScaleError
 
 
-def elevation_error(iterate: Iterate) -> ElevationError | None:
-    """That of a row at its optimum; None where the camera's path is given, its calibration is asked for, or the row cannot be solved with it."""
+def vertical_scale_error(iterate: Iterate) -> VerticalScaleError | None:
+    """The share by which a row's panoramas show all elevations too large, from a solve that begins at the row's optimum.
+
+    None where the camera's path is given, where its calibration is estimated anyway, and where the row cannot be solved so.
+    """
     problem = iterate.problem
     if problem.camera.fixed is not None or problem.camera.calibration is not None:
         return None
@@ -26,4 +29,4 @@ def elevation_error(iterate: Iterate) -> ElevationError | None:
         last = refined(asked, iterate.estimate, SolveOptions())
     except SolveError:
         return None
-    return ElevationError(float(last.bias[-1]), float(np.sqrt(shared_covariance(last)[-1, -1])))
+    return VerticalScaleError(float(last.bias[-1]), float(np.sqrt(shared_covariance(last)[-1, -1])))

@@ -21,7 +21,7 @@ OFTEN_SEEN = 0.5
 OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
 STRETCHED_SIGMA, STRETCHED = 4.0, 0.002
-"""Elevations are seen too large or too small from so many standard deviations, and from such a share, on."""
+"""A vertical scale is doubted that differs from 1 by more than so many standard deviations, and by more than such a share."""
 AXES = "xyz"
 
 
@@ -65,10 +65,10 @@ def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
 
 def _stretched(solution: Solution) -> Iterator[Doubt]:
     """A doubt where the solve with a vertical scale of the panoramas as one more unknown says that this is not 1."""
-    found = solution.elevations
-    if found is None or abs(found.share) < max(STRETCHED, STRETCHED_SIGMA * found.sigma):
+    error = solution.vertical_scale
+    if error is None or abs(error.share) < max(STRETCHED, STRETCHED_SIGMA * error.sigma):
         return
-    how = f"{100 * abs(found.share):.2f} ± {100 * found.sigma:.2f} % too {'large' if found.share > 0 else 'small'}"
+    how = f"{100 * abs(error.share):.2f} ± {100 * error.sigma:.2f} % too {'large' if error.share > 0 else 'small'}"
     yield Doubt(
         "camera",
         f"all elevations are {how} in the pictures: they were cropped or stretched, and heights and distances are wrong by it; export whole panoramas, or "

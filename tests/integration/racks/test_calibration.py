@@ -178,15 +178,15 @@ def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -
     for world, share in ((small, 0.0), (stretched(small), STRETCHED)):
         [result] = solve_rows([constrained(world, None)], [list(range(len(world.facts.frames)))])
         assert isinstance(result, Solution)
-        assert result.elevations is not None
-        assert result.elevations.sigma < 0.2 * STRETCHED
-        assert result.elevations.share == pytest.approx(share, abs=4 * result.elevations.sigma)
-        assert result.report["elevations, percent"] == pytest.approx(100 * result.elevations.share)
+        assert result.vertical_scale is not None
+        assert result.vertical_scale.sigma < 0.2 * STRETCHED
+        assert result.vertical_scale.share == pytest.approx(share, abs=4 * result.vertical_scale.sigma)
+        assert result.report["elevations, percent"] == pytest.approx(100 * result.vertical_scale.share)
     [asked] = solve_rows(
         [constrained(small, Calibration(vertical=VerticalScale()))], [list(range(len(small.facts.frames)))]
     )
     assert isinstance(asked, Solution)
-    assert asked.elevations is None
+    assert asked.vertical_scale is None
 
 
 def test_without_a_term_nothing_changes(small: made.World) -> None:
