@@ -74,6 +74,11 @@ class Expectation:
         """The objects without those that are absent."""
         return [thing for thing in self.objects if not thing.absent]
 
+    @property
+    def amiss(self) -> int:
+        """How many objects were not tracked though they are there, or tracked though they are absent."""
+        return sum(1 for _ in self.untracked()) + len(self.objects) - len(self.there)
+
     def untracked(self) -> Iterator[tuple[Expected, Doubt]]:
         """Each object at whose outline nothing was tracked, and a doubt about it."""
         if not self.points:
@@ -101,23 +106,7 @@ def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> R
         ):
             continue
         alone = PluginAlone(row, plugin)
-        for _ in range(LOOKS):
-            expectation = expect(alone, measured, measurements)
-            if expectation is None:
-                break
-            monitor.note(f"row {row.name}: `{plugin.name}` looks again for {len(expectation.there)} objects")
-            features = measure_again(row.name, plugin, measured, expectation, monitor)
-            anew = replace(measurements, features={**measurements.features, plugin.name: features})
-            if alone.located(anew) is None:
-                measurements = replace(measurements, doubts=(*measurements.doubts, not_followed(plugin)))
-                break
-            measurements = anew
-        else:
-            left = expect(alone, measured, measurements)
-            found = (
-                tuple(unexplained(left, measured.packed_views[plugin.name], measurements.facts.views)) if left else ()
-            )
-            measurements = replace(measurements, doubts=(*measurements.doubts, *found))
+        measurements = looked(alone, measured, measurements, monitor)
         depths = tuple(depths_of(alone, measured, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
         if measured.floor and not measurements.floor.tracks:
@@ -160,6 +149,29 @@ class PluginAlone:
             return graph.locate_camera(graph.merge(frames, constraints, partial=True))
         except (StructureError, SolveError, SiteError, PluginFailedError):
             return None
+
+
+def looked(
+    alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements, monitor: Monitor
+) -> RowMeasurements:
+    """What was measured after at most `LOOKS` looks for what a plugin expects, with a doubt about each object that is not tracked even then.
+
+    A look may lose what there was before it: what is used was measured at first, or by the look after which the least is amiss.
+    """
+    row, plugin, doubts = alone.row.name, alone.plugin, list[Doubt]()
+    states = [(measurements, expect(alone, measured, measurements))]
+    while len(states) <= LOOKS and (expectation := states[-1][1]) is not None:
+        monitor.note(f"row {row}: `{plugin.name}` looks again for {len(expectation.there)} objects")
+        features = measure_again(row, plugin, measured, expectation, monitor)
+        anew = replace(measurements, features={**measurements.features, plugin.name: features})
+        if alone.located(anew) is None:
+            doubts = [not_followed(plugin)]
+            break
+        states.append((anew, expect(alone, measured, anew)))
+    best, left = min(reversed(states), key=lambda state: state[1].amiss if state[1] is not None else 0)
+    if left is not None and not doubts:
+        doubts = [*unexplained(left, measured.packed_views[plugin.name], measurements.facts.views)]
+    return replace(best, doubts=(*best.doubts, *doubts)) if doubts else best
 
 
 def expect(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> Expectation | None:

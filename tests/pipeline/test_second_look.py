@@ -168,6 +168,22 @@ def test_what_is_not_tracked_after_the_last_look_is_doubted(
     ]
 
 
+def test_a_look_that_loses_more_than_it_finds_is_not_used(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two things one is tracked after the first look, none after the second."""
+    things = [rectangle(0.8), rectangle(-0.8)]
+    one, none = (
+        {f"thing 1 / {end}": np.array([x, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))} for x in (-0.8, 9.0)
+    )
+    expectations = [Expectation(things[:1], PATH, none), *(Expectation(things, PATH, points) for points in (one, none))]
+    measured, _ = looked(walked, watcher(), [*expectations], monkeypatch)
+    assert len(measured.features["one"]) == COUNT
+    assert [doubt.what for doubt in measured.doubts] == [
+        "all frames together show light near thing 1 that was not measured: is it missing?"
+    ]
+
+
 def test_measured_again_is_told_from_seen(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
     measured, _ = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH), None], monkeypatch)
     assert all(feature.expected for feature in measured.features["one"])

@@ -10,17 +10,23 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import BEYOND, Grid
+from savmap_shelves.evidence.overhead import overhead_levels, without_overhead
 from savmap_shelves.evidence.paint import Paint
 from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.rear import RearFace
+from savmap_shelves.evidence.strength import (
+    Singles,
+    across_of,
+    heights_of,
+    level_strength,
+    post_heights,
+    seen_mean,
+)
 from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
-
-Singles = NDArray[np.float32]
 
 BODY = (0.12, 0.92)
 APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
@@ -80,8 +86,7 @@ class GridSearch:
 
     def __init__(self, evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings) -> None:
         self.evidence, self.tracked, self.settings, self.cell = evidence, grid, settings, evidence.patch.cell
-        self.x = evidence.patch.origin[0] + evidence.patch.across
-        self.y = evidence.patch.origin[1] + evidence.patch.heights
+        self.x, self.y = across_of(evidence), heights_of(evidence)
         self.upright, self.beam, self.weight = evidence.of("upright"), evidence.of("beam"), evidence.weight
         self.usual_post = self._usual([self._post_strength(*post) for post in grid.posts])
         self.usual_level = self._usual(
@@ -91,6 +96,8 @@ class GridSearch:
                 for level in levels
             ]
         )
+        self.overhead = overhead_levels(evidence, grid, self.usual_level, FOOT * self.usual_post)
+        self.tracked = without_overhead(grid, self.overhead)
 
     def grid(self) -> Grid:
         """The grid by the evidence."""
@@ -147,9 +154,7 @@ class GridSearch:
 
     def _reach(self, low: float, high: float) -> tuple[float, float]:
         """Lowest and highest y at which a post shows. The highest is at least the top of the tracked levels."""
-        columns = (self.x > low) & (self.x < high)
-        along = gaussian_filter1d(_mean(self.upright[:, columns], self.weight[:, columns], 1), 1.0)
-        shown = self.y[along >= FOOT * self.usual_post]
+        shown = post_heights(self.evidence, np.array([low, high]), FOOT * self.usual_post)
         return float(shown.min(initial=self.tracked.top)), float(shown.max(initial=self.tracked.top))
 
     def _usual(self, strengths: Sequence[float]) -> float:
@@ -157,12 +162,11 @@ class GridSearch:
 
     def _post_strength(self, low: float, high: float) -> float:
         rows, columns = self._body(), (self.x > low) & (self.x < high)
-        return float(_mean(self.upright[rows], self.weight[rows], 0)[columns].max(initial=0.0))
+        return float(seen_mean(self.upright[rows], self.weight[rows], 0)[columns].max(initial=0.0))
 
     def _level_strength(self, left: float, right: float, low: float, high: float) -> float:
         room = self.tracked.thickness / 4
-        rows, columns = (self.y > low - room) & (self.y < high + room), self._inside(left, right)
-        return float(_mean(self.beam[:, columns], self.weight[:, columns], 1)[rows].max(initial=0.0))
+        return level_strength(self.evidence, self._inside(left, right), low - room, high + room)
 
     def _body(self) -> Bools:
         """The rows between the lowest and the highest beams."""
@@ -188,12 +192,12 @@ class GridSearch:
 
     def _cover(self, evidence: Singles, weight: Singles, size: float, around: float, limit: float) -> Floats:
         """The cover (n,) of each row of `evidence` (n, m), for objects of a size and a limit that the evidence must stand out by."""
-        return _mean(self._standing_out(evidence, weight, size, around, limit), weight, 1)
+        return seen_mean(self._standing_out(evidence, weight, size, around, limit), weight, 1)
 
     def _standing_out(self, evidence: Singles, weight: Singles, size: float, around: float, limit: float) -> Singles:
         """The excess (n, m), from 0 to 1 at the limit, of each cell of `evidence` over the median of the rows around."""
         smooth = gaussian_filter1d(evidence, size / 4 / self.cell, axis=0)
-        usual = median_filter(_mean(smooth, weight, 1), max(3, round(0.7 * around / self.cell)))
+        usual = median_filter(seen_mean(smooth, weight, 1), max(3, round(0.7 * around / self.cell)))
         return np.asarray(np.clip((smooth - usual[:, None]) / max(limit, self.settings.faint), 0.0, 1.0), np.float32)
 
     def _shown(self, left: float, right: float, level: Floats) -> Floats:
@@ -261,7 +265,7 @@ class GridSearch:
         if not len(tracked) and right - left < GAP * _usual_bay(self.tracked.posts):
             return tracked
         kept = [level for level in tracked if self._stays(cover, left, right, level)]
-        taken = tracked.mean(axis=1).tolist()
+        taken = [*tracked.mean(axis=1).tolist(), *self.overhead.mean(axis=1).tolist()]
         for row in _peaks(cover, self.settings.painted / 4):
             centre = float(self.y[row])
             near = min((abs(centre - other) for other in taken), default=np.inf) <= APART * self.tracked.thickness
@@ -366,12 +370,6 @@ class GridSearch:
             if np.allclose(posts[0], left) and np.allclose(posts[1], right):
                 return levels
         return np.zeros((0, 2))
-
-
-def _mean(values: Singles, weight: Singles, axis: int) -> Floats:
-    """The mean along an axis over visible cells, 0 where there are none."""
-    visible = weight > 0
-    return np.asarray((values * visible).sum(axis=axis) / np.maximum(visible.sum(axis=axis), 1), np.float64)
 
 
 def _greatest(cover: Floats, places: Floats, intervals: Floats) -> Floats:
