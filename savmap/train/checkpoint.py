@@ -7,7 +7,7 @@ import hashlib
 import io
 import json
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -81,15 +81,22 @@ class TrainingState:
 
 
 def run_key(
-    classes: Sequence[str], samples: Sequence[Sample], seed: int, init: Path | None, settings: Hyperparameters
+    classes: Sequence[str],
+    samples: Sequence[Sample],
+    seed: int,
+    init: Path | None,
+    settings: Hyperparameters,
+    replayed: Collection[str] = (),
 ) -> str:
-    """A digest of all inputs of a run, pictures and labels included: if one changes, the same command begins a new run."""
+    """A digest of all inputs of a run, pictures and labels included, and the origins that are replayed: if one changes, the same command
+    begins a new run."""
     parts = [
         list(classes),
         [[sample.image_digest, sample.labels.digest, sample.group, sample.origin] for sample in samples],
         seed,
         sha256(init) if init is not None else None,
         asdict(settings),
+        sorted(replayed),
     ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

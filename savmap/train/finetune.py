@@ -53,11 +53,11 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
         0.0, f"{len(training)} pictures to train on, {len(validation)} to measure and {len(choosing)} to choose by"
     )
     trainer = Trainer(network, settings)
-    key = run_key(plan.classes, samples, plan.seed, plan.init, settings)
+    replayed = {sample.origin for dataset in replay for sample in dataset.samples}
+    key = run_key(plan.classes, samples, plan.seed, plan.init, settings, replayed)
     kept = ResumeFile(plan.output.with_suffix(SUFFIX), key)
     state = resumed(kept, trainer, progress)
     recipe: dict[str, Any] = described(datasets, plan.seed, plan.minutes, settings) | {"from": plan.init.name}
-    replayed = {sample.origin for dataset in replay for sample in dataset.samples}
     source = source_of(plan, training, settings, state, replayed)
 
     def validate() -> None:

@@ -70,6 +70,7 @@ def test_other_data_begin_anew(plan: TrainingPlan) -> None:
     assert key_of(samples[:1]) != whole
     assert key_of(samples, 1) != whole
     assert key_of(samples, 0, MODELS["lights"]) != whole
+    assert run_key(["upright"], samples, 0, None, FINE_TUNING, replayed=[samples[0].origin]) != whole
     picture, mask = (next((plan.data[0] / kind).iterdir()) for kind in ("images", "masks"))
     cv2.imwrite(str(mask), np.zeros((480, 640), np.uint8))
     relabelled = key_of(named(column="upright"))
