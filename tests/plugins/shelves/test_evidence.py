@@ -78,6 +78,14 @@ def test_what_was_tracked_without_any_evidence_is_dropped() -> None:
     assert is_whole(expected_grid(seen(), Grid(POSTS, [LEVELS, made_up, LEVELS])))
 
 
+def test_a_beam_that_goods_hide_in_part_is_not_two() -> None:
+    """One half of a beam shows, and a little higher the edge of what hides the other half; or both all along, as two beams would."""
+    halves = (1, (2.8, 5.4), (1.9, 2.02), 0.0), (1, (2.8, 4.2), (1.9, 2.02), 0.9), (1, (4.2, 5.4), (2.14, 2.26), 0.7)
+    double = Grid(POSTS, [LEVELS, np.sort(np.vstack([LEVELS, [2.14, 2.26]]), axis=0), LEVELS])
+    assert is_whole(expected_grid(seen(*halves), double))
+    assert expected_grid(seen((1, (2.8, 5.4), (2.14, 2.26), 0.7)), double) is None
+
+
 def points_of(grid: Grid) -> dict[str, Floats]:
     """First positions of a grid's landmarks, under the names that tracks have."""
     posts = {

@@ -33,6 +33,8 @@ APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
 SIMILAR, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 SIMILAR_BELOW = 0.85
 GAP = 0.3
+ROOM = 3.0
+"""Two beams of a section are at least so many thicknesses apart: nothing fits between nearer ones."""
 QUARTER = 0.25
 
 
@@ -265,6 +267,7 @@ class GridSearch:
         if not len(tracked) and right - left < GAP * _usual_bay(self.tracked.posts):
             return tracked
         kept = [level for level in tracked if self._stays(cover, left, right, level)]
+        kept = [level for level in kept if not self._is_double(cover, left, right, level, kept)]
         taken = [*tracked.mean(axis=1).tolist(), *self.overhead.mean(axis=1).tolist()]
         for row in _peaks(cover, self.settings.painted / 4):
             centre = float(self.y[row])
@@ -285,6 +288,16 @@ class GridSearch:
         plain = shown > WHOLE or shown * strength > self.settings.plain
         strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
         return shown >= self.settings.lost and not sunk and (sure or not strange)
+
+    def _is_double(self, cover: Floats, left: float, right: float, level: Floats, levels: Sequence[Floats]) -> bool:
+        """Whether a level that shows in part is so near to a stronger one of its section that one beam was taken for two: goods hid a part of it,
+        and their edge was taken for the rest."""
+        room = ROOM * self.tracked.thickness
+        near = [other for other in levels if 0 < abs(other.mean() - level.mean()) < room]
+        if not near or _greatest(cover, self.y, level[None])[0] > WHOLE:
+            return False
+        strengths = [self._level_strength(left, right, *other) for other in near]
+        return max(strengths) > self._level_strength(left, right, *level)
 
     def _is_level(self, cover: float, left: float, right: float, centre: float) -> bool:
         """Whether there is a level at a height where none was tracked: by its cover, its paint, and its height.
