@@ -18,7 +18,7 @@ SIDES, SIDES_NOT_SEEN = "sides", "not seen"
 """The attribute of a compact lamp, and its value where the brightness falls around it in at most a quarter of the frames."""
 
 FEWEST, FEWEST_STEPS, FEWEST_ALIKE = 4, 2, 3
-OFF_SIGMA, OFF_M = 5.0, 0.05
+OFF_SIGMA, OFF_M = 4.0, 0.03
 REGULAR, MOST = 0.05, 0.75
 GAP = 1.5
 OFTEN = 0.75

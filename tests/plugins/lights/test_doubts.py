@@ -64,6 +64,15 @@ def test_a_lamp_at_another_height_is_doubted() -> None:
     assert line == "light 2 is at 6.40 m, the other lamps at 6.00 m: is it a lamp, and theirs?"
 
 
+@pytest.mark.parametrize(("off", "sigma", "count"), [(0.045, 0.01, 1), (0.045, 0.013, 0), (0.025, 0.005, 0)])
+def test_another_height_is_doubted_beyond_3_cm_and_what_is_not_sure(off: float, sigma: float, count: int) -> None:
+    lamps = [lamp(k, 3.0 * k, height=6.0 + off if k == 2 else 6.0) for k in range(1, 6)]
+    covariances = lamps[1].covariances.copy()
+    covariances[:, 1, 1] = sigma**2
+    lamps[1] = replace(lamps[1], covariances=covariances)
+    assert len(lines(lamps)) == count
+
+
 def test_an_end_at_another_height_is_doubted() -> None:
     """Half of a strip that is 12 cm off at one end is 6 cm off, which its ends' uncertainty may explain."""
     lamps = [lamp(k, 3.0 * k) for k in range(1, 7)]
