@@ -15,7 +15,7 @@ BESIDE = 0.5
 """How much of a bay is looked at beyond each end of the row."""
 SEEN = 0.5
 """An end tells something of a level if this share of what lies beyond it, at the level's height, was seen."""
-GOES_ON, ENDS = 0.25, 0.1
+GOES_ON, ENDS = 0.15, 0.1
 """A level goes on if its evidence beyond each end is at least this share of the usual level's. Others end: at most the other share."""
 LEAST_BELOW = 2
 """How many levels below the posts' tops must tell that the row ends."""
