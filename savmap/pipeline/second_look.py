@@ -81,17 +81,38 @@ class Expectation:
 
     def untracked(self) -> Iterator[tuple[Expected, Doubt]]:
         """Each object at whose outline nothing was tracked, and a doubt about it."""
-        if not self.points:
-            return
-        positions = np.array([*self.points.values()])
-        for thing in self.there:
-            low, high = thing.outline.min(axis=0), thing.outline.max(axis=0)
-            room = np.sort(high - low)[1] / 2
-            if ((positions > low - room) & (positions < high + room)).all(axis=1).sum() < LEAST_LANDMARKS:
-                nearest = int(np.linalg.norm(positions - (low + high) / 2, axis=1).argmin())
-                near = [*self.points][nearest].rsplit(" / ", 1)[0]
-                what = f"all frames together show {thing.label} near {near} that was not measured: is it missing?"
+        for thing in self.there if self.points else ():
+            if len(self._tracked_at(thing)) < LEAST_LANDMARKS:
+                what = f"all frames together show {thing.label} near {self._nearest(thing)} that was not measured: is it missing?"
                 yield thing, Doubt("support", what)
+
+    def unseen(self) -> Iterator[Doubt]:
+        """A doubt about each object that is absent, and was tracked all the same."""
+        for thing in self.objects:
+            names = self._tracked_at(thing) if thing.absent else []
+            if len(names) >= LEAST_LANDMARKS:
+                what = f"all frames together show no {thing.label} where {max(names, key=names.count)} was measured: is it one?"
+                yield Doubt("support", what)
+
+    def _tracked_at(self, thing: Expected) -> list[str]:
+        """The structure of each landmark that was tracked at an object's outline."""
+        low, high = thing.outline.min(axis=0), thing.outline.max(axis=0)
+        room = np.sort(high - low)[1] / 2
+        return [
+            structure_of(name)
+            for name, place in self.points.items()
+            if (place > low - room).all() and (place < high + room).all()
+        ]
+
+    def _nearest(self, thing: Expected) -> str:
+        """The structure of the landmark that is nearest to the middle of an object."""
+        middle = (thing.outline.min(axis=0) + thing.outline.max(axis=0)) / 2
+        return structure_of(min(self.points, key=lambda name: float(np.linalg.norm(self.points[name] - middle))))
+
+
+def structure_of(landmark: str) -> str:
+    """What a landmark's name says it is of."""
+    return landmark.rsplit(" / ", 1)[0]
 
 
 def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
@@ -154,7 +175,8 @@ class PluginAlone:
 def looked(
     alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements, monitor: Monitor
 ) -> RowMeasurements:
-    """What was measured after at most `LOOKS` looks for what a plugin expects, with a doubt about each object that is not tracked even then.
+    """What was measured after at most `LOOKS` looks for what a plugin expects, with a doubt about each object that is not tracked even
+    then, or is tracked and absent.
 
     A look may lose what there was before it: what is used was measured at first, or by the look after which the least is amiss.
     """
@@ -170,7 +192,7 @@ def looked(
         states.append((anew, expect(alone, measured, anew)))
     best, left = min(reversed(states), key=lambda state: state[1].amiss if state[1] is not None else 0)
     if left is not None and not doubts:
-        doubts = [*unexplained(left, measured.packed_views[plugin.name], measurements.facts.views)]
+        doubts = [*unexplained(left, measured.packed_views[plugin.name], measurements.facts.views), *left.unseen()]
     return replace(best, doubts=(*best.doubts, *doubts)) if doubts else best
 
 

@@ -168,6 +168,21 @@ def test_what_is_not_tracked_after_the_last_look_is_doubted(
     ]
 
 
+def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracked = {
+        f"thing {number} / {end}": np.array([x, y, 0.0])
+        for number, x in ((1, -0.8), (2, 0.8))
+        for end, y in (("top", 0.5), ("bottom", -0.5))
+    }
+    things = [rectangle(-0.8), replace(rectangle(0.8), absent=True), replace(rectangle(4.0), absent=True)]
+    measured, _ = looked(walked, watcher(), [Expectation(things, PATH, tracked)] * 3, monkeypatch)
+    assert [doubt.what for doubt in measured.doubts] == [
+        "all frames together show no light where thing 2 was measured: is it one?"
+    ]
+
+
 def test_a_look_that_loses_more_than_it_finds_is_not_used(
     walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
 ) -> None:
