@@ -15,6 +15,9 @@ BEYOND_PX = 9.0
 SHARP_PX, STEEP = 3.5, 0.6
 BORDER_PX = 3.0
 HALF = 0.6
+STEEP_PART, VALLEY, STEP_SHARE = 0.4, 0.5, (0.25, 0.9)
+"""A fall is in two steps where it is at least `STEEP_PART` as steep as anywhere on both sides of a place where it is at most `VALLEY` as steep as on either,
+and where the first step is such a share of it."""
 
 
 def places_within(grey: Singles, middle: Floats, axis: Floats) -> Floats:
@@ -47,9 +50,25 @@ def sampled_aslant(grey: Singles, middle: Floats, axis: Floats, normal: Floats, 
 
 
 def fall(profile: Floats, places: Floats, dark: int) -> tuple[float, bool]:
-    """Where a profile falls steepest about its first dark place, and whether it does so sharply."""
+    """Where a profile falls steepest about its first dark place, and whether it does so sharply, in one step."""
     middles, sharp = falls(profile[None], places, np.array([dark]))
-    return float(middles[0]), bool(sharp[0])
+    return float(middles[0]), bool(sharp[0]) and not is_stepped(profile, dark)
+
+
+def is_stepped(profile: Floats, dark: int) -> bool:
+    """Whether a profile falls in two steps about its first dark place: what shines is seen with a side that shines less, or with its housing, and
+    which of the steps the end is cannot be told well enough: a pixel is 5 cm of height at 6 m."""
+    gap, reach = round(1 / STEP_PX), round(BEYOND_PX / STEP_PX)
+    line = profile[max(dark - reach, 0) : dark + reach]
+    steepness = line[:-gap] - line[gap:]
+    steep = np.flatnonzero(steepness >= STEEP_PART * steepness.max(initial=DROP))
+    if not len(steep):
+        return False
+    first, last = int(steep[0]), int(steep[-1])
+    valley = first + int(np.argmin(steepness[first : last + 1]))
+    sides = (steepness[first : valley + 1].max(), steepness[valley : last + 1].max())
+    share = (line[: valley + 1].max() - line[valley : valley + gap + 1].mean()) / max(float(np.ptp(line)), DROP)
+    return bool(steepness[valley] <= VALLEY * min(sides) and STEP_SHARE[0] < share < STEP_SHARE[1])
 
 
 def falls(profiles: Floats, places: Floats, dark: Ints) -> tuple[Floats, Bools]:
