@@ -127,7 +127,7 @@ def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> R
         ):
             continue
         alone = PluginAlone(row, plugin)
-        measurements = looked(alone, measured, measurements, monitor)
+        measurements = best_measurements(alone, measured, measurements, monitor)
         depths = tuple(depths_of(alone, measured, measurements)) if plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
         if measured.floor and not measurements.floor.tracks:
@@ -172,13 +172,12 @@ class PluginAlone:
             return None
 
 
-def looked(
+def best_measurements(
     alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements, monitor: Monitor
 ) -> RowMeasurements:
-    """What was measured after at most `LOOKS` looks for what a plugin expects, with a doubt about each object that is not tracked even
-    then, or is tracked and absent.
+    """The measurements, of the first ones and those of up to `LOOKS` looks, after which the fewest of a plugin's expected objects are amiss.
 
-    A look may lose what there was before it: what is used was measured at first, or by the look after which the least is amiss.
+    A look may lose what an earlier one had. Each object that is still amiss is doubted.
     """
     row, plugin, doubts = alone.row.name, alone.plugin, list[Doubt]()
     states = [(measurements, expect(alone, measured, measurements))]

@@ -56,8 +56,11 @@ def fall(profile: Floats, places: Floats, dark: int) -> tuple[float, bool]:
 
 
 def is_stepped(profile: Floats, dark: int) -> bool:
-    """Whether a profile falls in two steps about its first dark place: what shines is seen with a side that shines less, or with its housing, and
-    which of the steps the end is cannot be told well enough: a pixel is 5 cm of height at 6 m."""
+    """Whether a profile falls in two steps about its first dark place.
+
+    A lamp whose side shines less, or whose housing is dark, looks so from the nearer side. Which step is its end is not known to a pixel,
+    and a pixel there is 5 cm of height for a lamp 6 m above the camera.
+    """
     gap, reach = round(1 / STEP_PX), round(BEYOND_PX / STEP_PX)
     line = profile[max(dark - reach, 0) : dark + reach]
     steepness = line[:-gap] - line[gap:]

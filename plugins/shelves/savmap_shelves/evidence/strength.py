@@ -28,8 +28,8 @@ def across_of(evidence: PlaneEvidence) -> Floats:
 def level_strength(evidence: PlaneEvidence, columns: Bools, low: float, high: float) -> float:
     """The greatest mean evidence of a beam over some columns, of the rows from `low` to `high`."""
     y = heights_of(evidence)
-    along = seen_mean(evidence.of("beam")[:, columns], evidence.weight[:, columns], 1)
-    return float(along[(y > low) & (y < high)].max(initial=0.0))
+    cells = np.ix_((y > low) & (y < high), columns)
+    return float(seen_mean(evidence.of("beam")[cells], evidence.weight[cells], 1).max(initial=0.0))
 
 
 def post_heights(evidence: PlaneEvidence, post: Floats, least: float) -> Floats:
