@@ -1,6 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.calibration.terms import Calibration, Shutter, Stitching, VerticalScale
+from savmap.graph.calibration.terms import Calibration, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.graph.constraints import (
     TIGHT_M,
     Constraints,
@@ -49,6 +49,7 @@ __all__ = [
     "KnownLength",
     "KnownMarker",
     "Landmark",
+    "LensDistance",
     "LocatedCamera",
     "Problem",
     "References",

@@ -10,6 +10,7 @@ from savmap.graph import (
     CameraHeight,
     KnownLength,
     KnownMarker,
+    LensDistance,
     References,
     Shutter,
     Stitching,
@@ -56,13 +57,15 @@ def misnamed(section: ReferenceSection, known: Sequence[str]) -> Iterator[tuple[
 def calibration_of(section: CalibrationSection) -> Calibration | None:
     """What of the camera is estimated; None if nothing is."""
     panorama, vertical, shutter = section.panorama, section.vertical_scale, section.rolling_shutter
-    if panorama is None and vertical is None and shutter is None:
+    lenses = section.lens_distance
+    if panorama is None and vertical is None and lenses is None and shutter is None:
         return None
     return Calibration(
         Stitching(panorama.turn_sigma_deg, panorama.scale_sigma, panorama.blend_deg) if panorama else None,
         Shutter(shutter.sigma_s, shutter.axis) if shutter else None,
         section.front_deg,
         VerticalScale(vertical.sigma) if vertical else None,
+        LensDistance(lenses.sigma_m) if lenses else None,
     )
 
 

@@ -209,6 +209,13 @@ class VerticalScaleSection(Strict):
     """Standard deviation of the factor."""
 
 
+class LensDistanceSection(Strict):
+    """How far apart the camera's two lenses may stand along the drive, where its program bends the pictures at a seam that crosses the face."""
+
+    sigma_m: Annotated[float, Field(gt=0, le=0.2)] = 0.03
+    """Standard deviation of the distance."""
+
+
 def _switched(value: object) -> object:
     return ({} if value else None) if isinstance(value, bool) else value
 
@@ -225,6 +232,11 @@ class CalibrationSection(Strict):
         BeforeValidator(_switched, json_schema_input_type=bool | VerticalScaleSection | None),
     ] = None
     """A factor of all elevations: panoramas that were cropped and stretched to 2:1 again."""
+    lens_distance: Annotated[
+        LensDistanceSection | None,
+        BeforeValidator(_switched, json_schema_input_type=bool | LensDistanceSection | None),
+    ] = None
+    """The distance between the lenses along the drive: pictures that are bent at a seam that crosses the face."""
     rolling_shutter: Annotated[
         ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
     ] = None

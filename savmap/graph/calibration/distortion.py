@@ -11,16 +11,19 @@ from savmap.types import Floats
 
 LEAST_DEPTH = 0.02
 LEAST_DEPTH_M = 0.2
+BENDS_DEG = (20.0, 5.0)
+"""Over how many degrees on either side of the seam pictures of lenses that stand apart are bent: a wide and a narrow one. What lies between is a mixture."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What n measurements show now: their points (n, 3) m in the rig frame, and the camera's own speeds (n, 3) m/s and
-    turning rates (n, 3) rad/s there."""
+    """What n measurements show now: their points (n, 3) m in the rig frame, the camera's own speeds (n, 3) m/s and
+    turning rates (n, 3) rad/s there, and its `drive` (3,), the unit direction there in which it mostly goes, or the opposite."""
 
     points: Floats
     speeds: Floats
     rates: Floats
+    drive: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +71,7 @@ class Lenses:
 @dataclass(frozen=True, eq=False)
 class Distortion:
     """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
-    `blend_deg`, the `vertical` scale, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
+    `blend_deg`, the `vertical` scale, the lenses' distance where they stand `apart`, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
@@ -78,6 +81,7 @@ class Distortion:
     blend_deg: float | None
     axis: str | None
     vertical: bool = False
+    apart: bool = False
 
     def __call__(self, pixels: Floats) -> tuple[Floats, Floats]:
         """Where pixels (n, 2) would be without it, and how they move (n, 2, p) with each parameter."""
@@ -89,6 +93,11 @@ class Distortion:
             straight = np.asarray(Rotation.from_rotvec(turn).apply(rays))
             true, slopes = self.lenses.projected(straight)
             moves.append(-np.einsum("nij,npj->nip", slopes, np.cross(basis, straight[:, None])))
+        if self.apart:
+            aside = self._aside()
+            first = basis.shape[1]
+            true = true + aside @ self.values[first : first + len(BENDS_DEG)]
+            moves.append(-aside)
         if self.axis is not None:
             late = read_out_share(rays, self.front_deg, self.axis)[:, None] * self._velocities(rays)
             true = true - self.values[-1] * late
@@ -105,6 +114,14 @@ class Distortion:
             parts.append(lowered(rays)[:, None])
         return np.concatenate(parts, axis=1)
 
+    def _aside(self) -> Floats:
+        """How far (n, 2, b) px the points are from where they are seen, a metre of each bend's lens distance."""
+        points, drive = self.scene.points, self.scene.drive
+        slopes = self.lenses.projected(points)[1] @ drive
+        rays = points / np.maximum(np.linalg.norm(points, axis=1), LEAST_DEPTH)[:, None]
+        shares = front_shares(rays, drive) * (self.lenses.depths(points) > LEAST_DEPTH_M)[:, None]
+        return slopes[:, :, None] * shares[:, None]
+
     def _velocities(self, rays: Floats) -> Floats:
         """How fast (n, 2) px/s what is seen along rays (n, 3) moves in the picture, at the depths of the points."""
         depths = self.lenses.depths(self.scene.points)
@@ -118,6 +135,12 @@ def rear_share(rays: Floats, front_deg: float, blend_deg: float) -> Floats:
     """How much (n,) of what is seen along rays (n, 3) the rear lens shows, 0..1."""
     off_axis = np.arccos(np.clip(rays @ rig_from_view(front_deg, 0.0, 0.0)[:, 2], -1.0, 1.0))
     return np.clip((np.degrees(off_axis) - 90.0) / blend_deg + 0.5, 0.0, 1.0)
+
+
+def front_shares(rays: Floats, axis: Floats) -> Floats:
+    """Where (n, b) between the lenses, -1/2..1/2 of their distance along the front one's axis (3,), what is seen along rays (n, 3) is seen from, by `BENDS_DEG`."""
+    from_seam = np.degrees(np.arcsin(np.clip(rays @ axis, -1.0, 1.0)))
+    return np.stack([np.clip(from_seam / bend, -1.0, 1.0) / 2 for bend in BENDS_DEG], axis=1)
 
 
 def turns(rays: Floats, rear: Floats, front_deg: float) -> Floats:
@@ -159,3 +182,9 @@ def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
     turned = np.swapaxes(poses[before, :3, :3], 1, 2) @ poses[after, :3, :3]
     rates: Floats = Rotation.from_matrix(turned).as_rotvec() * per_second
     return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
+
+
+def principal_direction(vectors: Floats) -> Floats:
+    """The unit direction (3,) that most of vectors (n, 3) have, or its opposite."""
+    direction: Floats = np.linalg.eigh(vectors.T @ vectors)[1][:, -1]
+    return direction

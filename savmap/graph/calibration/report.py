@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from savmap.graph.calibration.terms import SHUTTER, TURNS, Calibration
+from savmap.graph.calibration.terms import LENSES, SHUTTER, TURNS, Calibration
 from savmap.graph.covariance import Covariance
 from savmap.types import Floats
 
@@ -25,7 +25,7 @@ def calibration_report(
     term: Calibration | None, bias: Floats, covariance: Covariance, before: float, after: float
 ) -> CalibrationReport:
     """Values with sigmas of the parameters, which are the last of `bias` (k,), and the residuals' scale without them
-    (`before`) and with them."""
+    (`before`) and with them; the former is not told where the solve began with a term that is not 0."""
     if term is None:
         return CalibrationReport()
     count = len(term.names)
@@ -38,15 +38,20 @@ def calibration_report(
         report[f"calibration {name}, sigma {unit}"] = float(sigma * size)
         lines_of_terms.append(f"{name} {value * size:+.2f} +- {sigma * size:.2f} {unit}")
         vague += [name] if sigma > VAGUE * prior else []
-    report["residual_scale_uncalibrated"] = before
-    lines = [f"calibration: {', '.join(lines_of_terms)}; residuals' scale {before:.2f} without, {after:.2f} with it"]
+    scales = f"{after:.2f} with it"
+    if not term.usual.any():
+        report["residual_scale_uncalibrated"] = before
+        scales = f"{before:.2f} without, {scales}"
+    lines = [f"calibration: {', '.join(lines_of_terms)}; residuals' scale {scales}"]
     if vague:
         lines.append(f"calibration: this footage hardly tells {', '.join(vague)}")
     return CalibrationReport(report, tuple(lines))
 
 
 def _unit(name: str) -> tuple[str, float]:
-    """Unit of a parameter in reports, and how many there are to a radian, a whole, or a second."""
+    """Unit of a parameter in reports, and how many there are to a radian, a whole, a metre, or a second."""
     if name in TURNS:
         return "deg", float(np.degrees(1.0))
+    if name in LENSES:
+        return "cm", 1e2
     return ("ms", 1e3) if name == SHUTTER else ("percent", 1e2)

@@ -17,13 +17,14 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.distortion import Distortion, Lenses, Scene
+from savmap.graph.calibration.distortion import BENDS_DEG, Distortion, Lenses, Scene
 from savmap.graph.measurements import Biases, ImageMeasurements
 from savmap.types import Floats
 
 TURNS = ("rear pitch", "rear yaw", "rear roll")
 STRETCHES = ("front scale", "rear scale")
 VERTICAL = "vertical scale"
+LENSES = tuple(f"lens distance, bend of {degrees:.0f} degrees" for degrees in BENDS_DEG)
 SHUTTER = "read-out"
 STEP_PX = 0.5
 FAR_PX = 300.0
@@ -55,6 +56,20 @@ class VerticalScale:
 
 
 @dataclass(frozen=True)
+class LensDistance:
+    """Standard deviation, m, of the distance between two lenses back to back along the drive, so that the seam crosses the face. The pictures are bent from where one
+    lens stands to where the other does, over so many degrees on either side of the seam as a mixture of `BENDS_DEG` makes: the distance is the sum of a part for
+    each. The solve begins at `usual_m`, for far from the right distance what is seen at the seam looks like outliers."""
+
+    sigma_m: float = 0.03
+    usual_m: float = 0.025
+
+    def __post_init__(self) -> None:
+        if self.sigma_m <= 0:
+            raise SolveError("calibration of the lens distance: sigma must be greater than 0 m")
+
+
+@dataclass(frozen=True)
 class Shutter:
     """Standard deviation of the read-out time, s, over the panorama's rows (later lower down) or each half's columns (later
     to the right); negative where it runs the other way."""
@@ -69,30 +84,40 @@ class Shutter:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Which terms are unknowns of the solve. Values are radians, fractions and seconds, in the order of `names`. The front
-    lens looks at longitude `front_deg` of the panorama."""
+    """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of `names`. The front
+    lens looks at longitude `front_deg` of the panorama; for the lens distance, along the drive."""
 
     stitching: Stitching | None = None
     shutter: Shutter | None = None
     front_deg: float = 0.0
     vertical: VerticalScale | None = None
+    lenses: LensDistance | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters (p,)."""
         stitched = (*TURNS, *STRETCHES) if self.stitching else ()
-        return (*stitched, *((VERTICAL,) if self.vertical else ()), *((SHUTTER,) if self.shutter else ()))
+        apart = LENSES if self.lenses else ()
+        return (*stitched, *((VERTICAL,) if self.vertical else ()), *apart, *((SHUTTER,) if self.shutter else ()))
 
     @cached_property
     def prior(self) -> Floats:
         """Standard deviations (p,) about 0."""
         return np.array([*self._priors()])
 
+    @cached_property
+    def usual(self) -> Floats:
+        """Where the solve begins (p,): 0 but for the lens distance."""
+        each = self.lenses.usual_m / len(LENSES) if self.lenses else 0.0
+        return np.array([each if name in LENSES else 0.0 for name in self.names])
+
     def _priors(self) -> Iterator[float]:
         if self.stitching:
             yield from 3 * [float(np.radians(self.stitching.turn_sigma_deg))] + 2 * [self.stitching.scale_sigma]
         if self.vertical:
             yield self.vertical.sigma
+        if self.lenses:
+            yield from len(LENSES) * [self.lenses.sigma_m]
         if self.shutter:
             yield self.shutter.sigma_s
 
@@ -110,6 +135,20 @@ class Calibration:
         )
         return replace(measurements, biases=wider)
 
+    def without_parameters(self, measurements: ImageMeasurements) -> ImageMeasurements:
+        """The measurements without the parameters, which are their last biases."""
+        biases, count = measurements.biases, len(self.names)
+        return replace(
+            measurements,
+            biases=Biases(
+                biases.indices[:, :-count],
+                biases.slopes[:, :, :-count],
+                biases.prior[:-count],
+                biases.free[:-count],
+                biases.relative[:-count],
+            ),
+        )
+
     def corrected(self, measurements: ImageMeasurements, values: Floats, scene: Scene) -> ImageMeasurements:
         """Measurements with these parameters corrected for `values` (p,), and their slopes to these now.
 
@@ -120,8 +159,8 @@ class Calibration:
         lenses = Lenses.of(measurements)
         blend = self.stitching.blend_deg if self.stitching else None
         axis = self.shutter.axis if self.shutter else None
-        vertical = self.vertical is not None
-        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical)
+        vertical, apart = self.vertical is not None, self.lenses is not None
+        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical, apart)
         pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
         slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX

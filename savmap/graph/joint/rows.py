@@ -35,8 +35,8 @@ from savmap.graph.solver.optimise import (
     converged,
     solution_of,
 )
+from savmap.graph.solver.panorama import panorama_errors
 from savmap.graph.solver.solution import Solution
-from savmap.graph.solver.vertical_scale import vertical_scale_error
 from savmap.types import Doubt, Floats, Ints
 
 CONTRADICTION_SIGMA = 5.0
@@ -96,14 +96,14 @@ def _solutions(
 
 
 def _with_checks(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
-    """A row's solution with how its landmarks repeat in either half of the frames, and whether its panoramas are stretched, at the optimum that the row
+    """A row's solution with how its landmarks repeat in either half of the frames, and what is wrong with its panoramas, at the optimum that the row
     has alone."""
     if isinstance(result, SolveError):
         return result
     halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)
-    vertical = vertical_scale_error(iterate)
-    report = {**result.report, **(vertical.report if vertical else {})}
-    return replace(result, halves=halves, vertical_scale=vertical, report=report)
+    wrong = panorama_errors(iterate)
+    checked = replace(result, halves=halves, vertical_scale=wrong.vertical_scale, lens_distance=wrong.lens_distance)
+    return replace(checked, report={**result.report, **wrong.report})
 
 
 def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:

@@ -257,7 +257,7 @@ def _rounds(
     `begun` with other references, the measurements that fitted there come first."""
     huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.measurements), dtype=bool)
-    bias, weight, first_scale = np.zeros(len(problem.measurements.biases.prior)), np.ones(len(kept)), 0.0
+    bias, weight, first_scale = _usual_biases(problem), np.ones(len(kept)), 0.0
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
         huber = None if huber is None else begun.huber
@@ -303,6 +303,14 @@ def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
     joint = _covariance(iterate, huber, ())
     near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
     return np.zeros(len(iterate.bias)) if near.all() else joint.step
+
+
+def _usual_biases(problem: Problem) -> Floats:
+    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that are usually something else."""
+    biases, term = np.zeros(len(problem.measurements.biases.prior)), problem.camera.calibration
+    if term is not None and term.names:
+        biases[-len(term.names) :] = term.usual
+    return biases
 
 
 def _covariance(iterate: Iterate, huber: Floats | None, only: Collection[int] | None = None) -> Covariance:

@@ -64,6 +64,25 @@ class VerticalScaleError:
         return {"elevations, percent": 100 * self.share, "elevations, sigma percent": 100 * self.sigma}
 
 
+@dataclass(frozen=True)
+class LensDistanceError:
+    """The distance between the lenses, along the drive, that a row's panoramas show about their seam, and its standard deviation, m; and by how many standard deviations
+    its parts differ from none together."""
+
+    distance_m: float
+    sigma_m: float
+    deviation: float
+
+    @property
+    def report(self) -> dict[str, float]:
+        """Its entries in the row's report."""
+        return {
+            "lens distance, cm": 100 * self.distance_m,
+            "lens distance, sigma cm": 100 * self.sigma_m,
+            "lens distance, deviation": self.deviation,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
@@ -71,7 +90,8 @@ class Solution:
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
     variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
     of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames. `directional`: by plugin, what is
-    off in the same directions of the camera in all frames. `vertical_scale`: by how much elevations are seen too large; None where no solve told it."""
+    off in the same directions of the camera in all frames. `vertical_scale`: by how much elevations are seen too large, and
+    `lens_distance`: how far apart the seam shows the lenses; None where no solve told it."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -88,6 +108,7 @@ class Solution:
     halves: tuple[HalfDifference, ...] = ()
     directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
     vertical_scale: VerticalScaleError | None = None
+    lens_distance: LensDistanceError | None = None
 
     def landmarks_of(self, plugin: str) -> Mapping[str, Landmark]:
         """Landmarks of a plugin by name; none of one that has none."""

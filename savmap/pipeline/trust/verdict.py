@@ -22,14 +22,16 @@ OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
 STRETCHED_SIGMA, STRETCHED = 4.0, 0.002
 """A vertical scale is doubted that differs from 1 by more than so many standard deviations, and by more than such a share."""
+APART_SIGMA, APART_M = 4.0, 0.005
+"""Lenses are taken to stand apart where their pictures at the seam differ from a panorama's by more than so many standard deviations, and by more than so much."""
 AXES = "xyz"
 
 
 def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
     """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
     found: dict[str, tuple[Structure, ...]] = {}
-    stretched = [*_stretched(row.solution)]
-    of_camera, notes_of_camera = (stretched, []) if stretched else _no_panorama(row)
+    known = [*_stretched(row.solution), *_bent(row.solution)]
+    of_camera, notes_of_camera = (known, []) if known else _no_panorama(row)
     doubts = [*row.measurements.doubts, *row.solution.doubts, *of_camera]
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
@@ -73,6 +75,19 @@ def _stretched(solution: Solution) -> Iterator[Doubt]:
         "camera",
         f"all elevations are {how} in the pictures: they were cropped or stretched, and heights and distances are wrong by it; export whole panoramas, or "
         "have it estimated with `calibration: {vertical_scale: true}`",
+    )
+
+
+def _bent(solution: Solution) -> Iterator[Doubt]:
+    """A doubt where the solve with the lenses' distance as one more unknown says that the pictures are bent at their seam, which crosses the face."""
+    error = solution.lens_distance
+    if error is None or error.deviation < APART_SIGMA or abs(error.distance_m) < APART_M:
+        return
+    how = f"{100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm"
+    yield Doubt(
+        "camera",
+        f"the pictures are bent at a seam that crosses the face, as of lenses {how} apart along the drive: heights and distances are wrong by it; mount the camera "
+        "with a lens towards the row, or have it estimated with `calibration: {lens_distance: true}`",
     )
 
 
