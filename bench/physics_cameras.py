@@ -24,6 +24,7 @@ from savmap.types import Floats
 
 Rays = NDArray[np.floating[Any]]
 CEILING_M = 7.0
+BENT = "bent at a seam|panorama"
 ANY = "."
 """A camera that is held so badly may be caught for whatever reason."""
 
@@ -364,7 +365,9 @@ def camera_cases(poses: Path) -> tuple[Case, ...]:
         Case("two lenses, hard seam, 10 % brighter", each(two_lenses(rig, 0.03, 1.1, blend_deg=0.2))),
         Case("vignettes and fringes", each(two_lenses(rig, 0.0, 1.0, 0.5, 0.003))),
         Case("two lenses, 6 cm apart", each(two_lenses(rig, 0.06, 1.1, 0.4, 0.002)), ANY, True),
-        Case("two lenses, bent at the seam", each(bent_lenses(rig, 0.03, 20.0)), "panorama", True),
+        Case("two lenses, bent at the seam", each(bent_lenses(rig, 0.03, 20.0)), BENT, True),
+        Case("two lenses, bent sharply", each(bent_lenses(rig, 0.03, 5.0)), BENT, True),
+        Case("two lenses, 2 cm, bent at the seam", each(bent_lenses(rig, 0.02, 20.0)), BENT, True),
         Case("cut by 0.5 %, stretched", of(cropped(0.005)), "panorama", True),
         Case("dust and finger marks", each(spots)),
         Case("white balance drifts", each(tinted(0.25, 2.0))),

@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.calibration.distortion import Scene, principal_direction, velocities
+from savmap.graph.calibration.distortion import Scene, drive_axes, velocities
 from savmap.graph.constraints import Constraints, Relation, factors_in
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
@@ -80,7 +80,7 @@ class Problem:
         rig_from_world = np.swapaxes(poses[self.at_frame, :3, :3], 1, 2)
         offsets = points[self.at_key] - poses[self.at_frame, :3, 3]
         ahead = np.einsum("nij,nj->ni", rig_from_world, speeds[self.at_frame])
-        drive = principal_direction(np.einsum("fji,fj->fi", poses[:, :3, :3], speeds))
+        drive = drive_axes(poses, speeds)
         return Scene(np.einsum("nij,nj->ni", rig_from_world, offsets), ahead, rates[self.at_frame], drive)
 
     def index(self, key: int) -> int:

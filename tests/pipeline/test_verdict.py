@@ -8,7 +8,7 @@ import pytest
 from savmap.errors import DoubtfulError
 from savmap.graph import References, camera_priors, solve_rows
 from savmap.graph.solver.directions import DirectionalErrors
-from savmap.graph.solver.solution import VerticalScaleError
+from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.measure import RowMeasurements
@@ -99,6 +99,17 @@ def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
     _, verdict = judge(replace(row, solution=solution))
     assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
     assert all(doubted in doubt.what and "vertical_scale: true" in doubt.what for doubt in verdict.doubts)
+
+
+@pytest.mark.parametrize(
+    ("distance", "deviation", "doubted"), [(0.03, 5.0, "lenses 3.0 ± 0.5 cm apart"), (0.03, 3.0, ""), (0.003, 5.0, "")]
+)
+def test_pictures_bent_at_the_seam(distance: float, deviation: float, doubted: str) -> None:
+    row = mapped(Wall)
+    solution = replace(row.solution, lens_distance=LensDistanceError(distance, 0.005, deviation))
+    _, verdict = judge(replace(row, solution=solution))
+    assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
+    assert all(doubted in doubt.what and "lens_distance: true" in doubt.what for doubt in verdict.doubts)
 
 
 def test_what_is_said_twice_is_told_once() -> None:

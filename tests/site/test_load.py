@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
-from savmap.graph import Calibration, KnownMarker, Shutter, Stitching, VerticalScale
+from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
 from savmap.site.references import calibration_of, misnamed, references_of
@@ -129,16 +129,19 @@ def test_what_of_the_camera_is_estimated(tmp_path: Path) -> None:
     assert calibration_of(usual) == Calibration(Stitching(), Shutter())
     cropped = load_site(write(tmp_path, GOOD + "calibration: {vertical_scale: true}\n")).calibration
     assert calibration_of(cropped) == Calibration(vertical=VerticalScale())
+    apart = load_site(write(tmp_path, GOOD + "calibration: {lens_distance: true}\n")).calibration
+    assert calibration_of(apart) == Calibration(lenses=LensDistance())
     told = """\
 calibration:
   panorama: {turn_sigma_deg: 2.0, scale_sigma: 0.01, blend_deg: 3}
   vertical_scale: {sigma: 0.05}
+  lens_distance: {sigma_m: 0.02}
   rolling_shutter: {sigma_s: 0.03, axis: columns}
   front_deg: 90
 """
     section = load_site(write(tmp_path, GOOD + told)).calibration
     assert calibration_of(section) == Calibration(
-        Stitching(2.0, 0.01, 3.0), Shutter(0.03, "columns"), 90.0, VerticalScale(0.05)
+        Stitching(2.0, 0.01, 3.0), Shutter(0.03, "columns"), 90.0, VerticalScale(0.05), LensDistance(0.02)
     )
 
 

@@ -11,14 +11,45 @@ from savmap.types import Floats
 
 LEAST_DEPTH = 0.02
 LEAST_DEPTH_M = 0.2
-BENDS_DEG = (20.0, 5.0)
-"""Over how many degrees on either side of the seam pictures of lenses that stand apart are bent: a wide and a narrow one. What lies between is a mixture."""
+
+
+@dataclass(frozen=True)
+class Bend:
+    """How pictures are bent at a seam by lenses that stand apart: the front lens's axis is level, turned by `turn_deg` from the drive's way, and within `deg` of the
+    seam what is seen goes over from where one lens stands to where the other does. These stand apart along that axis, or, `upwards`, along the vertical."""
+
+    name: str
+    turn_deg: float
+    deg: float
+    upwards: bool = False
+
+    def axis(self, drive: Floats) -> Floats:
+        """The front lens's axis (3,) in the rig frame, by `Scene.drive`."""
+        turn = np.radians(self.turn_deg)
+        return np.asarray(np.cos(turn) * drive[0] + np.sin(turn) * drive[1])
+
+    def displacements(self, rays: Floats, drive: Floats) -> Floats:
+        """From where (n, 3), beside the rig's centre, what is along rays (n, 3) is seen, a metre between the lenses."""
+        axis = self.axis(drive)
+        from_seam = np.degrees(np.arcsin(np.clip(rays @ axis, -1.0, 1.0)))
+        return np.asarray(np.clip(from_seam / self.deg, -1.0, 1.0)[:, None] / 2 * (drive[2] if self.upwards else axis))
+
+
+BENDS = (
+    Bend("wide bend", 0.0, 20.0),
+    Bend("narrow bend", 0.0, 5.0),
+    Bend("upwards", 0.0, 10.0, upwards=True),
+    Bend("seam turned right", 50.0, 10.0),
+    Bend("seam turned left", -50.0, 10.0),
+)
+"""Seams that cross a face beside the drive; one in between is a mixture."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What n measurements show now: their points (n, 3) m in the rig frame, the camera's own speeds (n, 3) m/s and
-    turning rates (n, 3) rad/s there, and its `drive` (3,), the unit direction there in which it mostly goes, or the opposite."""
+    turning rates (n, 3) rad/s there, and its `drive` (3, 3): the unit directions there along which it mostly goes, across that to the right, and upwards. That
+    along the drive may point backwards, and that across it to the left then."""
 
     points: Floats
     speeds: Floats
@@ -96,7 +127,7 @@ class Distortion:
         if self.apart:
             aside = self._aside()
             first = basis.shape[1]
-            true = true + aside @ self.values[first : first + len(BENDS_DEG)]
+            true = true + aside @ self.values[first : first + len(BENDS)]
             moves.append(-aside)
         if self.axis is not None:
             late = read_out_share(rays, self.front_deg, self.axis)[:, None] * self._velocities(rays)
@@ -117,10 +148,9 @@ class Distortion:
     def _aside(self) -> Floats:
         """How far (n, 2, b) px the points are from where they are seen, a metre of each bend's lens distance."""
         points, drive = self.scene.points, self.scene.drive
-        slopes = self.lenses.projected(points)[1] @ drive
+        slopes = self.lenses.projected(points)[1] * (self.lenses.depths(points) > LEAST_DEPTH_M)[:, None, None]
         rays = points / np.maximum(np.linalg.norm(points, axis=1), LEAST_DEPTH)[:, None]
-        shares = front_shares(rays, drive) * (self.lenses.depths(points) > LEAST_DEPTH_M)[:, None]
-        return slopes[:, :, None] * shares[:, None]
+        return np.stack([np.einsum("nij,nj->ni", slopes, bend.displacements(rays, drive)) for bend in BENDS], axis=2)
 
     def _velocities(self, rays: Floats) -> Floats:
         """How fast (n, 2) px/s what is seen along rays (n, 3) moves in the picture, at the depths of the points."""
@@ -135,12 +165,6 @@ def rear_share(rays: Floats, front_deg: float, blend_deg: float) -> Floats:
     """How much (n,) of what is seen along rays (n, 3) the rear lens shows, 0..1."""
     off_axis = np.arccos(np.clip(rays @ rig_from_view(front_deg, 0.0, 0.0)[:, 2], -1.0, 1.0))
     return np.clip((np.degrees(off_axis) - 90.0) / blend_deg + 0.5, 0.0, 1.0)
-
-
-def front_shares(rays: Floats, axis: Floats) -> Floats:
-    """Where (n, b) between the lenses, -1/2..1/2 of their distance along the front one's axis (3,), what is seen along rays (n, 3) is seen from, by `BENDS_DEG`."""
-    from_seam = np.degrees(np.arcsin(np.clip(rays @ axis, -1.0, 1.0)))
-    return np.stack([np.clip(from_seam / bend, -1.0, 1.0) / 2 for bend in BENDS_DEG], axis=1)
 
 
 def turns(rays: Floats, rear: Floats, front_deg: float) -> Floats:
@@ -184,7 +208,12 @@ def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
     return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
 
 
-def principal_direction(vectors: Floats) -> Floats:
-    """The unit direction (3,) that most of vectors (n, 3) have, or its opposite."""
-    direction: Floats = np.linalg.eigh(vectors.T @ vectors)[1][:, -1]
-    return direction
+def drive_axes(poses: Floats, speeds: Floats) -> Floats:
+    """`Scene.drive` (3, 3) of poses (f, 4, 4) with y upwards and speeds (f, 3) m/s in the world: in the rig frame, means of all frames."""
+    inside = np.einsum("fji,fj->fi", poses[:, :3, :3], speeds)
+    along = np.linalg.eigh(inside.T @ inside)[1][:, -1]
+    along *= np.sign(along[np.abs(along).argmax()])
+    up = poses[:, 1, :3].mean(axis=0)
+    up -= (up @ along) * along
+    up /= np.maximum(np.linalg.norm(up), 1e-9)
+    return np.stack([along, np.cross(along, up), up])

@@ -17,14 +17,14 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.distortion import BENDS_DEG, Distortion, Lenses, Scene
+from savmap.graph.calibration.distortion import BENDS, Distortion, Lenses, Scene
 from savmap.graph.measurements import Biases, ImageMeasurements
 from savmap.types import Floats
 
 TURNS = ("rear pitch", "rear yaw", "rear roll")
 STRETCHES = ("front scale", "rear scale")
 VERTICAL = "vertical scale"
-LENSES = tuple(f"lens distance, bend of {degrees:.0f} degrees" for degrees in BENDS_DEG)
+LENSES = tuple(f"lens distance, {bend.name}" for bend in BENDS)
 SHUTTER = "read-out"
 STEP_PX = 0.5
 FAR_PX = 300.0
@@ -57,9 +57,8 @@ class VerticalScale:
 
 @dataclass(frozen=True)
 class LensDistance:
-    """Standard deviation, m, of the distance between two lenses back to back along the drive, so that the seam crosses the face. The pictures are bent from where one
-    lens stands to where the other does, over so many degrees on either side of the seam as a mixture of `BENDS_DEG` makes: the distance is the sum of a part for
-    each. The solve begins at `usual_m`, for far from the right distance what is seen at the seam looks like outliers."""
+    """Standard deviation, m, of the distance between two lenses back to back whose seam crosses the face, for each of `BENDS`: the pictures are bent from where one lens stands
+    to where the other does. The solve begins at `usual_m` along the drive, for far from the right distance what is seen at the seam looks like outliers."""
 
     sigma_m: float = 0.03
     usual_m: float = 0.025
@@ -85,7 +84,7 @@ class Shutter:
 @dataclass(frozen=True)
 class Calibration:
     """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of `names`. The front
-    lens looks at longitude `front_deg` of the panorama; for the lens distance, along the drive."""
+    lens looks at longitude `front_deg` of the panorama; that of the lens distance, where `BENDS` says."""
 
     stitching: Stitching | None = None
     shutter: Shutter | None = None
@@ -108,8 +107,13 @@ class Calibration:
     @cached_property
     def usual(self) -> Floats:
         """Where the solve begins (p,): 0 but for the lens distance."""
-        each = self.lenses.usual_m / len(LENSES) if self.lenses else 0.0
-        return np.array([each if name in LENSES else 0.0 for name in self.names])
+        along = [bend.turn_deg == 0 and not bend.upwards for bend in BENDS]
+        usual = (
+            {name: self.lenses.usual_m / sum(along) * on for name, on in zip(LENSES, along, strict=True)}
+            if self.lenses
+            else {}
+        )
+        return np.array([usual.get(name, 0.0) for name in self.names])
 
     def _priors(self) -> Iterator[float]:
         if self.stitching:

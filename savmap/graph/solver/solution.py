@@ -64,14 +64,23 @@ class VerticalScaleError:
         return {"elevations, percent": 100 * self.share, "elevations, sigma percent": 100 * self.sigma}
 
 
+APART_SIGMA = 4.5
+"""Pictures are bent at a seam where they differ from those of a single lens by more than so many standard deviations."""
+
+
 @dataclass(frozen=True)
 class LensDistanceError:
-    """The distance between the lenses, along the drive, that a row's panoramas show about their seam, and its standard deviation, m; and by how many standard deviations
-    its parts differ from none together."""
+    """The distance between the lenses that a row's panoramas show about their seam, and its standard deviation, m; and by how many standard deviations
+    the pictures differ from those of a single lens."""
 
     distance_m: float
     sigma_m: float
     deviation: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the pictures are bent at a seam."""
+        return self.deviation > APART_SIGMA
 
     @property
     def report(self) -> dict[str, float]:

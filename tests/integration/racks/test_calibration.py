@@ -12,6 +12,7 @@ from savmap.errors import SolveError
 from savmap.geometry import pinhole
 from savmap.graph import (
     Calibration,
+    LensDistance,
     Shutter,
     Solution,
     Stitching,
@@ -22,15 +23,19 @@ from savmap.graph import (
     solve_rows,
 )
 from savmap.graph.calibration.distortion import (
+    BENDS,
+    Bend,
     Distortion,
     Lenses,
     Scene,
+    drive_axes,
     lowered,
     read_out_share,
     rear_share,
     turns,
     velocities,
 )
+from savmap.graph.calibration.terms import LENSES
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
@@ -40,6 +45,7 @@ BLEND_DEG = 1.0
 OFF = np.array([*np.radians([0.8, -0.9, 0.6]), 0.0, 0.0])
 READ_OUT_S = 0.03
 STRETCHED = 0.01
+APART_M = 0.03
 Move = Callable[[Floats], Floats]
 
 
@@ -80,6 +86,30 @@ def stretched(world: made.World) -> made.World:
         return pinhole.project(rays @ view.rig_from_view, view.camera)
 
     return replace(world, tracks=[moved(track, seen) for track in world.tracks])
+
+
+def bent(world: made.World, plain: Solution, bend: Bend) -> made.World:
+    """As a camera shows it whose lenses stand apart, and whose program bends the pictures about the seam."""
+    used, poses = plain.trajectory.frames, plain.trajectory.world_from_rig
+    speeds = velocities(poses, world.facts.frames.stamps_s[used])[0]
+    drive = drive_axes(poses, speeds)
+    view = world.facts.views["face"]
+
+    def displaced(track: Track) -> Track:
+        at = np.searchsorted(used, track.frames)
+        place = plain.landmarks_of("shelves")[track.name].position
+        offsets = np.einsum("nji,nj->ni", poses[at, :3, :3], place - poses[at, :3, 3])
+        depths = (offsets @ view.rig_from_view)[:, 2:]
+
+        def seen(pixels: Floats) -> Floats:
+            rays = view.rig_rays(pixels)
+            points = depths / (rays @ view.rig_from_view)[:, 2:] * rays
+            points = points - APART_M * bend.displacements(rays, drive)
+            return pinhole.project(points @ view.rig_from_view, view.camera)
+
+        return moved(track, seen)
+
+    return replace(world, tracks=[displaced(track) for track in world.tracks])
 
 
 def constrained(world: made.World, calibration: Calibration | None) -> Problem:
@@ -168,7 +198,9 @@ def test_biases_are_moved_with_the_picture(small: made.World) -> None:
     slopes = np.concatenate([along, measured.biases.slopes], axis=2)
     spoilt = replace(measured, covariances=covariances, biases=replace(measured.biases, slopes=slopes))
     points = np.tile([0.0, 0.0, 3.0], (len(measured), 1))
-    moved = term.corrected(spoilt, np.array([0.02]), Scene(points, np.zeros_like(points), np.zeros_like(points)))
+    moved = term.corrected(
+        spoilt, np.array([0.02]), Scene(points, np.zeros_like(points), np.zeros_like(points), np.eye(3)[0])
+    )
     bias = moved.biases.slopes[:, :, 0]
     whitened = np.einsum("ni,nij,nj->n", bias, np.linalg.inv(moved.covariances), bias)
     np.testing.assert_allclose(whitened, 0.8**2, rtol=0.01)
@@ -189,6 +221,36 @@ def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -
     assert asked.vertical_scale is None
 
 
+@pytest.mark.parametrize("turn", [0.0, 60.0, -40.0])
+@pytest.mark.parametrize("bent_deg", [20.0, 5.0])
+def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_deg: float) -> None:
+    good = solved(small, None)
+    spoilt = bent(small, good, Bend("", turn, bent_deg))
+    [plain] = solve_rows([constrained(spoilt, None)], [list(range(len(small.facts.frames)))])
+    assert isinstance(plain, Solution)
+    assert plain.lens_distance is not None
+    assert plain.lens_distance.significant
+    assert plain.report["lens distance, cm"] == pytest.approx(100 * plain.lens_distance.distance_m)
+    found = solved(spoilt, Calibration(lenses=LensDistance()))
+    assert error(small, found) < max(0.6 * error(small, plain), 1.5 * error(small, good))
+    if turn == 0:
+        assert plain.lens_distance.distance_m == pytest.approx(APART_M, abs=4 * plain.lens_distance.sigma_m)
+        parts = [float(found.report[f"calibration {name}, cm"]) for name in LENSES]
+        assert BENDS[int(np.argmax(parts))].deg == bent_deg
+
+
+def test_what_the_calibration_estimates_is_not_tested_again(small: made.World) -> None:
+    frames = [list(range(len(small.facts.frames)))]
+    [plain] = solve_rows([constrained(small, None)], frames)
+    [asked] = solve_rows([constrained(small, Calibration(lenses=LensDistance(), shutter=Shutter()))], frames)
+    assert isinstance(plain, Solution)
+    assert isinstance(asked, Solution)
+    assert plain.lens_distance is not None
+    assert not plain.lens_distance.significant
+    assert asked.lens_distance is None
+    assert asked.vertical_scale is not None
+
+
 def test_without_a_term_nothing_changes(small: made.World) -> None:
     plain, empty = solved(small, None), solved(small, Calibration())
     assert np.array_equal(plain.covariance.points, empty.covariance.points)
@@ -205,14 +267,15 @@ def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: str) -> No
     pixels = rng.uniform([0, 0], [639, 479], (200, 2))
     lenses = Lenses(*(np.tile(part, (200, *np.ones(np.ndim(part), int))) for part in lens(view)))
     points = rng.uniform(1, 3, (200, 1)) * view.rig_rays(pixels)
-    scene = Scene(points, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)))
+    drive = np.array([[0.6, 0.0, 0.8], [0.8, 0.0, -0.6], [0.0, -1.0, 0.0]])
+    scene = Scene(points, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)), drive)
 
     def at(values: Floats) -> tuple[Floats, Floats]:
-        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis, vertical=True)(pixels)
+        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis, True, True)(pixels)
 
-    values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 2.0, 1.0])
+    values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 2.0, 3.0, -2.0, 1.0, 2.0, -1.0, 1.0])
     _, moves = at(values)
-    for number, step in enumerate(1e-6 * np.eye(7)):
+    for number, step in enumerate(1e-6 * np.eye(12)):
         slope = (at(values - step)[0] - at(values + step)[0]) / 2e-6
         np.testing.assert_allclose(slope, moves[:, :, number], rtol=0.01, atol=0.5)
 
@@ -233,7 +296,13 @@ def test_velocities_of_a_camera_that_turns_as_it_goes() -> None:
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: Stitching(turn_sigma_deg=0.0), lambda: Shutter(sigma_s=-1.0), lambda: VerticalScale(0.0)]
+    "make",
+    [
+        lambda: Stitching(turn_sigma_deg=0.0),
+        lambda: Shutter(sigma_s=-1.0),
+        lambda: VerticalScale(0.0),
+        lambda: LensDistance(0.0),
+    ],
 )
 def test_sigmas_are_positive(make: Callable[[], object]) -> None:
     with pytest.raises(SolveError, match="greater than 0"):
