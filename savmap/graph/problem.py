@@ -10,7 +10,8 @@ import gtsam
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.calibration.distortion import Scene, drive_axes, velocities
+from savmap.graph.calibration.bends import drive_axes
+from savmap.graph.calibration.distortion import Scene, velocities
 from savmap.graph.constraints import Constraints, Relation, factors_in
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms

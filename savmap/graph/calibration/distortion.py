@@ -1,4 +1,4 @@
-"""How stitching, cropping and read-out distort a panorama's pictures, at measured pixels."""
+"""How stitching, cropping, lenses that stand apart and read-out distort a panorama's pictures, at measured pixels."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry.pinhole import rig_from_view
+from savmap.graph.calibration.bends import BENDS
 from savmap.graph.measurements import ImageMeasurements
 from savmap.types import Floats
 
@@ -13,43 +14,10 @@ LEAST_DEPTH = 0.02
 LEAST_DEPTH_M = 0.2
 
 
-@dataclass(frozen=True)
-class Bend:
-    """How pictures are bent at a seam by lenses that stand apart: the front lens's axis is level, turned by `turn_deg` from the drive's way, and within `deg` of the
-    seam what is seen goes over from where one lens stands to where the other does. These stand apart along that axis, or, `upwards`, along the vertical."""
-
-    name: str
-    turn_deg: float
-    deg: float
-    upwards: bool = False
-
-    def axis(self, drive: Floats) -> Floats:
-        """The front lens's axis (3,) in the rig frame, by `Scene.drive`."""
-        turn = np.radians(self.turn_deg)
-        return np.asarray(np.cos(turn) * drive[0] + np.sin(turn) * drive[1])
-
-    def displacements(self, rays: Floats, drive: Floats) -> Floats:
-        """From where (n, 3), beside the rig's centre, what is along rays (n, 3) is seen, a metre between the lenses."""
-        axis = self.axis(drive)
-        from_seam = np.degrees(np.arcsin(np.clip(rays @ axis, -1.0, 1.0)))
-        return np.asarray(np.clip(from_seam / self.deg, -1.0, 1.0)[:, None] / 2 * (drive[2] if self.upwards else axis))
-
-
-BENDS = (
-    Bend("wide bend", 0.0, 20.0),
-    Bend("narrow bend", 0.0, 5.0),
-    Bend("upwards", 0.0, 10.0, upwards=True),
-    Bend("seam turned right", 50.0, 10.0),
-    Bend("seam turned left", -50.0, 10.0),
-)
-"""Seams that cross a face beside the drive; one in between is a mixture."""
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What n measurements show now: their points (n, 3) m in the rig frame, the camera's own speeds (n, 3) m/s and
-    turning rates (n, 3) rad/s there, and its `drive` (3, 3): the unit directions there along which it mostly goes, across that to the right, and upwards. That
-    along the drive may point backwards, and that across it to the left then."""
+    turning rates (n, 3) rad/s there, and its `drive` (3, 3) there (`drive_axes`)."""
 
     points: Floats
     speeds: Floats
@@ -206,14 +174,3 @@ def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
     turned = np.swapaxes(poses[before, :3, :3], 1, 2) @ poses[after, :3, :3]
     rates: Floats = Rotation.from_matrix(turned).as_rotvec() * per_second
     return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
-
-
-def drive_axes(poses: Floats, speeds: Floats) -> Floats:
-    """`Scene.drive` (3, 3) of poses (f, 4, 4) with y upwards and speeds (f, 3) m/s in the world: in the rig frame, means of all frames."""
-    inside = np.einsum("fji,fj->fi", poses[:, :3, :3], speeds)
-    along = np.linalg.eigh(inside.T @ inside)[1][:, -1]
-    along *= np.sign(along[np.abs(along).argmax()])
-    up = poses[:, 1, :3].mean(axis=0)
-    up -= (up @ along) * along
-    up /= np.maximum(np.linalg.norm(up), 1e-9)
-    return np.stack([along, np.cross(along, up), up])

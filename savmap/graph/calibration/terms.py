@@ -17,7 +17,8 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.distortion import BENDS, Distortion, Lenses, Scene
+from savmap.graph.calibration.bends import BENDS
+from savmap.graph.calibration.distortion import Distortion, Lenses, Scene
 from savmap.graph.measurements import Biases, ImageMeasurements
 from savmap.types import Floats
 
@@ -57,11 +58,10 @@ class VerticalScale:
 
 @dataclass(frozen=True)
 class LensDistance:
-    """Standard deviation, m, of the distance between two lenses back to back whose seam crosses the face, for each of `BENDS`: the pictures are bent from where one lens stands
-    to where the other does. The solve begins at `usual_m` along the drive, for far from the right distance what is seen at the seam looks like outliers."""
+    """Standard deviation, m, of the distance between two lenses whose seam crosses the face, for each of `BENDS`. The solve begins at the usual distances, for far from the right
+    one what is seen at the seam looks like outliers."""
 
     sigma_m: float = 0.03
-    usual_m: float = 0.025
 
     def __post_init__(self) -> None:
         if self.sigma_m <= 0:
@@ -107,12 +107,7 @@ class Calibration:
     @cached_property
     def usual(self) -> Floats:
         """Where the solve begins (p,): 0 but for the lens distance."""
-        along = [bend.turn_deg == 0 and not bend.upwards for bend in BENDS]
-        usual = (
-            {name: self.lenses.usual_m / sum(along) * on for name, on in zip(LENSES, along, strict=True)}
-            if self.lenses
-            else {}
-        )
+        usual = {name: bend.usual_m for name, bend in zip(LENSES, BENDS, strict=True)}
         return np.array([usual.get(name, 0.0) for name in self.names])
 
     def _priors(self) -> Iterator[float]:

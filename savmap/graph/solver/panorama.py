@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.distortion import BENDS
+from savmap.graph.calibration.bends import BENDS
 from savmap.graph.calibration.terms import LENSES, VERTICAL, Calibration, LensDistance, VerticalScale
 from savmap.graph.solver.optimise import Iterate, SolveOptions, refined, shared_covariance
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
@@ -53,11 +53,10 @@ def _stretched(iterate: Iterate, own: Calibration, bent: bool) -> VerticalScaleE
 
 
 def _apart(iterate: Iterate, own: Calibration) -> LensDistanceError:
-    """The vector from the rear lens to the front one, along the drive, across it and upwards, is the sum of the bends'; beside a vertical scale, which looks alike."""
-    parts, covariance = _estimated(
-        iterate, own, replace(own, vertical=own.vertical or VerticalScale(), lenses=LensDistance()), LENSES
-    )
-    vectors = np.array([np.eye(3)[2] if bend.upwards else bend.axis(np.eye(3)) for bend in BENDS])
+    """The vector from the rear lens to the front one is the sum of the bends'. The vertical scale is estimated beside them, for it looks alike."""
+    term = replace(own, vertical=own.vertical or VerticalScale(), lenses=LensDistance())
+    parts, covariance = _estimated(iterate, own, term, LENSES)
+    vectors = np.array([bend.apart(np.eye(3)) for bend in BENDS])
     apart = parts @ vectors
     distance = float(np.linalg.norm(apart))
     towards = vectors @ apart / max(distance, 1e-9)

@@ -71,7 +71,7 @@ APART_SIGMA = 4.5
 @dataclass(frozen=True)
 class LensDistanceError:
     """The distance between the lenses that a row's panoramas show about their seam, and its standard deviation, m; and by how many standard deviations
-    the pictures differ from those of a single lens."""
+    its parts, of which some may cancel, differ from none."""
 
     distance_m: float
     sigma_m: float

@@ -22,13 +22,11 @@ from savmap.graph import (
     solve,
     solve_rows,
 )
+from savmap.graph.calibration.bends import BENDS, Bend, drive_axes
 from savmap.graph.calibration.distortion import (
-    BENDS,
-    Bend,
     Distortion,
     Lenses,
     Scene,
-    drive_axes,
     lowered,
     read_out_share,
     rear_share,
@@ -236,7 +234,7 @@ def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_
     if turn == 0:
         assert plain.lens_distance.distance_m == pytest.approx(APART_M, abs=4 * plain.lens_distance.sigma_m)
         parts = [float(found.report[f"calibration {name}, cm"]) for name in LENSES]
-        assert BENDS[int(np.argmax(parts))].deg == bent_deg
+        assert BENDS[int(np.argmax(parts))].wide_deg == bent_deg
 
 
 def test_what_the_calibration_estimates_is_not_tested_again(small: made.World) -> None:
