@@ -30,6 +30,7 @@ PARTS: tuple[tuple[Any, str, str, Callable[[], float]], ...] = (
     (measure, "require_course", "footage: how the camera went", time.thread_time),
     (optimise, "_judged", "references: soft solve and tests", time.process_time),
     (rows, "half_differences", "repeatability: odd and even frames", time.process_time),
+    (rows, "panorama_errors", "camera: cropped and bent pictures", time.process_time),
     (row, "judge", "support, shape, residuals", time.process_time),
 )
 """What is timed: its owner, its name, what it is for, and a clock: of its own thread while others work, of the process where it is alone."""
