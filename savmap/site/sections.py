@@ -210,7 +210,7 @@ class VerticalScaleSection(Strict):
 
 
 class LensDistanceSection(Strict):
-    """How far apart the camera's two lenses may stand along the drive, where its program bends the pictures at a seam that crosses the face."""
+    """How far apart the camera's two lenses may stand, where its program bends the pictures at a seam that crosses the face. Where the seam is, the footage tells, not `front_deg`."""
 
     sigma_m: Annotated[float, Field(gt=0, le=0.2)] = 0.03
     """Standard deviation of the distance."""
@@ -236,7 +236,7 @@ class CalibrationSection(Strict):
         LensDistanceSection | None,
         BeforeValidator(_switched, json_schema_input_type=bool | LensDistanceSection | None),
     ] = None
-    """The distance between the lenses along the drive: pictures that are bent at a seam that crosses the face."""
+    """The distance between the lenses: pictures that are bent at a seam that crosses the face."""
     rolling_shutter: Annotated[
         ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
     ] = None

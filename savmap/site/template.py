@@ -47,7 +47,7 @@ REFERENCES = """
 #calibration:
 #  panorama: false  # the fit of the panorama's two halves
 #  vertical_scale: false  # one factor of all elevations, of panoramas that were cropped
-#  lens_distance: false  # the distance between lenses along the drive, whose seam crosses the face
+#  lens_distance: false  # the distance between the two lenses, whose seam crosses the face
 #  rolling_shutter: false  # the time from the first row of the panorama to the last one
 
 # Where rows stand in the site's frame, if they are regularly spaced: face to face across an aisle, then back to back, and so

@@ -102,11 +102,12 @@ def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("distance", "deviation", "doubted"), [(0.03, 5.0, "lenses 3.0 ± 0.5 cm apart"), (0.03, 3.0, ""), (0.003, 5.0, "")]
+    ("displacement", "deviation", "doubted"),
+    [(0.015, 5.0, "lenses 3.0 ± 0.5 cm apart"), (0.015, 3.0, ""), (0.001, 5.0, "")],
 )
-def test_pictures_bent_at_the_seam(distance: float, deviation: float, doubted: str) -> None:
+def test_pictures_bent_at_the_seam(displacement: float, deviation: float, doubted: str) -> None:
     row = mapped(Wall)
-    solution = replace(row.solution, lens_distance=LensDistanceError(distance, 0.005, deviation))
+    solution = replace(row.solution, lens_distance=LensDistanceError(0.03, 0.005, displacement, deviation))
     _, verdict = judge(replace(row, solution=solution))
     assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
     assert all(doubted in doubt.what and "lens_distance: true" in doubt.what for doubt in verdict.doubts)

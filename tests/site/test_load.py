@@ -130,7 +130,7 @@ def test_what_of_the_camera_is_estimated(tmp_path: Path) -> None:
     cropped = load_site(write(tmp_path, GOOD + "calibration: {vertical_scale: true}\n")).calibration
     assert calibration_of(cropped) == Calibration(vertical=VerticalScale())
     apart = load_site(write(tmp_path, GOOD + "calibration: {lens_distance: true}\n")).calibration
-    assert calibration_of(apart) == Calibration(lenses=LensDistance())
+    assert calibration_of(apart) == Calibration(lens_distance=LensDistance())
     told = """\
 calibration:
   panorama: {turn_sigma_deg: 2.0, scale_sigma: 0.01, blend_deg: 3}

@@ -1,6 +1,7 @@
 """How stitching, cropping, lenses that stand apart and read-out distort a panorama's pictures, at measured pixels."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -70,7 +71,7 @@ class Lenses:
 @dataclass(frozen=True, eq=False)
 class Distortion:
     """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
-    `blend_deg`, the `vertical` scale, the lenses' distance where they stand `apart`, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
+    `blend_deg`, the `vertical` scale, the `lens_distance`, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
@@ -80,7 +81,7 @@ class Distortion:
     blend_deg: float | None
     axis: str | None
     vertical: bool = False
-    apart: bool = False
+    lens_distance: bool = False
 
     def __call__(self, pixels: Floats) -> tuple[Floats, Floats]:
         """Where pixels (n, 2) would be without it, and how they move (n, 2, p) with each parameter."""
@@ -92,11 +93,10 @@ class Distortion:
             straight = np.asarray(Rotation.from_rotvec(turn).apply(rays))
             true, slopes = self.lenses.projected(straight)
             moves.append(-np.einsum("nij,npj->nip", slopes, np.cross(basis, straight[:, None])))
-        if self.apart:
-            aside = self._aside()
+        if self.lens_distance:
             first = basis.shape[1]
-            true = true + aside @ self.values[first : first + len(BENDS)]
-            moves.append(-aside)
+            true = true - self._parallax @ self.values[first : first + len(BENDS)]
+            moves.append(self._parallax)
         if self.axis is not None:
             late = read_out_share(rays, self.front_deg, self.axis)[:, None] * self._velocities(rays)
             true = true - self.values[-1] * late
@@ -113,12 +113,14 @@ class Distortion:
             parts.append(lowered(rays)[:, None])
         return np.concatenate(parts, axis=1)
 
-    def _aside(self) -> Floats:
-        """How far (n, 2, b) px the points are from where they are seen, a metre of each bend's lens distance."""
+    @cached_property
+    def _parallax(self) -> Floats:
+        """How the points' pixels move (n, 2, b) with the baseline of each bend, px/m. What is seen about a point moves with it, and is not sheared: that is below a degree."""
         points, drive = self.scene.points, self.scene.drive
         slopes = self.lenses.projected(points)[1] * (self.lenses.depths(points) > LEAST_DEPTH_M)[:, None, None]
         rays = points / np.maximum(np.linalg.norm(points, axis=1), LEAST_DEPTH)[:, None]
-        return np.stack([np.einsum("nij,nj->ni", slopes, bend.displacements(rays, drive)) for bend in BENDS], axis=2)
+        places = [bend.points_of_view(rays, drive) for bend in BENDS]
+        return np.stack([-np.einsum("nij,nj->ni", slopes, place) for place in places], axis=2)
 
     def _velocities(self, rays: Floats) -> Floats:
         """How fast (n, 2) px/s what is seen along rays (n, 3) moves in the picture, at the depths of the points."""

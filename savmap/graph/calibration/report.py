@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from savmap.graph.calibration.terms import LENSES, SHUTTER, TURNS, Calibration
+from savmap.graph.calibration.bends import total_baseline
+from savmap.graph.calibration.terms import LENS_DISTANCES, SHUTTER, TURNS, Calibration
 from savmap.graph.covariance import Covariance
 from savmap.types import Floats
 
@@ -25,7 +26,7 @@ def calibration_report(
     term: Calibration | None, bias: Floats, covariance: Covariance, before: float, after: float
 ) -> CalibrationReport:
     """Values with sigmas of the parameters, which are the last of `bias` (k,), and the residuals' scale without them
-    (`before`) and with them; the former is not told where the solve began with a term that is not 0."""
+    (`before`) and with them. Where the lens distance is among them, the former is not told: the solve does not begin without it."""
     if term is None:
         return CalibrationReport()
     count = len(term.names)
@@ -39,7 +40,13 @@ def calibration_report(
         lines_of_terms.append(f"{name} {value * size:+.2f} +- {sigma * size:.2f} {unit}")
         vague += [name] if sigma > VAGUE * prior else []
     scales = f"{after:.2f} with it"
-    if not term.usual.any():
+    if term.lens_distance:
+        first = term.names.index(LENS_DISTANCES[0])
+        of_lenses = slice(first, first + len(LENS_DISTANCES))
+        parts, spread = bias[-count:][of_lenses], covariance.shared[-count:, -count:][of_lenses, of_lenses]
+        distance, sigma = total_baseline(parts, spread)
+        report |= {"calibration lens distance, cm": 100 * distance, "calibration lens distance, sigma cm": 100 * sigma}
+    else:
         report["residual_scale_uncalibrated"] = before
         scales = f"{before:.2f} without, {scales}"
     lines = [f"calibration: {', '.join(lines_of_terms)}; residuals' scale {scales}"]
@@ -52,6 +59,6 @@ def _unit(name: str) -> tuple[str, float]:
     """Unit of a parameter in reports, and how many there are to a radian, a whole, a metre, or a second."""
     if name in TURNS:
         return "deg", float(np.degrees(1.0))
-    if name in LENSES:
+    if name in LENS_DISTANCES:
         return "cm", 1e2
     return ("ms", 1e3) if name == SHUTTER else ("percent", 1e2)

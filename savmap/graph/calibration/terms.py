@@ -4,7 +4,7 @@ A consumer panorama is put together from two fisheye lenses, back to back. To fi
 and wrong principal points turn one half against the other, and a wrong focal length stretches a half away from its axis:
 small turns phi = sum_j beta_j b_j(r) of each ray r, the same in every frame (additional parameters of a self-calibrating
 bundle adjustment; Brown 1971). A panorama that was cropped above and below and stretched to 2:1 again shows all elevations
-larger by one factor. A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
+larger by one factor. The baseline between the two lenses displaces what is seen at their seam by its parallax (`bends`). A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
 one unknown, tau, times the pixel's velocity between neighbouring frames (Hedborg et al., Rolling shutter bundle adjustment,
 CVPR 2012). Turning jitter faster than the frames follow one another is not modelled.
 """
@@ -25,7 +25,7 @@ from savmap.types import Floats
 TURNS = ("rear pitch", "rear yaw", "rear roll")
 STRETCHES = ("front scale", "rear scale")
 VERTICAL = "vertical scale"
-LENSES = tuple(f"lens distance, {bend.name}" for bend in BENDS)
+LENS_DISTANCES = tuple(f"lens distance ({bend.name})" for bend in BENDS)
 SHUTTER = "read-out"
 STEP_PX = 0.5
 FAR_PX = 300.0
@@ -58,8 +58,8 @@ class VerticalScale:
 
 @dataclass(frozen=True)
 class LensDistance:
-    """Standard deviation, m, of the distance between two lenses whose seam crosses the face, for each of `BENDS`. The solve begins at the usual distances, for far from the right
-    one what is seen at the seam looks like outliers."""
+    """Standard deviation, m, of the baseline between two lenses whose seam crosses the face, for each of `BENDS`, about 0. The solve begins at their `initial_m`, for far from the
+    right one what is seen at the seam looks like outliers."""
 
     sigma_m: float = 0.03
 
@@ -84,20 +84,20 @@ class Shutter:
 @dataclass(frozen=True)
 class Calibration:
     """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of `names`. The front
-    lens looks at longitude `front_deg` of the panorama; that of the lens distance, where `BENDS` says."""
+    lens looks at longitude `front_deg` of the panorama; for the lens distance it looks where the bends say, whatever `front_deg` is."""
 
     stitching: Stitching | None = None
     shutter: Shutter | None = None
     front_deg: float = 0.0
     vertical: VerticalScale | None = None
-    lenses: LensDistance | None = None
+    lens_distance: LensDistance | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters (p,)."""
         stitched = (*TURNS, *STRETCHES) if self.stitching else ()
-        apart = LENSES if self.lenses else ()
-        return (*stitched, *((VERTICAL,) if self.vertical else ()), *apart, *((SHUTTER,) if self.shutter else ()))
+        lenses = LENS_DISTANCES if self.lens_distance else ()
+        return (*stitched, *((VERTICAL,) if self.vertical else ()), *lenses, *((SHUTTER,) if self.shutter else ()))
 
     @cached_property
     def prior(self) -> Floats:
@@ -105,18 +105,18 @@ class Calibration:
         return np.array([*self._priors()])
 
     @cached_property
-    def usual(self) -> Floats:
+    def initial(self) -> Floats:
         """Where the solve begins (p,): 0 but for the lens distance."""
-        usual = {name: bend.usual_m for name, bend in zip(LENSES, BENDS, strict=True)}
-        return np.array([usual.get(name, 0.0) for name in self.names])
+        known = {name: bend.initial_m for name, bend in zip(LENS_DISTANCES, BENDS, strict=True)}
+        return np.array([known.get(name, 0.0) for name in self.names])
 
     def _priors(self) -> Iterator[float]:
         if self.stitching:
             yield from 3 * [float(np.radians(self.stitching.turn_sigma_deg))] + 2 * [self.stitching.scale_sigma]
         if self.vertical:
             yield self.vertical.sigma
-        if self.lenses:
-            yield from len(LENSES) * [self.lenses.sigma_m]
+        if self.lens_distance:
+            yield from len(LENS_DISTANCES) * [self.lens_distance.sigma_m]
         if self.shutter:
             yield self.shutter.sigma_s
 
@@ -136,15 +136,17 @@ class Calibration:
 
     def without_parameters(self, measurements: ImageMeasurements) -> ImageMeasurements:
         """The measurements without the parameters, which are their last biases."""
-        biases, count = measurements.biases, len(self.names)
+        biases = measurements.biases
+        count = len(biases.prior) - len(self.names)
+        by_measurement = biases.indices.shape[1] - len(self.names)
         return replace(
             measurements,
             biases=Biases(
-                biases.indices[:, :-count],
-                biases.slopes[:, :, :-count],
-                biases.prior[:-count],
-                biases.free[:-count],
-                biases.relative[:-count],
+                biases.indices[:, :by_measurement],
+                biases.slopes[:, :, :by_measurement],
+                biases.prior[:count],
+                biases.free[:count],
+                biases.relative[:count],
             ),
         )
 
@@ -158,8 +160,8 @@ class Calibration:
         lenses = Lenses.of(measurements)
         blend = self.stitching.blend_deg if self.stitching else None
         axis = self.shutter.axis if self.shutter else None
-        vertical, apart = self.vertical is not None, self.lenses is not None
-        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical, apart)
+        vertical, distance = self.vertical is not None, self.lens_distance is not None
+        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical, distance)
         pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
         slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX

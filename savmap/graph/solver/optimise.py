@@ -251,13 +251,18 @@ def _cost(iterate: Iterate, inflation: Floats) -> float:
 
 
 def _rounds(
-    problem: Problem, estimate: Estimate, options: SolveOptions, begun: Iterate | None = None
+    problem: Problem,
+    estimate: Estimate,
+    options: SolveOptions,
+    begun: Iterate | None = None,
+    bias: Floats | None = None,
 ) -> Iterator[Iterate]:
     """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases. With what is
-    `begun` with other references, the measurements that fitted there come first."""
+    `begun` with other references, the measurements that fitted there come first. `bias` (k,): where the biases begin."""
     huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.measurements), dtype=bool)
-    bias, weight, first_scale = _usual_biases(problem), np.ones(len(kept)), 0.0
+    bias = _initial_biases(problem, options) if bias is None else bias
+    weight, first_scale = np.ones(len(kept)), 0.0
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
         huber = None if huber is None else begun.huber
@@ -285,15 +290,16 @@ def _rounds(
         kept, bias = fit.kept, bias + step
 
 
-def refined(problem: Problem, estimate: Estimate, options: SolveOptions) -> Iterate:
-    """The optimum near an estimate, without a look at the references. Raises SolveError if the graph cannot be solved."""
-    *_, last = _rounds(problem, estimate, options)
+def refined(problem: Problem, estimate: Estimate, options: SolveOptions, bias: Floats) -> Iterate:
+    """The optimum near an estimate and biases (k,), without a look at the references. Raises SolveError if the graph cannot be solved."""
+    *_, last = _rounds(problem, estimate, options, bias=bias)
     return last
 
 
-def shared_covariance(iterate: Iterate) -> Floats:
-    """Covariance (k, k) of the biases at an optimum, the camera's calibration last."""
-    return _covariance(iterate, None, ()).shared
+def estimated_biases(iterate: Iterate) -> tuple[Floats, Floats]:
+    """The biases (k,) at an optimum, the camera's calibration last, with the step that is left to it; and their covariance (k, k)."""
+    joint = _covariance(iterate, iterate.huber, ())
+    return iterate.bias + joint.step, joint.shared
 
 
 def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
@@ -305,11 +311,11 @@ def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
     return np.zeros(len(iterate.bias)) if near.all() else joint.step
 
 
-def _usual_biases(problem: Problem) -> Floats:
-    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that are usually something else."""
+def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
+    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that begin elsewhere, unless a single round leaves all where they are."""
     biases, term = np.zeros(len(problem.measurements.biases.prior)), problem.camera.calibration
-    if term is not None and term.names:
-        biases[-len(term.names) :] = term.usual
+    if term is not None and term.names and options.rounds > 1:
+        biases[-len(term.names) :] = term.initial
     return biases
 
 

@@ -1,20 +1,23 @@
 """What is wrong with a row's panoramas: they were cropped above and below and stretched to 2:1 again, or bent at their seam by lenses that stand apart.
 
-Poses and structures absorb most of it, so that residuals stay small. The row is solved once more with each as unknowns of the camera, which says how
-large they are, and how well they are known.
+Poses and structures absorb most of it, so that residuals stay small. The row is solved twice more with unknowns of the camera, which says how large they are, and how well
+they are known: with the lens distance and a vertical scale, then with the vertical scale alone, which is known best so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.bends import BENDS
-from savmap.graph.calibration.terms import LENSES, VERTICAL, Calibration, LensDistance, VerticalScale
-from savmap.graph.solver.optimise import Iterate, SolveOptions, refined, shared_covariance
+from savmap.graph.calibration.bends import largest_displacement, total_baseline
+from savmap.graph.calibration.terms import LENS_DISTANCES, VERTICAL, Calibration, LensDistance, VerticalScale
+from savmap.graph.solver.optimise import Iterate, SolveOptions, estimated_biases, refined
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.types import Floats
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -32,44 +35,47 @@ class PanoramaErrors:
 
 
 def panorama_errors(iterate: Iterate) -> PanoramaErrors:
-    """What is wrong with a row's panoramas, from solves that begin at the row's optimum. Nothing is told where the camera's path is given, and where
-    the row cannot be solved so."""
-    own = iterate.problem.camera.calibration or Calibration()
+    """What is wrong with a row's panoramas, from solves that begin at the row's optimum. Nothing is told where the camera's path is given, and what
+    cannot be solved is not told."""
     if iterate.problem.camera.fixed is not None:
         return PanoramaErrors()
+    own = iterate.problem.camera.calibration or Calibration()
+    apart = None if own.lens_distance else _attempt(_lens_distance, iterate, own)
+    bent = apart is not None and apart.significant
+    return PanoramaErrors(None if own.vertical else _attempt(_vertical_scale, iterate, own, bent), apart)
+
+
+def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | None:
     try:
-        apart = None if own.lenses else _apart(iterate, own)
-        bent = apart is not None and apart.significant
-        return PanoramaErrors(None if own.vertical else _stretched(iterate, own, bent), apart)
-    except SolveError:
-        return PanoramaErrors()
+        return solve(*arguments)
+    except (SolveError, np.linalg.LinAlgError):
+        return None
 
 
-def _stretched(iterate: Iterate, own: Calibration, bent: bool) -> VerticalScaleError:
-    """The vertical scale alone, which is known best so; in pictures that are `bent`, beside that."""
-    term = replace(own, vertical=VerticalScale(), lenses=LensDistance() if bent else own.lenses)
+def _vertical_scale(iterate: Iterate, own: Calibration, bent: bool) -> VerticalScaleError:
+    """The vertical scale without the lens distance, which makes it less sure; with it in pictures that are `bent`."""
+    term = replace(own, vertical=VerticalScale(), lens_distance=LensDistance() if bent else own.lens_distance)
     values, covariance = _estimated(iterate, own, term, (VERTICAL,))
     return VerticalScaleError(float(values[0]), float(np.sqrt(covariance[0, 0])))
 
 
-def _apart(iterate: Iterate, own: Calibration) -> LensDistanceError:
-    """The vector from the rear lens to the front one is the sum of the bends'. The vertical scale is estimated beside them, for it looks alike."""
-    term = replace(own, vertical=own.vertical or VerticalScale(), lenses=LensDistance())
-    parts, covariance = _estimated(iterate, own, term, LENSES)
-    vectors = np.array([bend.apart(np.eye(3)) for bend in BENDS])
-    apart = parts @ vectors
-    distance = float(np.linalg.norm(apart))
-    towards = vectors @ apart / max(distance, 1e-9)
-    deviation = float(np.sqrt(parts @ np.linalg.solve(covariance, parts)))
-    return LensDistanceError(distance, float(np.sqrt(towards @ covariance @ towards)), deviation)
+def _lens_distance(iterate: Iterate, own: Calibration) -> LensDistanceError:
+    """The lens distance, with a vertical scale, for either bends the scene in a similar way."""
+    term = replace(own, vertical=own.vertical or VerticalScale(), lens_distance=LensDistance())
+    parts, covariance = _estimated(iterate, own, term, LENS_DISTANCES)
+    deviation = float(np.sqrt(max(float(parts @ np.linalg.solve(covariance, parts)), 0.0)))
+    return LensDistanceError(*total_baseline(parts, covariance), largest_displacement(parts), deviation)
 
 
 def _estimated(iterate: Iterate, own: Calibration, term: Calibration, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """The named parameters (k,) of a calibration in place of the row's own one, and their covariance (k, k). Raises SolveError."""
+    """The named parameters (k,) of a calibration in place of the row's own one, for which the measurements are corrected already, and their covariance (k, k). Raises
+    SolveError."""
     problem = iterate.problem
-    measurements = own.without_parameters(problem.measurements) if own.names else problem.measurements
     camera = replace(problem.camera, calibration=term)
-    asked = replace(problem, camera=camera, measurements=term.with_parameters(measurements))
-    last = refined(asked, iterate.estimate, SolveOptions())
+    measurements = term.with_parameters(own.without_parameters(problem.measurements))
+    initial = np.where([name in own.names for name in term.names], 0.0, term.initial)
+    bias = np.concatenate([np.zeros(len(measurements.biases.prior) - len(initial)), initial])
+    last = refined(replace(problem, camera=camera, measurements=measurements), iterate.estimate, SolveOptions(), bias)
+    values, covariance = estimated_biases(last)
     at = [term.names.index(name) - len(term.names) for name in names]
-    return last.bias[at], shared_covariance(last)[np.ix_(at, at)]
+    return values[at], covariance[np.ix_(at, at)]

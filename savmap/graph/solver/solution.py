@@ -64,23 +64,25 @@ class VerticalScaleError:
         return {"elevations, percent": 100 * self.share, "elevations, sigma percent": 100 * self.sigma}
 
 
-APART_SIGMA = 4.5
-"""Pictures are bent at a seam where they differ from those of a single lens by more than so many standard deviations."""
+LEAST_DEVIATION, LEAST_DISPLACEMENT_M = 4.5, 0.0025
+"""Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance does in one row of a thousand, and move the point of view of
+some ray by more than so much."""
 
 
 @dataclass(frozen=True)
 class LensDistanceError:
-    """The distance between the lenses that a row's panoramas show about their seam, and its standard deviation, m; and by how many standard deviations
-    its parts, of which some may cancel, differ from none."""
+    """The distance between the lenses that a row's panoramas show about their seam, and its standard deviation, m; the farthest, m, that it moves the point of view of a
+    ray from the middle; and the `deviation` of its parts from 0, of which some may cancel: their Mahalanobis distance, with a part for each of `BENDS`."""
 
     distance_m: float
     sigma_m: float
+    displacement_m: float
     deviation: float
 
     @property
     def significant(self) -> bool:
         """Whether the pictures are bent at a seam."""
-        return self.deviation > APART_SIGMA
+        return self.deviation > LEAST_DEVIATION and self.displacement_m > LEAST_DISPLACEMENT_M
 
     @property
     def report(self) -> dict[str, float]:

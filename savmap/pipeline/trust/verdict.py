@@ -22,8 +22,6 @@ OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
 STRETCHED_SIGMA, STRETCHED = 4.0, 0.002
 """A vertical scale is doubted that differs from 1 by more than so many standard deviations, and by more than such a share."""
-APART_M = 0.005
-"""A smaller distance between the lenses does no harm."""
 AXES = "xyz"
 
 
@@ -81,7 +79,7 @@ def _stretched(solution: Solution) -> Iterator[Doubt]:
 def _bent(solution: Solution) -> Iterator[Doubt]:
     """A doubt where the solve with the lenses' distance as one more unknown says that the pictures are bent at their seam, which crosses the face."""
     error = solution.lens_distance
-    if error is None or not error.significant or error.distance_m < APART_M:
+    if error is None or not error.significant:
         return
     how = f"{100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm"
     yield Doubt(

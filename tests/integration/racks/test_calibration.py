@@ -22,7 +22,7 @@ from savmap.graph import (
     solve,
     solve_rows,
 )
-from savmap.graph.calibration.bends import BENDS, Bend, drive_axes
+from savmap.graph.calibration.bends import BENDS, Bend, drive_axes, largest_displacement, total_baseline
 from savmap.graph.calibration.distortion import (
     Distortion,
     Lenses,
@@ -33,7 +33,7 @@ from savmap.graph.calibration.distortion import (
     turns,
     velocities,
 )
-from savmap.graph.calibration.terms import LENSES
+from savmap.graph.calibration.terms import LENS_DISTANCES
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
@@ -102,7 +102,7 @@ def bent(world: made.World, plain: Solution, bend: Bend) -> made.World:
         def seen(pixels: Floats) -> Floats:
             rays = view.rig_rays(pixels)
             points = depths / (rays @ view.rig_from_view)[:, 2:] * rays
-            points = points - APART_M * bend.displacements(rays, drive)
+            points = points - APART_M * bend.points_of_view(rays, drive)
             return pinhole.project(points @ view.rig_from_view, view.camera)
 
         return moved(track, seen)
@@ -197,7 +197,7 @@ def test_biases_are_moved_with_the_picture(small: made.World) -> None:
     spoilt = replace(measured, covariances=covariances, biases=replace(measured.biases, slopes=slopes))
     points = np.tile([0.0, 0.0, 3.0], (len(measured), 1))
     moved = term.corrected(
-        spoilt, np.array([0.02]), Scene(points, np.zeros_like(points), np.zeros_like(points), np.eye(3)[0])
+        spoilt, np.array([0.02]), Scene(points, np.zeros_like(points), np.zeros_like(points), np.eye(3))
     )
     bias = moved.biases.slopes[:, :, 0]
     whitened = np.einsum("ni,nij,nj->n", bias, np.linalg.inv(moved.covariances), bias)
@@ -229,18 +229,48 @@ def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_
     assert plain.lens_distance is not None
     assert plain.lens_distance.significant
     assert plain.report["lens distance, cm"] == pytest.approx(100 * plain.lens_distance.distance_m)
-    found = solved(spoilt, Calibration(lenses=LensDistance()))
+    found = solved(spoilt, Calibration(lens_distance=LensDistance()))
     assert error(small, found) < max(0.6 * error(small, plain), 1.5 * error(small, good))
     if turn == 0:
         assert plain.lens_distance.distance_m == pytest.approx(APART_M, abs=4 * plain.lens_distance.sigma_m)
-        parts = [float(found.report[f"calibration {name}, cm"]) for name in LENSES]
-        assert BENDS[int(np.argmax(parts))].wide_deg == bent_deg
+        parts = [float(found.report[f"calibration {name}, cm"]) for name in LENS_DISTANCES]
+        assert BENDS[int(np.argmax(parts))].half_width_deg == bent_deg
+        total = float(found.report["calibration lens distance, cm"])
+        assert total == pytest.approx(100 * APART_M, abs=4 * float(found.report["calibration lens distance, sigma cm"]))
+
+
+def test_a_corrected_baseline_is_not_taken_for_a_stretch(small: made.World) -> None:
+    """The test of what the calibration leaves open begins with what it corrected, not with its usual values on top."""
+    spoilt = bent(small, solved(small, None), Bend("", 0.0, 20.0))
+    problem = constrained(spoilt, Calibration(lens_distance=LensDistance()))
+    [asked] = solve_rows([problem], [list(range(len(small.facts.frames)))])
+    assert isinstance(asked, Solution)
+    assert asked.vertical_scale is not None
+    assert abs(asked.vertical_scale.share) < max(4 * asked.vertical_scale.sigma, 0.1 * STRETCHED)
+
+
+def test_where_rays_are_seen_from() -> None:
+    """The camera goes along the rig's x; its front lens looks there, and the seam is across."""
+    drive = drive_axes(np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (3, 1, 1)), np.tile([2.0, 0.0, 0.0], (3, 1)))
+    np.testing.assert_allclose(drive, [[1, 0, 0], [0, 0, 1], [0, 1, 0]], atol=1e-12)
+    rays = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 0, 1], [np.sin(np.radians(5)), 0, np.cos(np.radians(5))]])
+    along = Bend("", 0.0, 10.0).points_of_view(rays, drive)
+    np.testing.assert_allclose(along, [[0.5, 0, 0], [-0.5, 0, 0], [0, 0, 0], [0.25, 0, 0]], atol=1e-12)
+    upwards = Bend("", 0.0, 10.0, upwards=True).points_of_view(rays, drive)
+    np.testing.assert_allclose(upwards[:, 1], along[:, 0], atol=1e-12)
+    np.testing.assert_allclose(Bend("", 90.0, 10.0).baseline(drive), [0, 0, 1], atol=1e-12)
+
+
+def test_parts_of_a_baseline_that_cancel_still_bend() -> None:
+    parts = np.array([0.02, -0.02, 0.0, 0.0, 0.0])
+    assert total_baseline(parts, np.eye(5))[0] == pytest.approx(0.0)
+    assert largest_displacement(parts) == pytest.approx(0.0075)
 
 
 def test_what_the_calibration_estimates_is_not_tested_again(small: made.World) -> None:
     frames = [list(range(len(small.facts.frames)))]
     [plain] = solve_rows([constrained(small, None)], frames)
-    [asked] = solve_rows([constrained(small, Calibration(lenses=LensDistance(), shutter=Shutter()))], frames)
+    [asked] = solve_rows([constrained(small, Calibration(lens_distance=LensDistance(), shutter=Shutter()))], frames)
     assert isinstance(plain, Solution)
     assert isinstance(asked, Solution)
     assert plain.lens_distance is not None

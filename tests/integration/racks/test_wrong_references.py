@@ -124,10 +124,10 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
     [doubt] = solve(problem(level, 0.3, given)).doubts
     assert "camera height" in doubt.what
     assert "length upright 1 / left to upright 4 / right" in doubt.what
-    assert "try `calibration: {panorama: true}`" in doubt.what
+    assert "try `calibration: {lens_distance: true}`" in doubt.what
     asked = solve(problem(level, 0.3, given, Calibration(Stitching())))
     assert asked.doubts
-    assert not any("panorama: true" in doubt.what for doubt in asked.doubts)
+    assert not any("calibration" in doubt.what for doubt in asked.doubts)
     far = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.9, 0.02),))
     with pytest.raises(
         SolveError, match=r"contradict.*length upright 1.*camera height|contradict.*camera height.*length upright 1"

@@ -207,7 +207,7 @@ def _or_the_camera(problem: Problem) -> str:
     """What else may be wrong, where the camera is taken to be perfect: lenses that are not in one place bend the scene."""
     if problem.camera.calibration is not None:
         return ""
-    return "; if they are right, the camera's lenses may not fit together: try `calibration: {panorama: true}`"
+    return "; if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or `{panorama: true}`"
 
 
 def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
