@@ -26,7 +26,7 @@ def calibration_report(
     term: Calibration | None, bias: Floats, covariance: Covariance, before: float, after: float
 ) -> CalibrationReport:
     """Values with sigmas of the parameters, which are the last of `bias` (k,), and the residuals' scale without them
-    (`before`) and with them. Where the lens distance is among them, the former is not told: the solve does not begin without it."""
+    (`before`) and with them. With the lens distance, the scale without it is not known: the solve begins with one."""
     if term is None:
         return CalibrationReport()
     count = len(term.names)
@@ -41,10 +41,8 @@ def calibration_report(
         vague += [name] if sigma > VAGUE * prior else []
     scales = f"{after:.2f} with it"
     if term.lens_distance:
-        first = term.names.index(LENS_DISTANCES[0])
-        of_lenses = slice(first, first + len(LENS_DISTANCES))
-        parts, spread = bias[-count:][of_lenses], covariance.shared[-count:, -count:][of_lenses, of_lenses]
-        distance, sigma = total_baseline(parts, spread)
+        at = [term.names.index(name) - count for name in LENS_DISTANCES]
+        distance, sigma = total_baseline(bias[at], covariance.shared[np.ix_(at, at)])
         report |= {"calibration lens distance, cm": 100 * distance, "calibration lens distance, sigma cm": 100 * sigma}
     else:
         report["residual_scale_uncalibrated"] = before

@@ -4,7 +4,8 @@ A consumer panorama is put together from two fisheye lenses, back to back. To fi
 and wrong principal points turn one half against the other, and a wrong focal length stretches a half away from its axis:
 small turns phi = sum_j beta_j b_j(r) of each ray r, the same in every frame (additional parameters of a self-calibrating
 bundle adjustment; Brown 1971). A panorama that was cropped above and below and stretched to 2:1 again shows all elevations
-larger by one factor. The baseline between the two lenses displaces what is seen at their seam by its parallax (`bends`). A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
+larger by one factor. The baseline between the two lenses displaces what is seen at their seam by its parallax (`bends`).
+A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
 one unknown, tau, times the pixel's velocity between neighbouring frames (Hedborg et al., Rolling shutter bundle adjustment,
 CVPR 2012). Turning jitter faster than the frames follow one another is not modelled.
 """
@@ -58,8 +59,8 @@ class VerticalScale:
 
 @dataclass(frozen=True)
 class LensDistance:
-    """Standard deviation, m, of the baseline between two lenses whose seam crosses the face, for each of `BENDS`, about 0. The solve begins at their `initial_m`, for far from the
-    right one what is seen at the seam looks like outliers."""
+    """Standard deviation, m, about 0 of each part (`BENDS`) of the baseline between two lenses whose seam crosses the face. The solve begins at the parts' `initial_m`: far from the
+    right baseline, measurements at the seam look like outliers."""
 
     sigma_m: float = 0.03
 
@@ -84,7 +85,7 @@ class Shutter:
 @dataclass(frozen=True)
 class Calibration:
     """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of `names`. The front
-    lens looks at longitude `front_deg` of the panorama; for the lens distance it looks where the bends say, whatever `front_deg` is."""
+    lens looks at longitude `front_deg` of the panorama; the lens distance does not use `front_deg`."""
 
     stitching: Stitching | None = None
     shutter: Shutter | None = None

@@ -40,12 +40,12 @@ def panorama_errors(iterate: Iterate) -> PanoramaErrors:
     if iterate.problem.camera.fixed is not None:
         return PanoramaErrors()
     own = iterate.problem.camera.calibration or Calibration()
-    apart = None if own.lens_distance else _attempt(_lens_distance, iterate, own)
+    apart = None if own.lens_distance else _or_none(_lens_distance, iterate, own)
     bent = apart is not None and apart.significant
-    return PanoramaErrors(None if own.vertical else _attempt(_vertical_scale, iterate, own, bent), apart)
+    return PanoramaErrors(None if own.vertical else _or_none(_vertical_scale, iterate, own, bent), apart)
 
 
-def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | None:
+def _or_none(solve: Callable[..., Result], *arguments: object) -> Result | None:
     try:
         return solve(*arguments)
     except (SolveError, np.linalg.LinAlgError):
@@ -60,7 +60,7 @@ def _vertical_scale(iterate: Iterate, own: Calibration, bent: bool) -> VerticalS
 
 
 def _lens_distance(iterate: Iterate, own: Calibration) -> LensDistanceError:
-    """The lens distance, with a vertical scale, for either bends the scene in a similar way."""
+    """The lens distance beside a vertical scale. Both bend the scene in similar ways."""
     term = replace(own, vertical=own.vertical or VerticalScale(), lens_distance=LensDistance())
     parts, covariance = _estimated(iterate, own, term, LENS_DISTANCES)
     deviation = float(np.sqrt(max(float(parts @ np.linalg.solve(covariance, parts)), 0.0)))
@@ -68,8 +68,8 @@ def _lens_distance(iterate: Iterate, own: Calibration) -> LensDistanceError:
 
 
 def _estimated(iterate: Iterate, own: Calibration, term: Calibration, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """The named parameters (k,) of a calibration in place of the row's own one, for which the measurements are corrected already, and their covariance (k, k). Raises
-    SolveError."""
+    """The named parameters (k,) of the calibration `term`, and their covariance (k, k). It takes the place of the row's `own` calibration, for which the measurements
+    are corrected already: the parameters of both begin at 0. Raises SolveError."""
     problem = iterate.problem
     camera = replace(problem.camera, calibration=term)
     measurements = term.with_parameters(own.without_parameters(problem.measurements))

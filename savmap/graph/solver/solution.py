@@ -71,8 +71,8 @@ some ray by more than so much."""
 
 @dataclass(frozen=True)
 class LensDistanceError:
-    """The distance between the lenses that a row's panoramas show about their seam, and its standard deviation, m; the farthest, m, that it moves the point of view of a
-    ray from the middle; and the `deviation` of its parts from 0, of which some may cancel: their Mahalanobis distance, with a part for each of `BENDS`."""
+    """The distance between the lenses that a row's panoramas show at their seam, and its standard deviation, m. `displacement_m`: the farthest that it moves the point of view
+    of a ray from the camera's middle. `deviation`: the Mahalanobis distance from 0 of its parts, one for each of `BENDS`; some may cancel in the sum."""
 
     distance_m: float
     sigma_m: float
