@@ -129,7 +129,7 @@ def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Struct
 @hookspec(firstresult=True)
 def doubt(structures: Sequence[Structure]) -> list[Doubt]:
     """Trust: what of a row's structures is implausible, such as one of them out of proportion to its likes, where something may be missing.
-    A row with a doubt is not `trusted` but to be checked by a person. Default: none."""
+    A row with a doubt that is not `minor` is not `trusted` but to be checked by a person. Default: none."""
 
 
 @hookspec(firstresult=True)

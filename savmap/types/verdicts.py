@@ -16,13 +16,14 @@ class Doubt:
     """Something that speaks against a part of a map: `what` says what and where in one line, with what to do.
 
     `structures`: ids of those that it is about, none where it is about the whole row. `place` (3,) m in the row's frame, and `frame`,
-    the number of one that shows it best, where that is known."""
+    the number of one that shows it best, where that is known. `minor`: it is told as a note, and is no reason to check the map."""
 
     kind: DoubtKind
     what: str
     structures: tuple[str, ...] = ()
     place: tuple[float, float, float] | None = None
     frame: int | None = None
+    minor: bool = False
 
     def __post_init__(self) -> None:
         require(bool(self.what.strip()) and "\n" not in self.what, self, "`what` must be one line")

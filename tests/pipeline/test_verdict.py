@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import DoubtfulError
-from savmap.graph import References, camera_priors, solve_rows
+from savmap.graph import Landmark, References, camera_priors, solve_rows
 from savmap.graph.solver.directions import DirectionalErrors
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.jobs.map_site import SiteRun
@@ -166,6 +166,54 @@ def test_a_structure_whose_measurements_do_not_fit_is_doubted() -> None:
     _, verdict = judge(mapped(Mistaken))
     assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("residuals", ("post 7",))]
     assert "measurements of post 7 do not fit" in verdict.doubts[0].what
+
+
+def offset(*metres: float, used: int) -> Landmark:
+    """A landmark whose measurements are so far off, the first of which were used."""
+    return Landmark(made.WALL[7], 1e-6 * np.eye(3), used, len(metres) - used, np.array(metres))
+
+
+@pytest.mark.parametrize(
+    ("landmark", "told"),
+    [
+        (offset(0.001, 0.001, 0.001, 0.03, 0.04, 0.04, used=3), "3 of the 6 measurements of post 7 do not fit where it was mapped"),
+        (offset(0.001, 0.001, 0.001, 0.004, 0.005, 0.006, used=3), ""),
+        (offset(0.01, 0.02, 0.03, 0.03, 0.04, 0.05, used=6), "half of the measurements of post 7 are more than 3.0 cm off where it was mapped"),
+        (offset(0.01, 0.01, 0.015, 0.015, 0.02, 0.02, used=6), ""),
+    ],
+    ids=["rejected, far off", "rejected, but near", "of no one thing", "scattered, but near"],
+)  # fmt: skip
+def test_measurements_that_are_far_off_speak_against_a_structure(landmark: Landmark, told: str) -> None:
+    row = mapped(Wall)
+    landmarks = {"wall": {**row.solution.landmarks["wall"], "post 7": landmark}}
+    _, verdict = judge(replace(row, solution=replace(row.solution, landmarks=landmarks)))
+    assert [doubt.what for doubt in verdict.doubts] == ([told] if told else [])
+
+
+def test_offsets_are_metres_at_the_landmark() -> None:
+    class Shifted(Wall):
+        """One frame sees post 7 a pixel lower."""
+
+        def tracks(self) -> list[Track]:
+            found = super().tracks()
+            moved = found[7].pixels + (np.arange(len(found[7].pixels)) == 9)[:, None] * [0.0, 3.0]
+            return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
+
+    off = mapped(Shifted).solution.landmarks["wall"]["post 7"].offsets
+    assert len(off) == made.FRAMES
+    assert off.max() == pytest.approx(3.0 / made.SPEC.camera[1, 1] * 2.5, rel=0.35)
+    assert np.median(off) < 0.1 * off.max()
+
+
+def test_a_minor_doubt_is_a_note() -> None:
+    class Odd(Wall):
+        @hookimpl
+        def doubt(self) -> list[Doubt]:
+            return [Doubt("shape", "the top of post 1 is hidden", ("post 1",), minor=True)]
+
+    _, verdict = judge(mapped(Odd))
+    assert verdict.grade == "trusted"
+    assert "the top of post 1 is hidden" in verdict.notes
 
 
 def test_a_structure_that_few_frames_measured_is_doubted() -> None:

@@ -18,9 +18,12 @@ AROUND = [0, 1, 3, 2]  # the corners in order
 UNMEASURED_M = 0.15
 """An edge that is unsure by more was measured nowhere: what was taken for it in single pictures is at no one place."""
 PROFILE_SHARE, LEAST_PROFILES = 0.25, 3
-"""Such an edge is where a beam as high as most, of so many at least, has it, give or take this share of the height."""
+ALIKE, MOSTLY = 0.05, 0.8
+"""Such an edge is where a beam as high as most, of so many at least, has it, give or take `PROFILE_SHARE` of the height; `ALIKE` where most agree to that."""
 NOT_SEEN, NEITHER = "edges", "neither edge seen"
 USUAL_RACK_DEPTH_M, USUAL_BEAM_DEPTH_M = 1.1, 0.05  # for pallets of 1.2 m, which stand out by 5 cm on either side
+EDGES = ("lower", "upper")
+UNKNOWN_M = 10.0
 BEAM_CORNERS = ("lower left", "lower right", "upper left", "upper right")
 UPRIGHT_CORNERS = ("left / bottom", "right / bottom", "left / top", "right / top")
 
@@ -96,29 +99,37 @@ def _at_height(landmark: Landmark, y: float, sigma: float) -> tuple[Floats, Floa
 
 
 def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solution, plugin: str) -> Iterator[Structure]:
-    """The beams of which both edges were tracked."""
+    """The beams, those of which one edge was not tracked with that edge at the other one's height, and unsure."""
     for section, beam in sorted({(section, beam) for section, beam, _ in grid.rows}):
-        if not all((section, beam, edge) in grid.rows for edge in ("lower", "upper")):
-            continue
+        tracked = [edge for edge in EDGES if (section, beam, edge) in grid.rows]
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
-        lower, upper = (grid.rows[section, beam, edge][0] for edge in ("lower", "upper"))
         attributes: dict[str, Attribute] = {
             "section": section,
             "beam": beam,
-            "height_m": float(landmarks[upper].position[1] - landmarks[lower].position[1]),
-            "height_sigma_m": solution.difference_sigma(plugin, lower, upper, 1),
+            "height_m": 0.0,
+            "height_sigma_m": UNKNOWN_M,
         }
+        if len(tracked) == len(EDGES):
+            lower, upper = (grid.rows[section, beam, edge][0] for edge in EDGES)
+            attributes["height_m"] = float(landmarks[upper].position[1] - landmarks[lower].position[1])
+            attributes["height_sigma_m"] = solution.difference_sigma(plugin, lower, upper, 1)
         yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 
 def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
-    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere."""
+    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere. Where too few
+    beams have both, those of which one was not even tracked are left out."""
     unmeasured = [_unmeasured(beam) for beam in beams]
-    heights = [_height(beam) for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
+    heights = np.array([_height(beam) for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)])
     if len(heights) < LEAST_PROFILES:
-        return [*beams]
+        return [beam for beam in beams if beam.attributes.get("height_sigma_m") != UNKNOWN_M]
     usual = float(np.median(heights))
-    return [_as_high(beam, usual, edges) if any(edges) else beam for beam, edges in zip(beams, unmeasured, strict=True)]
+    alike = np.abs(heights - usual) < ALIKE * usual
+    sigma = (ALIKE if alike.mean() >= MOSTLY else PROFILE_SHARE) * usual
+    return [
+        _as_high(beam, usual, sigma, edges) if any(edges) else beam
+        for beam, edges in zip(beams, unmeasured, strict=True)
+    ]
 
 
 def _height(beam: Structure) -> float:
@@ -131,11 +142,11 @@ def _unmeasured(beam: Structure) -> tuple[bool, bool]:
     return bool(unsure[:2].all()), bool(unsure[2:].all())
 
 
-def _as_high(beam: Structure, height: float, unmeasured: tuple[bool, bool]) -> Structure:
-    """A beam of a height, which was measured nowhere at one edge or at both."""
+def _as_high(beam: Structure, height: float, sigma: float, unmeasured: tuple[bool, bool]) -> Structure:
+    """A beam of a height with a standard deviation, m, which was measured nowhere at one edge or at both."""
     if all(unmeasured):
         return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER})
-    vertices, covariances, sigma = beam.vertices.copy(), beam.covariances.copy(), PROFILE_SHARE * height
+    vertices, covariances = beam.vertices.copy(), beam.covariances.copy()
     free, held = (slice(2), slice(2, None)) if unmeasured[0] else (slice(2, None), slice(2))
     vertices[free, 1] = vertices[held, 1] + (-height if unmeasured[0] else height)
     covariances[free, 1, :] = covariances[free, :, 1] = 0.0
@@ -151,11 +162,15 @@ def _as_high(beam: Structure, height: float, unmeasured: tuple[bool, bool]) -> S
 def _corner(
     grid: TrackGrid, landmarks: Mapping[str, Landmark], section: int, beam: int, corner: str
 ) -> tuple[Floats, Floats]:
-    """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet."""
+    """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet; if its edge was not, that of the other edge."""
     name = f"section {section} / beam {beam} / {corner}"
     if name in landmarks:
         return landmarks[name].position, landmarks[name].covariance
     edge, side = corner.split()
+    if (section, beam, edge) not in grid.rows:
+        other = next(other for other in EDGES if other != edge)
+        position, covariance = _corner(grid, landmarks, section, beam, f"{other} {side}")
+        return position, covariance + UNKNOWN_M**2 * np.diag([0.0, 1.0, 0.0])
     column = corner_column(section, side)
     row = landmarks[grid.rows[section, beam, edge][0]]
     if column not in grid.columns:

@@ -33,12 +33,14 @@ MISFIT, NONSENSE = 5.0, 100.0
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, measurements that were used and rejected."""
+    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, measurements that were used and rejected. offsets (k,): how far
+    off these are, in this order, where they tell most, m at the landmark's distance."""
 
     position: Floats
     covariance: Floats
     observations: int
     rejected: int
+    offsets: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -224,16 +226,29 @@ def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[
 def _landmarks(
     problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, aside: Bools
 ) -> dict[str, dict[str, Landmark]]:
-    seen = np.bincount(problem.at_key[fit.kept | ~aside], minlength=len(problem.keys))
+    own = fit.kept | ~aside
     used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
+    order = np.lexsort((~fit.kept[own], problem.at_key[own]))
+    ends = np.searchsorted(problem.at_key[own][order], np.arange(1, len(problem.keys)))
+    offsets = np.split(_offsets(problem, estimate, fit)[own][order], ends)
     slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
 
     def landmark(key: int) -> Landmark:
         index, first = problem.index(key), slot[key]
         block = covariance.points[first : first + 3, first : first + 3]
-        return Landmark(estimate.points[index], block, int(used[index]), int(seen[index] - used[index]))
+        count = int(used[index])
+        return Landmark(estimate.points[index], block, count, len(offsets[index]) - count, offsets[index])
 
     return {part.plugin: {name: landmark(key) for name, key in part.keys.items()} for part in problem.parts}
+
+
+def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
+    """How far (n,) m each measurement is from its landmark, at that one's distance: its error in standard deviations, times the least of these."""
+    measurements = problem.measurements
+    focal = np.array([spec.camera[0, 0] for spec in measurements.views])[measurements.view]
+    least = np.sqrt(np.linalg.eigvalsh(measurements.covariances)[:, 0])
+    away = np.linalg.norm(estimate.points[problem.at_key] - estimate.poses[problem.at_frame, :3, 3], axis=1)
+    return np.asarray(np.linalg.norm(fit.errors, axis=1) * least * away / focal)
 
 
 def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None) -> Trajectory:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.graph import Solution
+from savmap.graph import Landmark, Solution
 from savmap.pipeline.records import DescribedRow
 from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, is_of, supports
@@ -16,7 +16,10 @@ DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
 OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
-MOST_REJECTED = 0.4
+MOST_REJECTED, FAR_M = 0.4, 0.01
+"""More rejected measurements of a structure speak against it. Those less far off do not: it cannot be wrong by more."""
+SCATTERED_M, SCATTERED = 0.02, 4.0
+"""Half of a structure's measurements are further off than that, and than so many times what is usual for its label, where they are of no one thing."""
 OFTEN_SEEN = 0.5
 OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
@@ -38,8 +41,9 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         solution = row.solution, plugin.name
         doubts += [*_unmapped(row, plugin.name), *plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    kept, beyond = without_beyond(doubts, found, row.measurements.locators)
-    notes = (*row.solution.unchecked, *row.notes, *notes_of_camera, *beyond)
+    serious, minor = [one for one in doubts if not one.minor], [one.what for one in doubts if one.minor]
+    kept, beyond = without_beyond(serious, found, row.measurements.locators)
+    notes = (*row.solution.unchecked, *row.notes, *notes_of_camera, *minor, *beyond)
     return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
 
 
@@ -150,14 +154,30 @@ def _usual_limit(ratios: Floats) -> Floats:
 
 
 def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
-    """A doubt about each structure of whose measurements most do not fit the solution."""
+    """A doubt about each structure of whose measurements many were rejected, far from where it was mapped, or half are further off than those of its
+    likes usually are: they are of no one thing."""
     landmarks = solution.landmarks_of(plugin)
+    own = {
+        structure.id: [landmark for name, landmark in landmarks.items() if is_of(name, structure.id)]
+        for structure in structures
+    }
     for structure in structures:
-        own = [landmark for name, landmark in landmarks.items() if is_of(name, structure.id)]
-        rejected, used = sum(landmark.rejected for landmark in own), sum(landmark.observations for landmark in own)
-        if rejected > MOST_REJECTED * (rejected + used):
-            what = f"{rejected} of the {rejected + used} measurements of {structure.id} do not fit where it was mapped"
-            yield Doubt("residuals", what, (structure.id,), place_of(structure))
+        alike = [landmark for other in structures if other.label == structure.label for landmark in own[other.id]]
+        usual = float(np.median(_offsets(alike))) if len(_offsets(alike)) else 0.0
+        offsets, limit = _offsets(own[structure.id]), max(SCATTERED_M, SCATTERED * usual)
+        rejected = sum(int((landmark.offsets[landmark.observations :] > FAR_M).sum()) for landmark in own[structure.id])
+        if rejected > MOST_REJECTED * len(offsets):
+            what = f"{rejected} of the {len(offsets)} measurements of {structure.id} do not fit where it was mapped"
+        elif len(offsets) and np.median(offsets) > limit:
+            what = f"half of the measurements of {structure.id} are more than {100 * np.median(offsets):.1f} cm off where it was mapped"
+        else:
+            continue
+        yield Doubt("residuals", what, (structure.id,), place_of(structure))
+
+
+def _offsets(landmarks: Sequence[Landmark]) -> Floats:
+    """How far (n,) m the measurements of some landmarks are off."""
+    return np.concatenate([np.zeros(0), *(landmark.offsets for landmark in landmarks)])
 
 
 def place_of(structure: Structure) -> tuple[float, float, float]:

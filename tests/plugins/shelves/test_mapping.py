@@ -8,7 +8,7 @@ from perfect_maps import structures_of, surveyed_row
 
 from savmap.types import Structure
 from savmap_shelves.doubts import doubts_of
-from savmap_shelves.mapping import DEEPEST_RACK_M, FRAME_SIGMA_M, cross_row_landmarks, with_usual_height
+from savmap_shelves.mapping import DEEPEST_RACK_M, FRAME_SIGMA_M, UNKNOWN_M, cross_row_landmarks, with_usual_height
 
 
 def thing(label: str, left: float) -> Structure:
@@ -40,16 +40,33 @@ def beams_with_free_edges(*edges: str) -> list[Structure]:
 def test_an_edge_measured_nowhere_is_where_most_beams_have_it(edge: str) -> None:
     beams = with_usual_height(beams_with_free_edges(edge))
     np.testing.assert_allclose(beams[1].vertices[:, 1], [1.2, 1.2, 1.3, 1.3])
-    assert 0.01 < np.sqrt(beams[1].covariances[0 if edge == "lower" else 2, 1, 1]) < 0.05
+    assert 0.004 < np.sqrt(beams[1].covariances[0 if edge == "lower" else 2, 1, 1]) < 0.05
     assert beams[1].attributes["height_m"] == pytest.approx(0.1)
-    assert [one.what for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
-        f"section 1 / beam 2: {edge} edge not seen: it is put where a beam 10.0 cm high has it"
+    assert [(one.what, one.minor) for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
+        (f"section 1 / beam 2: {edge} edge not seen: it is put where a beam 10.0 cm high has it", True)
     ]
+
+
+def test_an_edge_measured_nowhere_is_doubted_where_beams_are_of_many_heights() -> None:
+    beams = beams_with_free_edges("upper")
+    for number in range(2, len(beams), 2):
+        taller = beams[number].vertices + np.outer([0.0, 0.0, 0.04, 0.04], [0.0, 1.0, 0.0])
+        beams[number] = replace(beams[number], vertices=taller)
+    beams = with_usual_height(beams)
+    (doubt,) = (one for one in doubts_of(beams) if "upper edge not seen" in one.what)
+    assert (doubt.structures, doubt.minor) == ((beams[1].id,), False)
+    assert np.sqrt(beams[1].covariances[2, 1, 1]) > 0.02
 
 
 def test_a_beam_of_which_no_edge_was_measured_is_doubted() -> None:
     beams = with_usual_height(beams_with_free_edges("lower", "upper"))
     assert any("its edges is at no one place" in one.what for one in doubts_of(beams))
+
+
+def test_a_beam_of_which_one_edge_was_not_even_tracked_is_left_out_where_no_others_tell_its_height() -> None:
+    beams = beams_with_free_edges("upper")[:3]
+    beams[1] = replace(beams[1], attributes={**beams[1].attributes, "height_sigma_m": UNKNOWN_M})
+    assert with_usual_height(beams) == [beams[0], beams[2]]
 
 
 def test_a_beam_that_was_measured_stays() -> None:

@@ -3,6 +3,7 @@
 World frame of the row; x = 0 at the left edge of the first upright.
 """
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -27,6 +28,7 @@ from savmap_shelves.constraints.sharing import share_edges
 from savmap_shelves.constraints.track_grid import TrackGrid, column_of, grid_of, is_foot, row_of
 from savmap_shelves.settings import ShelvesSettings
 
+_log = logging.getLogger(__name__)
 Values = float | Sequence[float | None]
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.03
@@ -157,7 +159,14 @@ def _section_references(
 
     def relations(values: Mapping[str, Mapping[int, float]]) -> Iterator[Relation]:
         for section, value in values.get("lowest_beam_bottom_height_m", {}).items():
-            yield _height(grid, keys, section, value, settings)
+            if (lowest := _lowest_edge(grid, section)) is None:
+                _log.warning(
+                    "row %s: section %d: the lowest beam's lower edge was not seen; its height is not used",
+                    row,
+                    section,
+                )
+            else:
+                yield _height(keys[lowest], section, value, settings)
         for section, value in values.get("bay_pitch_m", {}).items():
             yield from _pitch(grid, keys, section, value, settings)
 
@@ -227,11 +236,16 @@ def _pitch(
             return
 
 
-def _height(grid: TrackGrid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings) -> Relation:
-    lowest = min(beam for number, beam, edge in grid.rows if number == section and edge == "lower")
+def _lowest_edge(grid: TrackGrid, section: int) -> str | None:
+    """A track on the lower edge of a section's lowest beam; None where that edge was not seen."""
+    lowest = min(beam for number, beam, _ in grid.rows if number == section)
+    return next(iter(grid.rows.get((section, lowest, "lower"), ())), None)
+
+
+def _height(edge: int, section: int, value: float, settings: GridSettings) -> Relation:
+    """The height that was given for the lowest edge (its key) of a section."""
     name = f"height of the lowest edge of section {section}"
     doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
-    edge = keys[grid.rows[section, lowest, "lower"][0]]
     common = isinstance(settings.lowest_beam_bottom_height_m, int | float)
     return replace(known_coordinate("y", edge, value, settings.sigma_m, name, doubt), may_be_missing=common)
 

@@ -11,6 +11,8 @@ from savmap_shelves.mapping import NEITHER, NOT_SEEN, Elements, MappedSection, s
 WIDE, NARROW = 1.8, 0.4
 THICK, THIN = 1.7, 0.55
 LEAST_TO_COMPARE, LEAST_ALIKE = 4, 3
+SURE = 0.1
+"""A height is sure where its standard deviation is less than that share of it."""
 ODD, ODD_M, ALIKE, MOSTLY = 0.2, 0.01, 0.1, 0.6
 """A beam is odd by so much of the usual height and so many metres, where most beams are alike: racks are built of few profiles."""
 PLAUSIBLE_M = {
@@ -77,13 +79,16 @@ def odd_sizes(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str,
     yield from (odd for odd in _unlike_their_section(beams) if odd[1][0] not in told)
 
 
-def unmeasured_edges(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Beams of which an edge was measured nowhere."""
+def unmeasured_edges(structures: Sequence[Structure], told_by_profile: bool) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Beams of which an edge was measured nowhere: those where the row's profile tells it, which most beams have, or all others."""
     for beam in structures:
-        said, height = beam.attributes.get(NOT_SEEN), beam.attributes.get("height_m")
+        said, height, sigma = (beam.attributes.get(name) for name in (NOT_SEEN, "height_m", "height_sigma_m"))
+        by_profile = isinstance(height, float) and isinstance(sigma, float) and sigma < SURE * height
+        if said is None or (said != NEITHER and by_profile) != told_by_profile:
+            continue
         if said == NEITHER:
             yield f"{beam.id}: what the pictures show of its edges is at no one place", (beam.id,)
-        elif said is not None and isinstance(height, float):
+        elif isinstance(height, float):
             yield f"{beam.id}: {said}: it is put where a beam {100 * height:.1f} cm high has it", (beam.id,)
 
 

@@ -63,20 +63,26 @@ def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
     sections = [_levels_of(rows, section) for section in range(1, len(posts))]
     if not any(len(levels) for levels in sections):
         return None
-    usual = float(np.median(np.abs(np.concatenate([np.diff(levels, axis=1) for levels in sections]))))
+    thicknesses = np.abs(np.concatenate([np.diff(levels, axis=1) for levels in sections]))
+    if not np.isfinite(thicknesses).any():
+        return None
+    usual = float(np.nanmedian(thicknesses))
     return Grid(np.sort(posts, axis=1), [_thick(levels, usual) for levels in sections])
 
 
 def _thick(levels: Floats, usual: float) -> Floats:
-    """Levels with their edges in order, at least half as thick as usual: in a first solution, a level's edges may be crossed."""
+    """Levels with their edges in order, at least half as thick as usual: in a first solution, a level's edges may be crossed. An edge that was not tracked is
+    as far from the other as usual."""
+    levels = np.where(np.isfinite(levels), levels, levels[:, ::-1] + usual * np.array([-1.0, 1.0]))
     middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
     return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))
 
 
 def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:
+    """y (m, 2) of the levels of a section; nan for an edge that was not tracked."""
     numbers = sorted({beam for number, beam, _ in rows if number == section})
-    whole = [beam for beam in numbers if (section, beam, 0) in rows and (section, beam, 1) in rows]
-    return np.array([[np.median(rows[section, beam, edge]) for edge in (0, 1)] for beam in whole]).reshape(-1, 2)
+    edges = [[np.median(rows.get((section, beam, edge), [np.nan])) for edge in (0, 1)] for beam in numbers]
+    return np.array(edges).reshape(-1, 2)
 
 
 def face_patch(grid: Grid) -> PlanePatch | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import Bools, Feature, Floats, Ints, RowFacts
+from savmap_shelves.evidence.hidden_edges import hidden_edges
 from savmap_shelves.evidence.second_readings import accepted_readings
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
@@ -103,7 +104,8 @@ def _through_passages(grid: FaceGrid) -> Bools:
 
 
 def _with_second_readings(grid: FaceGrid) -> FaceSightings | None:
-    """The sightings with second readings of edges instead of the first where all frames together speak for them; None where they do nowhere.
+    """The sightings with second readings of edges instead of the first where all frames together speak for them, and without those of edges that goods
+    hide; None where neither is anywhere.
 
     Of an edge that was read elsewhere by most, frames without such a reading tell nothing.
     """
@@ -113,10 +115,11 @@ def _with_second_readings(grid: FaceGrid) -> FaceSightings | None:
         for corners in (sightings.corners, sightings.second)
     )
     accepted = accepted_readings(levels.section, levels.which, first, second)
-    if not accepted.edges.any():
+    hidden = hidden_edges(levels.which, first, levels.expected(sightings) & ~accepted.edges.any(axis=1))
+    if not (accepted.edges | hidden).any():
         return None
     corners = np.where(accepted.second[:, None], sightings.second, sightings.corners)
-    lost = accepted.edges[levels.which] & (levels.which >= 0)[:, None] & ~accepted.first & ~accepted.second
+    lost = (accepted.edges | hidden)[levels.which] & (levels.which >= 0)[:, None] & ~accepted.first & ~accepted.second
     return replace(sightings, corners=np.where(lost[:, None], -1, corners)).without_beams(np.asarray(lost.all(axis=1)))
 
 

@@ -32,6 +32,10 @@ class Levels:
         number = np.append(np.where(left_out, -1, np.cumsum(~left_out) - 1), -1)
         return Levels(self.section[~left_out], self.y[~left_out], number[self.which], self.ends)
 
+    def expected(self, sightings: FaceSightings) -> Bools:
+        """Which levels (k,) all frames together show."""
+        return expected_levels(sightings, self.which, len(self.section))
+
 
 def seen_through(section: Ints, scatter: Floats) -> Bools:
     """Which levels (k,) are seen through a passage: those of sections (k,) with several levels that all scatter by several times what is usual.
@@ -117,13 +121,20 @@ def find_levels(
         if kept.all():
             kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
         if kept.all():
-            expected = _expected(sightings, which, len(levels))
+            expected = expected_levels(sightings, which, len(levels))
             kept = ~_sunk(levels, edges, which, support, floor) | expected
             kept = kept if not kept.all() else ~_unlike(levels, edges, which, support, floor, expected & trusting)
         if kept.all():
             break
         levels = levels[kept]
     return Levels(levels[:, 0].astype(np.int64), medians(edges, which, len(levels)), which, ends)
+
+
+def expected_levels(sightings: FaceSightings, which: Ints, count: int) -> Bools:
+    """Which levels (k,) all frames together show: the evidence has told them from what lies on the floor, by more than a thickness."""
+    corner = sightings.corners.reshape(len(which), -1).max(axis=1)
+    expected = sightings.points.expected[corner] & (corner >= 0)
+    return np.array([bool((which == k).any() and expected[which == k].mean() > 0.5) for k in range(count)], np.bool_)
 
 
 def edges_of(y: Floats) -> Floats:
@@ -204,13 +215,6 @@ def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: fl
         beams = float(np.median(thickness[~below]))
         like &= (thickness > THIN * beams) & (thickness < beams / THIN)
     return np.asarray(below & ~(like & (support > SURE * np.median(support))))
-
-
-def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
-    """Which levels (k,) all frames together show: the evidence has told them from what lies on the floor, by more than a thickness."""
-    corner = sightings.corners.reshape(len(which), -1).max(axis=1)
-    expected = sightings.points.expected[corner] & (corner >= 0)
-    return np.array([bool(expected[which == k].mean() > 0.5) for k in range(count)], dtype=np.bool_)
 
 
 def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float, trusted: Bools) -> Bools:
