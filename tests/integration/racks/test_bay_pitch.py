@@ -7,7 +7,8 @@ import pytest
 from savmap.errors import SiteError
 from savmap.graph import References, Solution, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.constraints.constrain import assignments
+from savmap_shelves.constraints.constrain import assignments, section_references
+from savmap_shelves.constraints.track_grid import TrackGrid
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +83,13 @@ def test_a_list_that_is_too_short_for_a_row_with_a_passage_is_told_of_null() -> 
     told = r"gives 2 values, but 4 sections were found, 1 of them without beams \(write `null`"
     with pytest.raises(SiteError, match=told):
         assignments({"height": (0.1, 0.3)}, (1, 3, 4), "A")
+
+
+def test_the_height_of_a_lowest_edge_that_was_not_seen_is_not_laid_on_the_next(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    rows = {(1, 1, "upper"): ("a",), (1, 2, "lower"): ("b",), (2, 1, "lower"): ("c",), (2, 1, "upper"): ("d",)}
+    grid = TrackGrid({}, rows)
+    [relations] = section_references(grid, {"b": 1, "c": 2}, GridSettings((0.2, 0.3)), "A").values()
+    assert [(relation.a, relation.value) for relation in relations] == [(2, 0.3)]
+    assert caplog.messages == ["row A: section 1: the lowest beam's lower edge was not seen; its height is not used"]

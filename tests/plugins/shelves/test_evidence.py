@@ -123,6 +123,17 @@ def test_a_level_whose_edges_are_crossed_keeps_its_place() -> None:
     assert expected_grid(seen(), grid) is None
 
 
+def test_an_edge_that_was_not_tracked_is_as_far_from_the_other_as_usual() -> None:
+    points = points_of(WHOLE)
+    for side in ("left", "right"):
+        del points[f"section 1 / beam 2 / upper {side}"], points[f"section 3 / beam 1 / lower {side}"]
+    grid = tracked_grid(points)
+    assert grid is not None
+    assert is_whole(grid)
+    only_lower = {name: place for name, place in points_of(WHOLE).items() if "upper" not in name}
+    assert tracked_grid(only_lower) is None
+
+
 def test_no_grid_is_read_where_no_section_was_tracked() -> None:
     assert tracked_grid({"upright 1 / left / top": np.zeros(3)}) is None
 
@@ -231,6 +242,15 @@ def behind(height: float, share: float) -> PlaneEvidence:
 
 def test_beams_of_the_rear_face_are_no_levels() -> None:
     assert expected_grid(behind(2.6, 0.65), WHOLE) is None
+
+
+@pytest.mark.parametrize(("thickness", "dropped"), [(0.08, True), (0.12, False)], ids=["thin", "as thick as others"])
+def test_a_beam_of_the_rear_face_that_was_tracked_is_dropped(thickness: float, dropped: bool) -> None:
+    place = 2.6 + 0.65 * (float(LEVELS[1].mean()) - 2.6)
+    rear = place + thickness * np.array([-0.5, 0.5])
+    tracked = Grid(POSTS, [LEVELS, np.sort(np.vstack([LEVELS, rear]), axis=0), LEVELS])
+    found = expected_grid(behind(2.6, 0.65), tracked)
+    assert is_whole(found) if dropped else found is None
 
 
 def test_one_faint_level_is_not_taken_for_the_rear_face() -> None:

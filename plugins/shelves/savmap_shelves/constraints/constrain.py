@@ -101,7 +101,7 @@ def constrain(
     observed = (*weighted, *feet)
     keys = KeySpace(plugin).keys(track.name for track in (*tracks, *feet))
     initial = _initial_grid(tracks, grid, start, settings)
-    alternatives = _section_references(grid, keys, settings, facts.name)
+    alternatives = section_references(grid, keys, settings, facts.name)
     biases = mask_biases(observed, facts.views, start, settings.bias)
     certain = next(iter(alternatives.values())) if len(alternatives) == 1 else ()
     return Constraints(
@@ -147,7 +147,7 @@ def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSetti
     yield fixed_coordinate("x", keys[first.name], 0.0)
 
 
-def _section_references(
+def section_references(
     grid: TrackGrid, keys: Mapping[str, int], settings: GridSettings, row: str
 ) -> dict[str, tuple[Relation, ...]]:
     """What was measured of sections, h_ref and pitch, by name; several alternatives where values are given for more sections

@@ -29,7 +29,7 @@ from savmap_shelves.evidence.strength import (
 from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
 
 BODY = (0.12, 0.92)
-APART, FOOT, FAINT, SUNK = 1.5, 0.4, 0.52, 0.25
+APART, FOOT, FAINT, SUNK, THIN = 1.5, 0.4, 0.52, 0.25, 0.8
 SIMILAR, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 SIMILAR_BELOW = 0.85
 GAP = 0.3
@@ -287,7 +287,15 @@ class GridSearch:
         similarity = self._storey_similarity(left, right, level)
         plain = shown > WHOLE or shown * strength > self.settings.plain
         strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
-        return shown >= self.settings.lost and not sunk and (sure or not strange)
+        behind = strength < FAINT and self._is_behind(left, right, level)
+        return shown >= self.settings.lost and not sunk and not behind and (sure or not strange)
+
+    def _is_behind(self, left: float, right: float, level: Floats) -> bool:
+        """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its section appears."""
+        levels = self._tracked_beside(left, right)
+        others = levels[np.abs(levels.mean(axis=1) - level.mean()) > self.tracked.thickness]
+        thin = level[1] - level[0] < THIN * self.tracked.thickness
+        return bool(thin and self.rear.shows(others, float(level.mean())))
 
     def _is_double(self, cover: Floats, left: float, right: float, level: Floats, levels: Sequence[Floats]) -> bool:
         """Whether a level that shows in part is so near to a stronger one of its section that one beam was taken for two: goods hid a part of it,
