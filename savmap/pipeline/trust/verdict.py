@@ -32,8 +32,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
     """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
     found: dict[str, tuple[Structure, ...]] = {}
     known = [*_stretched(row.solution), *_bent(row.solution)]
-    of_camera, notes_of_camera = (known, []) if known else _no_panorama(row)
-    doubts = [*row.measurements.doubts, *row.solution.doubts, *of_camera]
+    doubts = [*row.measurements.doubts, *row.solution.doubts, *(known or _no_panorama(row))]
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
@@ -43,7 +42,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
     serious, minor = [one for one in doubts if not one.minor], [one.what for one in doubts if one.minor]
     kept, beyond = without_beyond(serious, found, row.measurements.locators)
-    notes = (*row.solution.unchecked, *row.notes, *notes_of_camera, *minor, *beyond)
+    notes = (*row.solution.unchecked, *row.notes, *minor, *beyond)
     return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
 
 
@@ -93,9 +92,9 @@ def _bent(solution: Solution) -> Iterator[Doubt]:
     )
 
 
-def _no_panorama(row: DescribedRow) -> tuple[list[Doubt], list[str]]:
+def _no_panorama(row: DescribedRow) -> Iterator[Doubt]:
     """A doubt where what locates the camera, and what another plugin measured, is off in the same directions of the camera in all frames, by angles that
-    are none of measuring; a note where it is what locates the camera alone, for that may look different from aslant."""
+    are none of measuring; a minor one where it is what locates the camera alone, for that may look different from aslant."""
     off = {
         plugin: errors.angle_deg
         for plugin, errors in row.solution.directional.items()
@@ -103,15 +102,14 @@ def _no_panorama(row: DescribedRow) -> tuple[list[Doubt], list[str]]:
     }
     located = sorted(off.keys() & row.measurements.locators)
     if not located:
-        return [], []
+        return
     what = (
         f"what {' and '.join(f'`{plugin}`' for plugin in sorted(off))} measured is up to {max(off.values()):.2f} degrees off in the same directions of the "
         "camera in all frames"
     )
     wrong = "then errors are larger than their standard deviations say: do not crop or stretch its pictures, and mount it with a lens towards the row"
-    if len(off) > 1:
-        return [Doubt("camera", f"{what}: its pictures are no true panoramas; {wrong}")], []
-    return [], [f"{what}: it looks different from aslant, or the pictures are no true panoramas; {wrong}"]
+    why = "its pictures" if len(off) > 1 else "it looks different from aslant, or the pictures"
+    yield Doubt("camera", f"{what}: {why} are no true panoramas; {wrong}", minor=len(off) == 1)
 
 
 def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:
