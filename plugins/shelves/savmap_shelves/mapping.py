@@ -120,16 +120,24 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
     """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere. Where too few
     beams have both, those of which one was not even tracked are left out."""
     unmeasured = [_unmeasured(beam) for beam in beams]
-    heights = np.array([_height(beam) for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)])
-    if len(heights) < LEAST_PROFILES:
+    measured = [beam for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
+    if len(measured) < LEAST_PROFILES:
         return [beam for beam in beams if beam.attributes.get("height_sigma_m") != UNKNOWN_M]
-    usual = float(np.median(heights))
-    alike = np.abs(heights - usual) < ALIKE * usual
-    sigma = (ALIKE if alike.mean() >= MOSTLY else PROFILE_SHARE) * usual
     return [
-        _as_high(beam, usual, sigma, edges) if any(edges) else beam
+        _as_high(beam, *_usual_height(beam, measured), edges) if any(edges) else beam
         for beam, edges in zip(beams, unmeasured, strict=True)
     ]
+
+
+def _usual_height(beam: Structure, measured: Sequence[Structure]) -> tuple[float, float]:
+    """The height that beams of a beam's section have, where most of so many are alike, or else those of the row; and its standard deviation, m."""
+    section = [other for other in measured if other.attributes["section"] == beam.attributes["section"]]
+    for group in (section, measured):
+        heights = np.array([_height(other) for other in group])
+        usual = float(np.median(heights)) if len(heights) else 0.0
+        if len(heights) >= LEAST_PROFILES and np.mean(np.abs(heights - usual) < ALIKE * usual) >= MOSTLY:
+            return usual, ALIKE * usual
+    return usual, PROFILE_SHARE * usual
 
 
 def _height(beam: Structure) -> float:

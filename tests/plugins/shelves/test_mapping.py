@@ -47,12 +47,23 @@ def test_an_edge_measured_nowhere_is_where_most_beams_have_it(edge: str) -> None
     ]
 
 
+def taller(beam: Structure, by_m: float) -> Structure:
+    return replace(beam, vertices=beam.vertices + np.outer([0.0, 0.0, by_m, by_m], [0.0, 1.0, 0.0]))
+
+
+def test_a_section_of_beams_of_its_own_height_tells_its_hidden_edges() -> None:
+    beams = [
+        taller(beam, 0.04) if number != 1 and beam.attributes["section"] == 1 else beam
+        for number, beam in enumerate(beams_with_free_edges("upper"))
+    ]
+    own = [beam for beam in beams if beam.attributes["section"] == 1]
+    assert len(own) > 3
+    assert with_usual_height(beams)[1].attributes["height_m"] == pytest.approx(0.14)
+
+
 def test_an_edge_measured_nowhere_is_doubted_where_beams_are_of_many_heights() -> None:
     beams = beams_with_free_edges("upper")
-    for number in range(2, len(beams), 2):
-        taller = beams[number].vertices + np.outer([0.0, 0.0, 0.04, 0.04], [0.0, 1.0, 0.0])
-        beams[number] = replace(beams[number], vertices=taller)
-    beams = with_usual_height(beams)
+    beams = with_usual_height([taller(beam, 0.04 * (number % 2)) for number, beam in enumerate(beams)])
     (doubt,) = (one for one in doubts_of(beams) if "upper edge not seen" in one.what)
     assert (doubt.structures, doubt.minor) == ((beams[1].id,), False)
     assert np.sqrt(beams[1].covariances[2, 1, 1]) > 0.02
