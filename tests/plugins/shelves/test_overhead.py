@@ -19,6 +19,10 @@ def test_a_pipe_above_the_posts_that_goes_on_beyond_the_row_is_no_beam() -> None
     assert [thing.outline[0, 1] for thing in absent_beams(TRACKED, found)] == pytest.approx([PIPE[0]] * 2)
 
 
+def test_a_pipe_before_the_posts_tops_is_no_beam() -> None:
+    assert is_whole(expected_grid(seen(ALONG, (0, (-0.1, 8.3), (3.9, 4.26), 0.9)), TRACKED))
+
+
 def test_a_pipe_is_not_found_where_it_was_not_tracked() -> None:
     assert expected_grid(seen(ALONG), WHOLE) is None
 

@@ -1,6 +1,6 @@
 """What runs along the row above a rack and was tracked as the highest beams: a pipe, a cable tray, a girder.
 
-No post reaches it, and it goes on beyond the row's ends, where the beams below it end.
+No post reaches beyond it, and it goes on beyond the row's ends, where the beams below it end.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ POSTS_TOP = 0.75
 
 
 def overhead_levels(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float) -> Floats:
-    """The levels y (n, 2) of a grid that run overhead. `usual_level`: the usual evidence of a level. A post shows where its own is at
+    """The levels y (n, 2) of a grid that run overhead, or along the posts' tops. `usual_level`: the usual evidence of a level. A post shows where its own is at
     least `post_shown`.
 
     There are none where the row's ends do not tell: where neither is in sight, or where the beams below go on, too, for instance into a
@@ -32,7 +32,7 @@ def overhead_levels(evidence: PlaneEvidence, grid: Grid, usual_level: float, pos
     """
     tops = [float(post_heights(evidence, post, post_shown).max(initial=-np.inf)) for post in grid.posts]
     top, levels = float(np.quantile(tops, POSTS_TOP)), np.concatenate(grid.sections)
-    above, beyond = levels[:, 0] >= top, _strengths_beyond(evidence, grid, levels) / usual_level
+    above, beyond = levels[:, 1] >= top, _strengths_beyond(evidence, grid, levels) / usual_level
     below = beyond[~above & np.isfinite(beyond)]
     end_with_row = len(below) >= LEAST_BELOW and np.median(below) <= ENDS
     return np.asarray(levels[above & (beyond >= GOES_ON) & end_with_row])
