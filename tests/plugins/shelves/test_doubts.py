@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from savmap.types import Floats
 from savmap_shelves.doubts import doubts_of
+from savmap_shelves.evidence.wide_steps import wide_steps
 
 from .perfect_maps import Row, structures_of, surveyed_row
 
@@ -213,3 +215,24 @@ def test_heavier_lowest_beams_are_not_taken_for_sides() -> None:
     for section in row["sections"]:
         section["beams"][0][1] += 0.04
     assert not [doubt for doubt in doubts_of(structures_of(row)) if "the further" in doubt.what]
+
+
+EVEN = np.array([0.1, 1.1, 2.1, 3.1, 4.1])
+ONE_HIDDEN = np.delete(EVEN, 1)
+PASSAGE = np.array([3.1, 4.1, 5.1])
+
+
+@pytest.mark.parametrize(
+    ("sections", "found"),
+    [
+        ([EVEN, ONE_HIDDEN, EVEN], [(1, 0, 1.0)]),
+        ([EVEN, PASSAGE, ONE_HIDDEN], [(2, 0, 1.0)]),
+        ([PASSAGE, ONE_HIDDEN, PASSAGE], []),
+        ([ONE_HIDDEN, PASSAGE, ONE_HIDDEN], []),
+    ],
+    ids=["beside", "beyond a passage", "nothing to compare with", "every section has it"],
+)
+def test_a_step_too_wide_for_its_section_may_hide_a_beam(
+    sections: list[Floats], found: list[tuple[int, int, float]]
+) -> None:
+    assert [(number, lower, pytest.approx(usual)) for number, lower, usual in wide_steps(sections)] == found

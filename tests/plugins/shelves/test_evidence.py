@@ -230,6 +230,11 @@ def test_paint_says_nothing_where_the_network_is_sure(value: float, believed: bo
     assert found is None if believed else found is not None and [len(levels) for levels in found.sections] == [2] * 3
 
 
+def test_one_post_of_four_without_a_guard_tells_where_the_floor_is() -> None:
+    guards = [(0, (POSTS[k, 0] - 0.1, POSTS[k, 1] + 0.1), (-1.0, 0.6), 0.0) for k in (0, 1, 3)]
+    assert expected_grid(seen(*guards, (1, (0.1, 2.7), (0.4, 0.52), 0.4)), WHOLE) is None
+
+
 def behind(height: float, share: float) -> PlaneEvidence:
     """Evidence in which the rear face's beams show faintly, from a camera at a height and distance."""
     evidence = seen()

@@ -147,7 +147,7 @@ class GridSearch:
     @cached_property
     def floor(self) -> float:
         """y of the posts' feet: goods and markings below may look like a level. A quantile, because a guard hides some feet."""
-        return float(np.quantile([self._reach(*post)[0] for post in self.tracked.posts], 0.25))
+        return float(np.quantile([self._reach(*post)[0] for post in self.tracked.posts], 0.25, method="lower"))
 
     @cached_property
     def ceiling(self) -> float:

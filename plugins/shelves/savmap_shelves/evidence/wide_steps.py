@@ -1,6 +1,7 @@
 """Steps between beams that are too wide for their section: a beam between may be hidden."""
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -8,8 +9,8 @@ from savmap.types import Floats
 
 FAR, LEAST_STEPS, EVEN, AMID = 1.6, 3, 1.5, 0.15
 """A step may hide a beam if all of these hold. It is `FAR` times the median of the section's other steps. There are `LEAST_STEPS` others, the greatest
-at most `EVEN` times the least. The sections beside have beams in it, farther than a share `AMID` of it from its ends. 60 simulated rows have no such
-step."""
+at most `EVEN` times the least. The sections beside, or beyond a passage, have beams in it, farther than a share `AMID` of it from its ends. 60 simulated
+rows have no such step."""
 
 
 def wide_steps(sections: Sequence[Floats]) -> Iterator[tuple[int, int, float]]:
@@ -21,12 +22,18 @@ def wide_steps(sections: Sequence[Floats]) -> Iterator[tuple[int, int, float]]:
     """
     for number, levels in enumerate(sections):
         steps = np.diff(levels)
-        beside = [sections[k] for k in (number - 1, number + 1) if 0 <= k < len(sections)]
         for k, step in enumerate(steps.tolist()):
             others = np.delete(steps, k)
-            if len(others) < LEAST_STEPS or others.max() > EVEN * others.min() or not beside:
+            if len(others) < LEAST_STEPS or others.max() > EVEN * others.min():
                 continue
             usual = float(np.median(others))
             low, high = levels[k] + AMID * step, levels[k + 1] - AMID * step
-            if step > FAR * usual and all(((other > low) & (other < high)).any() for other in beside):
+            beside = [*_beside(sections, number, float(levels[k + 1]))]
+            if step > FAR * usual and beside and all(((other > low) & (other < high)).any() for other in beside):
                 yield number, k, usual
+
+
+def _beside(sections: Sequence[Floats], number: int, height: float) -> Iterator[Floats]:
+    """The nearest section on either side that has a beam below a height: through a passage there is nothing to compare with."""
+    for side in (reversed(sections[:number]), sections[number + 1 :]):
+        yield from islice((levels for levels in side if (levels < height).any()), 1)
