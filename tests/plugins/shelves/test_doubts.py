@@ -217,7 +217,7 @@ def test_heavier_lowest_beams_are_not_taken_for_sides() -> None:
     assert not [doubt for doubt in doubts_of(structures_of(row)) if "the further" in doubt.what]
 
 
-EVEN = np.array([0.1, 1.1, 2.1, 3.1, 4.1])
+EVEN = np.array([0.1, 1.1, 2.1, 3.1, 4.1, 5.1])
 ONE_HIDDEN = np.delete(EVEN, 1)
 PASSAGE = np.array([3.1, 4.1, 5.1])
 
