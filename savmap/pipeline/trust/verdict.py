@@ -159,10 +159,9 @@ def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: s
         structure.id: [landmark for name, landmark in landmarks.items() if is_of(name, structure.id)]
         for structure in structures
     }
+    usual = {label: _usual_offset(structures, own, label) for label in {structure.label for structure in structures}}
     for structure in structures:
-        alike = [landmark for other in structures if other.label == structure.label for landmark in own[other.id]]
-        usual = float(np.median(_offsets(alike))) if len(_offsets(alike)) else 0.0
-        offsets, limit = _offsets(own[structure.id]), max(SCATTERED_M, SCATTERED * usual)
+        offsets, limit = _offsets(own[structure.id]), max(SCATTERED_M, SCATTERED * usual[structure.label])
         rejected = sum(int((landmark.offsets[landmark.observations :] > FAR_M).sum()) for landmark in own[structure.id])
         if rejected > MOST_REJECTED * len(offsets):
             what = f"{rejected} of the {len(offsets)} measurements of {structure.id} do not fit where it was mapped"
@@ -171,6 +170,12 @@ def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: s
         else:
             continue
         yield Doubt("residuals", what, (structure.id,), place_of(structure))
+
+
+def _usual_offset(structures: Sequence[Structure], landmarks: Mapping[str, Sequence[Landmark]], label: str) -> float:
+    """How far, m, the measurements of the structures of a label usually are off; `landmarks`: those of each structure, by its id."""
+    offsets = _offsets([one for structure in structures if structure.label == label for one in landmarks[structure.id]])
+    return float(np.median(offsets)) if len(offsets) else 0.0
 
 
 def _offsets(landmarks: Sequence[Landmark]) -> Floats:
