@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -256,6 +257,19 @@ def test_a_beam_of_the_rear_face_that_was_tracked_is_dropped(thickness: float, d
     tracked = Grid(POSTS, [LEVELS, np.sort(np.vstack([LEVELS, rear]), axis=0), LEVELS])
     found = expected_grid(behind(2.6, 0.65), tracked)
     assert is_whole(found) if dropped else found is None
+
+
+@pytest.mark.parametrize(
+    ("top", "rear_below", "found"),
+    [(2.35, 2.2, True), (2.35, 0.0, False), (2.35, 9.0, False), (2.25, 2.2, False)],
+    ids=["a rear beam below", "no rear beam", "rear beams all over", "no higher than one"],
+)
+def test_of_a_stripe_as_high_as_two_the_rear_beam_is_not_the_level(top: float, rear_below: float, found: bool) -> None:
+    search = GridSearch(seen(), WHOLE, EvidenceSettings())
+    vars(search)["rear"] = SimpleNamespace(shows=lambda levels, height: height < rear_below)
+    cover = ((search.y > 2.1) & (search.y < top)).astype(float)
+    level = search._before_the_rear(cover, int(np.abs(search.y - 2.2).argmin()), LEVELS)
+    assert level == pytest.approx([top - search.tracked.thickness, top], abs=0.03) if found else level is None
 
 
 def test_one_faint_level_is_not_taken_for_the_rear_face() -> None:

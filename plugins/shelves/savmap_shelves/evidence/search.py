@@ -29,7 +29,7 @@ from savmap_shelves.evidence.strength import (
 from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
 
 BODY = (0.12, 0.92)
-APART, FOOT, FAINT, SUNK, THIN = 1.5, 0.4, 0.52, 0.25, 0.8
+APART, FOOT, FAINT, SUNK, THIN, TWO = 1.5, 0.4, 0.52, 0.25, 0.8, 1.6
 SIMILAR, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 SIMILAR_BELOW = 0.85
 GAP = 0.3
@@ -368,17 +368,26 @@ class GridSearch:
         return [self._level_cover(float(left[1]), float(right[0])) for left, right in pairwise(self.tracked.posts)]
 
     def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
-        """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, else where the cover falls
-        to half. The height is limited to 0.6 to 1.4 of the usual one."""
+        """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, 0.6 to 1.4 of the usual height
+        apart; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one."""
         centre, usual = float(self.y[row]), self.tracked.thickness
         if self._paint_similarity(left, right, centre) >= SIMILAR:
             low, high = self.paint.extent(left, right, centre)
-        else:
-            below = np.flatnonzero(cover < cover[row] / 2)
-            first, last = below[below < row].max(initial=row - 1), below[below > row].min(initial=row + 1)
-            low, high = centre + self.cell * (last - first - 1) / 2 * np.array([-1.0, 1.0])
-        half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
-        return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
+            half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
+            return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
+        front = self._before_the_rear(cover, row, self._tracked_beside(left, right))
+        return np.asarray(centre + 0.6 * usual / 2 * np.array([-1.0, 1.0])) if front is None else front
+
+    def _before_the_rear(self, cover: Floats, row: int, levels: Floats) -> Floats | None:
+        """y (2,) of the level in a stripe around a row that is as high as two, where the other one is the rear beam of one of a section's levels; None where
+        neither is, or both are."""
+        shown = cover >= cover[row] / 2
+        around = self.y[np.flatnonzero(np.cumsum(~shown) == np.cumsum(~shown)[row])]
+        low, high, size = float(around.min()), float(around.max()), np.array([0.0, self.tracked.thickness])
+        if high - low < TWO * self.tracked.thickness:
+            return None
+        front = [level for level in (low + size, high - size[::-1]) if not self.rear.shows(levels, float(level.mean()))]
+        return front[0] if len(front) == 1 else None
 
     def _tracked_beside(self, left: float, right: float) -> Floats:
         """The levels of the tracked section in which the middle between two posts lies; none beyond the ends."""
