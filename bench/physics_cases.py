@@ -179,7 +179,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
         "length",
     )
     yield case("length to the upright before", one_bay_short, "length")
-    yield case("another row's heights", others_heights, "height of the lowest edge")
+    yield case("another row's heights", others_heights, "height of the lowest edge", "its height is not used")
     yield case("another row's length", others_length, "length")
     yield case("another row's references", others_everything, "height", "camera", "length")
     yield case("heights from the other end", heights_as(lambda own: own[::-1]), "height of the lowest edge")

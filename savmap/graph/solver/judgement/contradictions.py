@@ -24,7 +24,7 @@ from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.types import Doubt, Floats, ReferenceUse
 
 KNOWN_M = 0.05
-UNCHECKED_SIGMA, UNKNOWN_M = 10.0, 1.0
+UNCHECKED_SIGMA, UNKNOWN_M = 5.0, 1.0
 SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
