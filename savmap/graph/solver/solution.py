@@ -33,8 +33,8 @@ MISFIT, NONSENSE = 5.0, 100.0
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, measurements that were used and rejected. offsets (k,): how far
-    off these are, in this order, where they tell most, m at the landmark's distance."""
+    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, the numbers of used and of rejected measurements.
+    offsets (k,): the distance of each of these from the point, m; used ones first. Of a measurement on an edge it is the distance across that edge."""
 
     position: Floats
     covariance: Floats
@@ -243,7 +243,8 @@ def _landmarks(
 
 
 def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
-    """How far (n,) m each measurement is from its landmark, at that one's distance: its error in standard deviations, times the least of these."""
+    """The distance (n,) of each measurement from its landmark, m: the Mahalanobis norm of its error times its least standard deviation in pixels, taken to
+    the landmark's distance from the camera."""
     measurements = problem.measurements
     focal = np.array([spec.camera[0, 0] for spec in measurements.views])[measurements.view]
     least = np.sqrt(np.linalg.eigvalsh(measurements.covariances)[:, 0])

@@ -17,9 +17,11 @@ OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
 MOST_REJECTED, FAR_M = 0.4, 0.01
-"""More rejected measurements of a structure speak against it. Those less far off do not: it cannot be wrong by more."""
+"""A structure is doubted where a larger share of its measurements was rejected and is further from it than `FAR_M`. Nearer ones do not count: a structure is
+not wrong by more than they are."""
 SCATTERED_M, SCATTERED = 0.02, 4.0
-"""Half of a structure's measurements are further off than that, and than so many times what is usual for its label, where they are of no one thing."""
+"""A structure is doubted where the median distance of its measurements is larger than `SCATTERED_M`, and than `SCATTERED` times that of all structures of its
+label: they are then of several things."""
 OFTEN_SEEN = 0.5
 OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""

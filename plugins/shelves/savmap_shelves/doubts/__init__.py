@@ -15,17 +15,18 @@ def doubts_of(structures: Sequence[Structure], lowest_known: bool = False) -> li
     """Doubts of kind `shape`, each with the ids of the elements that it is about. `lowest_known`: whether the heights of the lowest beams are given,
     which the solve compares with the map."""
     by_id = {structure.id: structure for structure in structures}
+
+    def doubt(what: str, ids: tuple[str, ...], minor: bool = False) -> Doubt:
+        return Doubt("shape", what, ids, _place([by_id[name] for name in ids]), minor=minor)
+
     checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels)
     found = [*unmeasured_edges(structures, told_by_profile=False)]
-    found += [doubt for check in checks for doubt in check(structures)]
+    found += [implausible for check in checks for implausible in check(structures)]
     if not lowest_known:
         told = {ids for _, ids in found}
         found += [(what, ids) for what, ids in high_lowest_beams(structures) if ids not in told]
-    doubts = [Doubt("shape", what, ids, _place([by_id[name] for name in ids])) for what, ids in found]
-    return doubts + [
-        Doubt("shape", what, ids, _place([by_id[name] for name in ids]), minor=True)
-        for what, ids in unmeasured_edges(structures, told_by_profile=True)
-    ]
+    by_profile = unmeasured_edges(structures, told_by_profile=True)
+    return [*(doubt(*one) for one in found), *(doubt(*one, minor=True) for one in by_profile)]
 
 
 def _place(structures: Sequence[Structure]) -> tuple[float, float, float]:

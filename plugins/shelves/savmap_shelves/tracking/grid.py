@@ -13,7 +13,7 @@ from savmap_shelves.evidence.second_readings import accepted_readings
 from savmap_shelves.tracking.adjust import EdgeObservations, GridFit, adjusted
 from savmap_shelves.tracking.attitudes import facing, rectified
 from savmap_shelves.tracking.feet import Feet, feet_of
-from savmap_shelves.tracking.levels import Levels, edges_of, find_levels, heights_of, seen_through
+from savmap_shelves.tracking.levels import Levels, edges_of, expected_levels, find_levels, heights_of, seen_through
 from savmap_shelves.tracking.odometry import frame_observations
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
 from savmap_shelves.tracking.path import along_uprights, edge_observations, filled, pass_odometry, upright_edges
@@ -115,7 +115,8 @@ def _with_second_readings(grid: FaceGrid) -> FaceSightings | None:
         for corners in (sightings.corners, sightings.second)
     )
     accepted = accepted_readings(levels.section, levels.which, first, second)
-    hidden = hidden_edges(levels.which, first, levels.expected(sightings) & ~accepted.edges.any(axis=1))
+    expected = expected_levels(sightings, levels.which, len(levels.section))
+    hidden = hidden_edges(levels.which, first, expected & ~accepted.edges.any(axis=1))
     if not (accepted.edges | hidden).any():
         return None
     corners = np.where(accepted.second[:, None], sightings.second, sightings.corners)

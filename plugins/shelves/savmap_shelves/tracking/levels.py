@@ -32,10 +32,6 @@ class Levels:
         number = np.append(np.where(left_out, -1, np.cumsum(~left_out) - 1), -1)
         return Levels(self.section[~left_out], self.y[~left_out], number[self.which], self.ends)
 
-    def expected(self, sightings: FaceSightings) -> Bools:
-        """Which levels (k,) all frames together show."""
-        return expected_levels(sightings, self.which, len(self.section))
-
 
 def seen_through(section: Ints, scatter: Floats) -> Bools:
     """Which levels (k,) are seen through a passage: those of sections (k,) with several levels that all scatter by several times what is usual.
