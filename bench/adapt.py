@@ -1,8 +1,8 @@
 """`savmap adapt` on dark, thin racks that the shipped network is poor at, without a label.
 
-    python bench/adapt.py [--seeds 7001 7002] [--frames 60] [--steps 240] [--keep DIR] [-o bench/results/adapt.json]
+    python bench/adapt.py [--seeds 7001 7002] [--frames 60] [--steps 240] [--both] [--keep DIR] [-o bench/results/adapt.json]
 
-Drives past such rows are simulated (`bench/fine_tuning.py` makes the style), one row of a site each; the site teaches the network of
+Drives past such rows are simulated (`bench/fine_tuning.py` makes the style), one row of a site each, or both rows of the aisle; the site teaches the network of
 `shelves`. Printed: intersection over union on pictures of other such places (`dark-test`, exact masks), with the network that ships and
 with each that was taught, kept or not, and missing and spurious elements of the first and the last map. What is in DIR is used again.
 """
@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 from fine_tuning import LABELLED, dark_row, dark_scene
-from rows import only_first_row
+from rows import ROWS, only_one_row
 
 import savmap
 from savmap.adapt.records import AdaptOptions
@@ -37,8 +37,8 @@ GOAL = 0.657
 """What 200 labelled pictures of the style reach (docs/training.md)."""
 
 
-def site_of(seeds: Sequence[int], frames: int, base: Path) -> Path:
-    """A site with a row for each seed, each with its own footage, and its survey, made unless they are there."""
+def site_of(seeds: Sequence[int], frames: int, base: Path, sides: Sequence[str] = ROWS[:1]) -> Path:
+    """A site with the row of each seed, or the two of its aisle, each seed with its own footage, and its survey, made unless they are there."""
     rows: dict[str, Any] = {}
     surveyed: dict[str, Any] = {}
     survey: dict[str, Any] = {}
@@ -46,12 +46,13 @@ def site_of(seeds: Sequence[int], frames: int, base: Path) -> Path:
         folder = base / f"row-{seed}"
         if not (folder / "site.yaml").is_file():
             simulate(dark_row(seed, frames), folder)
-        content = yaml.safe_load(only_first_row(folder / "site.yaml").read_text(encoding="utf-8"))
-        name, row = next(iter(content["rows"].items()))
         survey = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
-        row["passes"] = [{**one, "video": f"row-{seed}/{one['video']}"} for one in row["passes"]]
-        row["references"] = {**content["references"], **row["references"]}
-        rows[str(seed)], surveyed[str(seed)] = row, survey["rows"][name]
+        for side in sides:
+            content = yaml.safe_load(only_one_row(folder / "site.yaml", side).read_text(encoding="utf-8"))
+            name, row = next(iter(content["rows"].items()))
+            row["passes"] = [{**one, "video": f"row-{seed}/{one['video']}"} for one in row["passes"]]
+            row["references"] = {**content["references"], **row["references"]}
+            rows[f"{seed}-{name}"], surveyed[f"{seed}-{name}"] = row, survey["rows"][name]
     write_text(base / "survey.json", json.dumps({**survey, "rows": surveyed}))
     site = base / "site.yaml"
     content = {"plugins": {PLUGIN: {}}, "survey": "survey.json", "rows": rows}
@@ -85,12 +86,13 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--steps", type=int, default=240)
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--both", action="store_true", help="both rows of each aisle, not the left one alone")
     parser.add_argument("--keep", type=Path, help="keep footage, pictures and results in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "adapt.json")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         base = given.keep or Path(temporary)
-        site, pictures = site_of(given.seeds, given.frames, base), test_set(base)
+        site, pictures = site_of(given.seeds, given.frames, base, ROWS if given.both else ROWS[:1]), test_set(base)
         adapted = adapt(site, base / "out", AdaptOptions(PLUGIN, rounds=given.rounds, steps=given.steps, jobs=0))
         print("\n".join(adapted_lines(adapted)))
         networks = {"shipped": float_model(load_class(PLUGIN).model)}

@@ -1,11 +1,12 @@
 """Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--references camera] [--keep DIR] [-o bench/results/rows.json]
+    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--references camera] [--row second] [--keep DIR] [-o bench/results/rows.json]
 
 Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
 --times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a section without beams, so many metres
 wide, in the middle: a passage, or a column of the hall between two racks. --references: all that the footage comes with (camera height, lowest beams, a length),
 `length` (camera height and length), or `camera` (its height alone), which is what most users have at first.
+--row: the row on the left of the drive (`first`), or that on the right, which is another random rack beside the same footage.
 """
 
 import argparse
@@ -26,6 +27,8 @@ from savmap.sim.random_row import random_row
 from savmap.sim.simulate import simulate
 
 ROOT = Path(__file__).parent.parent
+ROWS = ("first", "second")
+"""The rows of a simulated aisle, left and right of the drive."""
 
 
 def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1, gap: float = 0.0) -> Path:
@@ -39,17 +42,17 @@ def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int
     return site
 
 
-def only_first_row(site: Path, references: str = "all") -> Path:
-    """A copy of a site file that maps its first row alone, with so many of its references."""
+def only_one_row(site: Path, which: str = "first", references: str = "all") -> Path:
+    """A copy of a site file that maps its first or its second row alone, with so many of its references."""
     content = yaml.safe_load(site.read_text(encoding="utf-8"))
-    name = next(iter(content["rows"]))
+    name = list(content["rows"])[ROWS.index(which)]
     row = content["rows"][name]
     content["rows"] = {name: row}
     if references != "all":
         row.pop("plugins", None)
     if references == "camera":
         row.pop("references", None)
-    path = site.with_name("first-row.yaml" if references == "all" else f"first-row-{references}.yaml")
+    path = site.with_name(f"{which}-row.yaml" if references == "all" else f"{which}-row-{references}.yaml")
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
 
@@ -102,6 +105,7 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--gap", type=float, default=0.0)
     parser.add_argument("--references", choices=["all", "length", "camera"], default="all")
+    parser.add_argument("--row", choices=ROWS, default=ROWS[0], help="the row on the left or on the right of the drive")
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
     arguments = parser.parse_args()
@@ -114,8 +118,8 @@ def main() -> None:
             folder = folder.with_name(f"{folder.name}-x{arguments.times}") if arguments.times > 1 else folder
             folder = folder.with_name(f"{folder.name}-gap{arguments.gap:g}") if arguments.gap else folder
             made = footage(seed, arguments.frames, folder, arguments.style, arguments.times, arguments.gap)
-            site = only_first_row(made, arguments.references)
-            results[seed] = score(site, folder / "out")
+            site = only_one_row(made, arguments.row, arguments.references)
+            results[seed] = score(site, folder / ("out" if arguments.row == ROWS[0] else f"out-{arguments.row}"))
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
     print(f"{whole} of {arguments.count} rows without a missing or spurious element")
