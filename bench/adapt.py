@@ -48,7 +48,10 @@ def site_of(seeds: Sequence[int], frames: int, base: Path, sides: Sequence[str] 
             simulate(dark_row(seed, frames), folder)
         survey = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
         for side in sides:
-            content = yaml.safe_load(only_one_row(folder / "site.yaml", side).read_text(encoding="utf-8"))
+            alone = only_one_row(folder / "site.yaml", side)
+            if alone is None:
+                continue
+            content = yaml.safe_load(alone.read_text(encoding="utf-8"))
             name, row = next(iter(content["rows"].items()))
             row["passes"] = [{**one, "video": f"row-{seed}/{one['video']}"} for one in row["passes"]]
             row["references"] = {**content["references"], **row["references"]}

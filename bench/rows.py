@@ -6,7 +6,8 @@ Nobody looks at a row beforehand; footage already in DIR is used again. Style `g
 --times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a section without beams, so many metres
 wide, in the middle: a passage, or a column of the hall between two racks. --references: all that the footage comes with (camera height, lowest beams, a length),
 `length` (camera height and length), or `camera` (its height alone), which is what most users have at first.
---row: the row on the left of the drive (`first`), or that on the right, which is another random rack beside the same footage.
+--row: the row on the left of the drive (`first`), or that on the right, which is another random rack beside the same footage,
+where the drive goes past the whole of it.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from row_scenes import greyed, interrupted, lengthened
 
@@ -29,6 +31,7 @@ from savmap.sim.simulate import simulate
 ROOT = Path(__file__).parent.parent
 ROWS = ("first", "second")
 """The rows of a simulated aisle, left and right of the drive."""
+SLACK_M = 0.3
 
 
 def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1, gap: float = 0.0) -> Path:
@@ -42,10 +45,24 @@ def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int
     return site
 
 
-def only_one_row(site: Path, which: str = "first", references: str = "all") -> Path:
-    """A copy of a site file that maps its first or its second row alone, with so many of its references."""
+def is_driven_past(site: Path, row: str) -> bool:
+    """Whether the camera of a simulated aisle comes past a row from end to end."""
+    scene = yaml.safe_load(site.with_name("scene.yaml").read_text(encoding="utf-8"))
+    uprights = json.loads(site.with_name("survey.json").read_text(encoding="utf-8"))["rows"][row]["uprights"]
+    origin, facing = scene["rows"][row]["x"], scene["rows"][row]["facing"]
+    ends = np.array([uprights[0][0], uprights[-1][1]]) * (1 if facing == "+z" else -1) + origin
+    drive = sorted((scene["cart"]["start"][0], scene["cart"]["end"][0]))
+    return bool(drive[0] - SLACK_M <= ends.min() and ends.max() <= drive[1] + SLACK_M)
+
+
+def only_one_row(site: Path, which: str = "first", references: str = "all") -> Path | None:
+    """A copy of a site file that maps its first or its second row alone, with so many of its references; None where it has no such row, or the
+    drive does not go past the whole of it."""
     content = yaml.safe_load(site.read_text(encoding="utf-8"))
-    name = list(content["rows"])[ROWS.index(which)]
+    names = list(content["rows"])[ROWS.index(which) :]
+    if not names or not is_driven_past(site, names[0]):
+        return None
+    name = names[0]
     row = content["rows"][name]
     content["rows"] = {name: row}
     if references != "all":
@@ -119,10 +136,13 @@ def main() -> None:
             folder = folder.with_name(f"{folder.name}-gap{arguments.gap:g}") if arguments.gap else folder
             made = footage(seed, arguments.frames, folder, arguments.style, arguments.times, arguments.gap)
             site = only_one_row(made, arguments.row, arguments.references)
+            if site is None:
+                print(f"{seed:6d}  no rack on that side, or not driven past from end to end")
+                continue
             results[seed] = score(site, folder / ("out" if arguments.row == ROWS[0] else f"out-{arguments.row}"))
             print(line(seed, results[seed]), flush=True)
     whole = sum(is_whole(figures) for figures in results.values())
-    print(f"{whole} of {arguments.count} rows without a missing or spurious element")
+    print(f"{whole} of {len(results)} rows without a missing or spurious element")
     write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 

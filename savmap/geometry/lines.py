@@ -65,7 +65,7 @@ class Lines:
 
 
 def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float) -> Lines:
-    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points.
+    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points; nan for a group without points.
 
     `about` are slopes (g,) to be expected and how far from them to look.
 
@@ -150,6 +150,8 @@ def _sums_or_nan(group: Ints, values: Floats, count: int) -> Floats:
 def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance: float) -> tuple[Floats, Floats]:
     """Slope and v at u = 0 (count,) of the line through two of `SAMPLES` points of each group that most support."""
     count = len(about[0])
+    if not len(u):
+        return np.zeros(count), np.zeros(count)
     sizes = np.bincount(group, minlength=count)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     pick = starts[:, None] + ((np.arange(SAMPLES) + 0.5) / SAMPLES * sizes[:, None]).astype(np.int64)

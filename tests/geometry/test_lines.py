@@ -57,6 +57,12 @@ def test_a_group_without_points_is_no_line() -> None:
     assert len(robust_lines(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), (np.zeros(0), 1.0), 1.0)) == 0
 
 
+def test_groups_of_which_none_has_a_point_are_no_lines() -> None:
+    nothing = np.zeros(0)
+    lines = robust_lines(np.zeros(0, dtype=np.int64), nothing, nothing, (np.zeros(2), 1.0), 1.0)
+    assert np.isnan(lines.slope).all() and lines.inliers.tolist() == [0, 0]
+
+
 @pytest.mark.parametrize("length", [1, 25])
 def test_variances_are_honest_also_for_errors_that_go_together(length: int) -> None:
     rng = np.random.default_rng(2)
