@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from savmap.assembly import aligned, assembled, with_doubts
+from savmap.assembly.confirmed import with_confirmed
 from savmap.assembly.same_face import same_face_doubts
 from savmap.errors import DoubtfulError, OutputError, PluginsLeftOutError, RowsFailedError, SavmapError, format_error
 from savmap.files.atomic import file_name, read_json, sha256, write_text
@@ -196,8 +197,9 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     with failures_gathered() as failures, warnings_as_notes(monitor):
         placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
         placed = with_doubts(placed, same_face_doubts({name: job.site.rows[name] for name in placed.rows}))
-        site_map, further = in_users_world(job, placed)
-        for note in (*notes, *further):
+        confirmed = with_confirmed(placed, {name: row.confirmed for name, row in job.site.rows.items()})
+        site_map, further = in_users_world(job, confirmed.site_map)
+        for note in (*notes, *confirmed.unused, *further):
             monitor.note(note)
         if write:
             evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache)

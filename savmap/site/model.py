@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from savmap.files.atomic import file_name
 from savmap.files.texts import fault_of_path
@@ -30,8 +30,18 @@ Settings = Mapping[str, Any]
 USUAL_FPS = 15.0
 MOST_NAME = 100
 """Letters of a row's name, which becomes part of files' names."""
+MOST_CONFIRMED = 200
 MIN_FRAMES = 3
 """Fewer frames of a pass cannot be mapped from."""
+
+
+def _quoted(value: object) -> object:
+    if isinstance(value, Mapping):
+        raise ValueError("put it in quotation marks: YAML takes the colon in it for the end of a key")
+    return value
+
+
+DoubtText = Annotated[str, Field(min_length=1, max_length=1000), BeforeValidator(_quoted)]
 
 
 class Pass(Strict):
@@ -92,6 +102,8 @@ class Row(Strict):
     """Whether points of any kind help with the camera's motion."""
     place: PlaceSection | None = None
     """Where the row stands in the site's frame; wins over the site's `layout`."""
+    confirmed: Annotated[tuple[DoubtText, ...], Field(max_length=MOST_CONFIRMED)] = ()
+    """Doubts of this row, of the kinds `shape` and `support` and in savmap's own words, that a person looked at and found wrong: they become notes."""
 
     @field_validator("plugins", mode="before")
     @classmethod

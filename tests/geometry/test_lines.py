@@ -60,7 +60,8 @@ def test_a_group_without_points_is_no_line() -> None:
 def test_groups_of_which_none_has_a_point_are_no_lines() -> None:
     nothing = np.zeros(0)
     lines = robust_lines(np.zeros(0, dtype=np.int64), nothing, nothing, (np.zeros(2), 1.0), 1.0)
-    assert np.isnan(lines.slope).all() and lines.inliers.tolist() == [0, 0]
+    assert np.isnan(lines.slope).all()
+    assert lines.inliers.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("length", [1, 25])

@@ -15,7 +15,8 @@ from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog
 from savmap.report.site_report import viewed
 from savmap.site.job import job_for
-from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
+from savmap.site.overrides import overrides_of
+from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
 from savmap.types.progress import NoteCollector
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
@@ -65,6 +66,23 @@ def test_viewer_of_a_run_is_of_its_map(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
     map_job_into(job, RunOptions(jobs=0), NoteCollector())
     assert viewed(tmp_path, job.site.survey) == (tmp_path / "view.html", False)
+
+
+def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    doubt = Doubt(
+        "support", "section 1 / beam 2 was measured in 3 of the 40 frames that should show it", place=(1.0, 2.0, 0.0)
+    )
+    lines = overrides_of([f'rows.A.confirmed=["{doubt.what}", "light 9 is a window"]'], {})
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path, overrides=lines)
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    row = RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {}, (), verdict=Verdict((doubt,)))
+    monkeypatch.setattr(
+        "savmap.jobs.map_site.map_rows_of", lambda *_, **__: MappedRows({"A": row}, {}, RunLog(rows={}))
+    )
+    notes = NoteCollector()
+    run = map_job_into(job, RunOptions(jobs=0), notes)
+    assert run.site_map.rows["A"].verdict == Verdict((), (f"confirmed in the site file: {doubt.what}",))
+    assert notes.lines == ["row A: `confirmed` has a line that no doubt says now: light 9 is a window"]
 
 
 def test_pictures_of_rows_that_are_gone_are_removed_and_nothing_else(

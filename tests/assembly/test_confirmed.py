@@ -1,0 +1,70 @@
+"""Doubts that a person looked at and found wrong."""
+
+import numpy as np
+import pytest
+from made_up_site import site
+from pydantic import ValidationError
+
+from savmap.assembly.confirmed import with_confirmed
+from savmap.assembly.doubts import with_doubts
+from savmap.site.model import Row
+from savmap.types import Doubt, SiteMap, Verdict
+
+WIDE = Doubt(
+    "shape", "upright 2 and upright 3 are 3.69 m apart, others 1.36 m: is one between them missing?", ("upright 2",)
+)
+CAMERA = Doubt("camera", "all elevations are 1.20 +- 0.10 % too large in the pictures")
+
+
+def doubted(*doubts: Doubt) -> SiteMap:
+    return with_doubts(site(1, np.random.default_rng(1)), {"1L": list(doubts)})
+
+
+def verdict_with(line: str, *doubts: Doubt) -> tuple[Verdict, tuple[str, ...]]:
+    confirmed = with_confirmed(doubted(*doubts), {"1L": (line,), "1R": ()})
+    verdict = confirmed.site_map.rows["1L"].verdict
+    assert verdict is not None
+    return verdict, confirmed.unused
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        WIDE.what,
+        f"shape: {WIDE.what}",
+        "upright 2 and upright 3 are 3.70 m  apart, others 1.35 m: is one between them missing?",
+    ],
+)
+def test_a_doubt_in_its_own_words_becomes_a_note(line: str) -> None:
+    verdict, unused = verdict_with(line, WIDE)
+    assert verdict.grade == "trusted"
+    assert verdict.notes == (f"confirmed in the site file: {WIDE.what}",)
+    assert not unused
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "upright 3 and upright 4 are 3.69 m apart, others 1.36 m: is one between them missing?",
+        "upright 2 and upright 3 are 5.40 m apart, others 1.36 m: is one between them missing?",
+        "upright 2 and upright 3",
+    ],
+)
+def test_other_words_or_figures_settle_nothing_and_are_told(line: str) -> None:
+    verdict, unused = verdict_with(line, WIDE)
+    assert verdict.doubts == (WIDE,)
+    assert not verdict.notes
+    assert unused == (f"row 1L: `confirmed` has a line that no doubt says now: {line}",)
+
+
+def test_what_no_look_at_the_pictures_tells_stays() -> None:
+    verdict, unused = verdict_with(CAMERA.what, CAMERA, WIDE)
+    assert verdict.doubts == (CAMERA, WIDE)
+    assert unused == (f"row 1L: `confirmed` cannot settle this, which no look at the pictures tells: {CAMERA.what}",)
+
+
+def test_a_line_that_yaml_takes_for_a_key_is_told_to_be_quoted() -> None:
+    with pytest.raises(ValidationError, match="quotation marks"):
+        Row.model_validate(
+            {"passes": [{"video": "/aisle.mp4"}], "confirmed": [{"3.69 m apart, others 1.36 m": "is one"}]}
+        )
