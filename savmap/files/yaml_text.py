@@ -19,6 +19,8 @@ MOST_VALUES = 100_000
 MOST_LETTERS = 4000
 LARGEST = 1e300
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
+TEXT = "tag:yaml.org,2002:str"
+OTHERWISE_TEXT = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
 _Events: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -27,12 +29,19 @@ class BoundError(yaml.MarkedYAMLError):
 
 
 class _Loader(_Events):  # type: ignore[misc]
-    """A safe loader without dates, that tells where a value cannot be made."""
+    """A safe loader without dates, that tells where a value cannot be made, and leaves keys as they are written: an aisle may be called 010 or no."""
 
     yaml_implicit_resolvers: ClassVar = {
         first: [(tag, pattern) for tag, pattern in resolvers if tag != TIMESTAMP]
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
+        self.flatten_mapping(node)
+        for key, _ in node.value:
+            if key.tag in OTHERWISE_TEXT and not _is_plain_number(key.value):
+                key.tag = TEXT
+        return super().construct_mapping(node, deep)
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
@@ -46,6 +55,11 @@ class _Loader(_Events):  # type: ignore[misc]
         if isinstance(value, int | float) and not -LARGEST < value < LARGEST:
             raise _error(f"{node.value:.20} is not a finite number", node.start_mark)
         return value
+
+
+def _is_plain_number(text: str) -> bool:
+    """Whether a number and its text are one: 8 is, 010, 1_000 and 1.10 are not."""
+    return text.isdecimal() and text == str(int(text))
 
 
 def compose(text: str) -> yaml.Node | None:

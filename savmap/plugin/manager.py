@@ -64,7 +64,7 @@ def load_class(name: str) -> Any:
     """
     points = installed()
     if name not in points:
-        near = difflib.get_close_matches(name, points, 1)
+        near = difflib.get_close_matches(name.lower(), points, 1)
         hint = f"did you mean `{near[0]}`?" if near else f"installed are: {', '.join(points) or 'none'}"
         raise PluginError(f"unknown plugin `{name}`: {hint}")
     try:

@@ -14,10 +14,12 @@ from pydantic import (
     Field,
     PlainSerializer,
     PlainValidator,
+    ValidationInfo,
     WithJsonSchema,
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticKnownError
 
 from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
@@ -67,6 +69,14 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_word_for_a_number(cls, value: object, field: ValidationInfo) -> object:
+        """YAML's yes and no, which pydantic takes for 1 and 0."""
+        if isinstance(value, bool) and cls.model_fields[str(field.field_name)].annotation in (float, float | None):
+            raise PydanticKnownError("float_type")
+        return value
+
 
 class Known(Strict):
     """A number the user knows, with its standard deviation, both in metres."""
@@ -90,13 +100,44 @@ def _height_alone(value: object) -> object:
     return {"value": value} if isinstance(value, int | float | str) and not isinstance(value, bool) else value
 
 
+HIGHER = {"x": {"left": 0, "right": 1}, "y": {"lower": 0, "bottom": 0, "upper": 1, "top": 1}}
+"""Words at the end of an edge's name that say which of two it is along an axis."""
+
+
+def _rank(name: str, axis: str) -> tuple[str, tuple[int, int]]:
+    """What edges have in common that their names put in order along an axis, and the place of this one: numbers rise from left to right, and within
+    a section from the floor up."""
+    parts = [part.strip() for part in name.split("/")]
+    numbers = [int(number) for number in re.findall(r"\d{1,9}", name)]
+    side = max((HIGHER[axis].get(word, 0) for word in parts[-1].split()), default=0)
+    side = max(side, *(HIGHER[axis].get(part, 0) for part in parts))
+    if axis == "x":
+        return re.sub(r"\d+", "#", parts[0]), (numbers[0] if numbers else 0, side)
+    return parts[0], (numbers[1] if len(numbers) > 1 else 0, side)
+
+
 class Length(Known):
     """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
 
     between: tuple[str, str]
-    """Labels of the two edges, such as "upright 1 / left"."""
+    """Labels of the two edges, such as "upright 1 / left", in either order."""
+    value: Span
+    """Metres."""
     axis: Literal["x", "y"] = "x"
     """Along the aisle, or upwards."""
+
+    @field_validator("between")
+    @classmethod
+    def _differ(cls, value: tuple[str, str]) -> tuple[str, str]:
+        if value[0] == value[1]:
+            raise ValueError(f"two different edges are expected, not twice {value[0]}")
+        return value
+
+    @property
+    def upwards(self) -> tuple[str, str]:
+        """The two edges in the order of their coordinates, as far as their names tell: numbers rise from left to right and from the floor up."""
+        (alike, first), (also, second) = (_rank(name, self.axis) for name in self.between)
+        return (self.between[1], self.between[0]) if alike == also and first > second else self.between
 
 
 class SurveyedPoint(Strict):

@@ -32,6 +32,8 @@ ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
+MIDDLE = (0.1, 0.9)
+"""Quantiles of what was measured between which the place of a doubt lies."""
 LOOSELY = "nothing would notice an error"
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
 SAME_IN_UNIT = 0.02
@@ -81,7 +83,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     wrong, or at all where the user wants that.
     """
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
-    mistakable = _presumed(problem, agreed).union(name for name in spans if spans[name].is_odd())
+    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans)
     explained = _merged(agreed, spans, agreed.explanations(mistakable))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
@@ -105,6 +107,17 @@ def _presumed(problem: Problem, agreed: Agreement) -> Names:
     """What nobody measured and seems to be more than was presumed."""
     names = {relation.name: relation.value for relation in problem.relations if relation.presumed}
     return frozenset(name for name, value in names.items() if agreed.rest(name)[0] > value)
+
+
+def _mistakable(agreed: Agreement, spans: Mapping[str, Span]) -> Names:
+    """References whose landmark looks odd, and would be usual were it where the reference says, as far as those of usual ones tell."""
+    odd = frozenset(name for name, span in spans.items() if span.is_odd())
+    told = {name: agreed.rest(name, odd) for name in odd}
+    return frozenset(
+        name
+        for name, (value, sigma) in told.items()
+        if sigma > KNOWN_M or not spans[name].is_odd(value - _given(agreed, name).value)
+    )
 
 
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
@@ -310,8 +323,12 @@ def _given(agreed: Agreement, name: str) -> ReferenceUse:
 
 
 def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> tuple[float, float, float] | None:
-    """Where a reference's landmark is, m."""
+    """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are put beside the rest."""
     if relation is None:
         return None
-    x, y, z = soft.points[problem.index(relation.a)].tolist()
+    ends = [soft.points[problem.index(key)] for key in (relation.a, relation.b) if key is not None]
+    place = np.mean(ends, axis=0)
+    if relation.axis == "x":
+        place[1:] = np.clip(place[1:], *np.quantile(soft.points[:, 1:], MIDDLE, axis=0))
+    x, y, z = place.tolist()
     return x, y, z
