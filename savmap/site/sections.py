@@ -4,7 +4,8 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -64,6 +65,12 @@ Providers = Annotated[
 """Execution providers of onnxruntime, one or more; as text with commas between."""
 
 
+def _is_number(annotation: Any) -> bool:
+    """Whether a field holds a number, or none."""
+    choices = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    return float in choices or any(get_args(choice)[:1] == (float,) for choice in choices)
+
+
 class Strict(BaseModel):
     """A section of a site file: unknown keys are refused."""
 
@@ -73,7 +80,7 @@ class Strict(BaseModel):
     @classmethod
     def _no_word_for_a_number(cls, value: object, field: ValidationInfo) -> object:
         """YAML's yes and no, which pydantic takes for 1 and 0."""
-        if isinstance(value, bool) and cls.model_fields[str(field.field_name)].annotation in (float, float | None):
+        if isinstance(value, bool) and _is_number(cls.model_fields[str(field.field_name)].annotation):
             raise PydanticKnownError("float_type")
         return value
 

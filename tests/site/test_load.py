@@ -9,7 +9,7 @@ from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitch
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
 from savmap.site.references import calibration_of, misnamed, references_of
-from savmap.site.sections import ReferenceSection
+from savmap.site.sections import Length, ReferenceSection
 
 GOOD = """\
 plugins:
@@ -167,6 +167,42 @@ def test_mistakes_in_the_calibration_are_named(tmp_path: Path, text: str, hint: 
 def test_a_key_given_twice_is_named_with_both_lines(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match=r"site.yaml:10: `rows.A` is given twice, first in line 6"):
         load_site(write(tmp_path, GOOD.replace("      travel_m: 12\n", "") + "  A: {passes: [{video: b.mp4}]}\n"))
+
+
+@pytest.mark.parametrize("name", ["012", "010", "1:30", "0x1F", "1_000", "1.10", "no", "on", "true", "~", "8"])
+def test_rows_are_called_as_they_are_written(tmp_path: Path, name: str) -> None:
+    """YAML takes these keys for numbers, truth and nothing: aisle 010 became row 8, and replaced the row of that name."""
+    text = GOOD.replace("  A:\n", f"  {name}:\n") + "  9: {passes: [{video: b.mp4}]}\n"
+    assert [*load_site(write(tmp_path, text)).rows] == [name, "9"]
+
+
+def test_a_row_given_twice_in_two_ways_of_writing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=r"site.yaml:\d+: `rows.8` is given twice"):
+        load_site(write(tmp_path, GOOD + "  8: {passes: [{video: b.mp4}]}\n  '8': {passes: [{video: b.mp4}]}\n"))
+
+
+@pytest.mark.parametrize(
+    ("between", "axis", "upwards"),
+    [
+        (("upright 5 / right", "upright 1 / left"), "x", ("upright 1 / left", "upright 5 / right")),
+        (("upright 1 / left", "upright 5 / right"), "x", ("upright 1 / left", "upright 5 / right")),
+        (("upright 2 / right", "upright 2 / left"), "x", ("upright 2 / left", "upright 2 / right")),
+        (
+            ("section 2 / beam 3 / upper", "section 2 / beam 1 / lower"),
+            "y",
+            ("section 2 / beam 1 / lower", "section 2 / beam 3 / upper"),
+        ),
+        (
+            ("section 2 / beam 3 / upper", "section 1 / beam 4 / lower"),
+            "y",
+            ("section 2 / beam 3 / upper", "section 1 / beam 4 / lower"),
+        ),
+        (("sign 3 / upper left", "upright 1 / left"), "x", ("sign 3 / upper left", "upright 1 / left")),
+    ],
+)
+def test_a_length_has_no_direction(between: tuple[str, str], axis: str, upwards: tuple[str, str]) -> None:
+    length = Length.model_validate({"between": between, "value": 1.0, "sigma": 0.01, "axis": axis})
+    assert length.upwards == upwards
 
 
 def test_networks_are_taken_from_the_files_folder(tmp_path: Path) -> None:

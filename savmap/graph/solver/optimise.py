@@ -24,7 +24,7 @@ from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
 from savmap.graph.solver.judgement.reference_tests import refuse_unseen, solved_references, tested_keys
-from savmap.graph.solver.judgement.soft_references import AWAY, softened, with_sigmas
+from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, trajectory
@@ -44,7 +44,7 @@ FAR_OFF_M = 0.25
 class SolveOptions:
     """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
     `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round.
-    `judge`: references that all else contradicts are found first; `soften`: those that are far off a first fit to all are soft."""
+    `judge`: references that all else contradicts are found first; `judge_far`: where some are far off a first fit to all."""
 
     start: Literal["linear", "published"] = "linear"
     loss: Literal["huber", "none"] = "huber"
@@ -52,7 +52,7 @@ class SolveOptions:
     rounds: int = 5
     max_iterations: int = 50
     judge: bool = True
-    soften: bool = False
+    judge_far: bool = False
 
 
 PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, judge=False)
@@ -122,7 +122,11 @@ def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
     """The camera's path by one round, good enough to track other structures, whichever of its references is wrong. With `sigmas` its standard
     deviations come with it. Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
     place are not observable."""
-    iterate = converged(problem, SolveOptions(rounds=1, judge=False, soften=True))
+    options = SolveOptions(rounds=1, judge=False, judge_far=True)
+    try:
+        iterate = converged(problem, options)
+    except SolveError:  # the solve of the row will tell
+        iterate = converged(problem, replace(options, judge_far=False))
     path = _with_sigmas(iterate) if sigmas else trajectory(iterate.problem, iterate.estimate)
     return LocatedCamera(path, iterate.problem.assumed, positions(iterate.problem, iterate.estimate))
 
@@ -172,15 +176,11 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     SolveError where it is not clear which one is wrong."""
     given, estimate = begin.given, begin.estimate
     roughly = Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
-    if not options.judge and not options.soften:
+    if not options.judge and not options.judge_far:
         return roughly
     similarity, misfits = robust_fit(given, estimate.poses[:, :3, 3], estimate.points, START_SIGMA_M)
-    if not options.judge:
-        far = {name: AWAY * off for name, off in misfits.items() if off > FAR_OFF_M}
-        if similarity.scale <= 0 or not far:
-            return roughly
-        soft = with_sigmas(begin.problem, far)
-        return replace(roughly[0], problem=soft), aligned(soft, estimate), None
+    if not options.judge and max(misfits.values(), default=0.0) < FAR_OFF_M:
+        return roughly
     if similarity.scale <= 0:
         doubts = tuple(Doubt("reference", line) for line in begin.refuted_notes)
         return Judgement(begin.problem, doubts=doubts), estimate, None

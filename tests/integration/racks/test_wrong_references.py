@@ -15,9 +15,13 @@ from savmap.graph import (
     Solution,
     Stitching,
     camera_priors,
+    locate_camera,
     merge,
     solve,
 )
+from savmap.graph.solver.judgement.agreement import Agreement, Solved
+from savmap.graph.solver.judgement.contradictions import _mistakable
+from savmap.graph.solver.judgement.lookalikes import Span
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -162,6 +166,28 @@ def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
     said = line.split("upright 5 / right (without it ")[1].split()
     length = next(iter(made.references(four).lengths)).value_m
     assert float(said[0]) == pytest.approx(length, abs=4 * float(said[3]))
+
+
+def test_a_wrong_length_does_not_bend_the_path_by_which_others_are_tracked(four: made.World) -> None:
+    """Lamps were looked for by a path three times as long: one was mapped 24 m long, four were missing."""
+    lengths = tuple(replace(one, value_m=one.value_m / 0.3048) for one in made.references(four).lengths)
+    given = replace(made.references(four), lengths=lengths)
+    located = locate_camera(problem(four, list(four.rack.lowest), given))
+    off = located.path.world_from_rig[:, :3, 3] - four.poses[located.path.frames, :3, 3]
+    assert np.abs(off).max() < 0.3
+
+
+def test_a_thick_beam_is_not_blamed_for_a_wrong_length() -> None:
+    """Its height given, it would be no more like the others than it is: nothing else was taken for it."""
+    spans = {
+        "height": Span(0.14, 0.09, 0.02, 1.0),
+        "hidden": Span(0.0, 0.09, 0.02, 1.0),
+        "usual": Span(0.09, 0.09, 0.02, 1.0),
+    }
+    given = np.array([4.24, 0.30, 0.20])
+    solved = Solved(np.array([4.265, 0.39, 0.20]), np.full(3, 0.1), 1e-5 * np.eye(3), np.zeros((3, 0)))
+    agreed = Agreement.of(tuple(spans), given, np.full(3, 0.002), solved)
+    assert _mistakable(agreed, spans) == {"hidden"}
 
 
 def test_a_length_in_feet_is_told(four: made.World) -> None:
