@@ -30,6 +30,7 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import Monitor
+from savmap.video.clip import too_few
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
@@ -195,9 +196,7 @@ class RowWalk:
             watch.update(panorama)
             self._extract(panorama, views, plan)
         if len(self.passes) - first < MIN_FRAMES:
-            raise StructureError(
-                f"{plan.clip.path}: {len(self.passes) - first} frames in the range of {plan.name} are too few to map from"
-            )
+            raise StructureError(too_few(plan.clip, len(self.passes) - first, plan.name))
         self.doubts += [
             *plan.doubts,
             *require_course(plan.name, plan.clip.path, watch.steps, plan.attitude(), plan.side),

@@ -15,7 +15,7 @@ from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
-from savmap.site.load import draft_of, read_draft, site_of
+from savmap.site.load import PICTURE_SUFFIXES, VIDEO_SUFFIXES, draft_of, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.overrides import Override
@@ -23,7 +23,6 @@ from savmap.site.overrides import Override
 VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
-VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
 _received: dict[str, "Job"] = {}
 
 
@@ -94,7 +93,7 @@ def job_for(
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
-    elif camera_height_m is not None or side is not None:
+    elif (camera_height_m is not None or side is not None) and source.suffix.lower() not in PICTURE_SUFFIXES:
         raise SiteError(
             f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
         )

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from savmap.errors import SiteError
+from savmap.errors import SiteError, VideoError
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
@@ -29,6 +29,8 @@ INSTEAD = {
     "a survey": "a site file names it as `survey:`",
 }
 """What to do with another file of savmap's than a site file."""
+VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
+PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".insp")
 NEITHER = "is neither a site file (YAML, see docs/site-file.md) nor a video"
 
 
@@ -173,6 +175,12 @@ def _read(path: Path, what: str) -> str:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
         _require_no_other(path, kind_of_file(path), what)
+        if what == SITE_FILE and path.suffix.lower() in VIDEO_SUFFIXES:
+            raise SiteError(f"{path}: is a video, not a site file; `savmap init` writes one for it") from None
+        if what == SITE_FILE and path.suffix.lower() in PICTURE_SUFFIXES:
+            raise VideoError(
+                f"{path}: is one picture; a video, a folder of pictures or a site file is expected"
+            ) from None
         if _may_be_anything(path, what):
             raise SiteError(f"{path}: {NEITHER} (it {error})") from None
         raise SiteError(f"{path}: cannot be read as a {what}: it {error}") from None

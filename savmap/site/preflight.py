@@ -29,7 +29,7 @@ from savmap.site.locations import SourceMap, explained
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
 from savmap.site.sections import ReferenceSection
-from savmap.video.clip import VideoInfo, time_range
+from savmap.video.clip import VideoInfo, time_range, too_few
 from savmap.video.reader import check_camera, expected_frames, probe
 from savmap.vision.markers import MarkerTracker
 
@@ -233,8 +233,7 @@ def _footage(job: Job, part: Footage) -> SavmapError | Footage:
         return with_location(error, job.places, (*part.location, "end_s" if late else "start_s"))
     frames = expected_frames(row_pass.clip, part.info)
     if frames < MIN_FRAMES:
-        text = f"{row_pass.video}: {frames} frames in the range of {part.name} are too few to map from"
-        return with_location(StructureError(text), job.places, part.location)
+        return with_location(StructureError(too_few(row_pass.clip, frames, part.name)), job.places, part.location)
     return replace(part, frames=frames)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import VideoError
+from savmap.files.urls import is_url
 from savmap.types import Planes
 
 Image = NDArray[np.uint8]
@@ -34,6 +35,16 @@ class Clip:
     def __post_init__(self) -> None:
         if self.fps <= 0 or self.images_fps <= 0:
             raise VideoError(f"{self.path}: the rate must be above 0 frames a second")
+
+
+def too_few(clip: Clip, frames: int, what: str) -> str:
+    """What to say of so many frames, with what else is to be known of a folder of pictures."""
+    text = f"{clip.path}: {frames} frames in the range of {what} are too few to map from"
+    if is_url(clip.path) or not clip.path.is_dir() or clip.fps >= clip.images_fps:
+        return text
+    return (
+        f"{text}; a folder's pictures count as {clip.images_fps:g} a second: `fps: {clip.images_fps:g}` takes them all"
+    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from savmap.errors import SiteError
+from savmap.errors import SiteError, VideoError
 from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
@@ -256,14 +256,16 @@ def test_what_is_wrong_is_shown_in_short(tmp_path: Path) -> None:
         ("run.json", '{"format": "savmap-run"}', "is the record of a run, not a site file"),
         ("README.md", "# Title\n\n> words: `a`: b\n* [x](y): {z\n", "is neither a site file (YAML, see docs/site-file.md) nor a video (line "),
         ("README.md", "Just words.\n", "nor a video (a site file is a mapping with at least `rows:`)"),
-        ("photo.jpg", "\udcff\udcd8", "nor a video (it is not a text file (byte 0 is not UTF-8))"),
+        ("notes.doc", "\udcff\udcd8", "nor a video (it is not a text file (byte 0 is not UTF-8))"),
+        ("photo.JPG", "\udcff\udcd8", "is one picture; a video, a folder of pictures or a site file is expected"),
+        ("aisle.mp4", "\udcff\udcd8", "is a video, not a site file; `savmap init` writes one for it"),
         ("site.yaml", "Just words.\n", "a site file is a mapping with at least `rows:`"),
     ],
 )  # fmt: skip
 def test_another_file_is_called_what_it_is(tmp_path: Path, name: str, text: str, says: str) -> None:
     path = tmp_path / name
     path.write_bytes(text.encode(errors="surrogateescape"))
-    with pytest.raises(SiteError) as caught:
+    with pytest.raises(VideoError if name == "photo.JPG" else SiteError) as caught:
         load_site(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")

@@ -11,6 +11,7 @@ import pytest
 
 from savmap.errors import VideoError
 from savmap.video import decode
+from savmap.video.clip import too_few
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, preview_frames, probe
 
 from .made_up_video import evenly, picture, write_video
@@ -200,6 +201,12 @@ def test_damaged_pictures_are_skipped_and_counted(tmp_path: Path, capfd: pytest.
     assert [round(panorama.stamp_s * 10) for panorama in found] == [0, 1, 2, 4, 6, 8, 9]
     assert (report.decoded, report.skipped, report.used) == (7, 3, 7)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_folder_with_few_pictures_is_told_how_they_are_counted(tmp_path: Path) -> None:
+    assert "a folder's pictures count as 30 a second: `fps: 30` takes them all" in too_few(Clip(tmp_path), 2, "pass 1")
+    for clip in (Clip(tmp_path, fps=30.0), Clip(tmp_path / "a.mp4")):
+        assert too_few(clip, 2, "pass 1").endswith("2 frames in the range of pass 1 are too few to map from")
 
 
 def test_folder_errors(tmp_path: Path) -> None:
