@@ -18,6 +18,8 @@ MOST_VALUES = 100_000
 """With what aliases stand for: a site of 2000 rows has 60 000."""
 MOST_LETTERS = 4000
 LARGEST = 1e300
+NO_TOKEN = "cannot start any token"
+"""What libyaml says of a tab, with which YAML does not indent, and of some signs, such as a backquote."""
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
 TEXT = "tag:yaml.org,2002:str"
 OTHERWISE_TEXT = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
@@ -140,4 +142,6 @@ def problem_of(error: yaml.YAMLError) -> tuple[str, int | None]:
     """What is wrong with a YAML text, in one line, and in which line of it, from 1."""
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+    if NO_TOKEN in str(problem):
+        problem = f"{problem}; if it is a tab, put spaces in its place"
     return " ".join(str(problem).split())[:300], None if mark is None else mark.line + 1

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError, VideoError
+from savmap.files.urls import where
 from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
@@ -174,6 +175,18 @@ def test_rows_are_called_as_they_are_written(tmp_path: Path, name: str) -> None:
     """YAML takes these keys for numbers, truth and nothing: aisle 010 became row 8, and replaced the row of that name."""
     text = GOOD.replace("  A:\n", f"  {name}:\n") + "  9: {passes: [{video: b.mp4}]}\n"
     assert [*load_site(write(tmp_path, text)).rows] == [name, "9"]
+
+
+def test_a_tab_is_told(tmp_path: Path) -> None:
+    with pytest.raises(SiteError, match=r"site.yaml:2: not valid YAML: .*if it is a tab, put spaces in its place"):
+        load_site(write(tmp_path, "rows:\n\tA: 1\n"))
+
+
+@pytest.mark.parametrize("text", ["", "  "])
+def test_an_empty_path_is_none(text: str) -> None:
+    """`-o "$OUT"` with nothing in it wrote into the folder that one was in."""
+    with pytest.raises(SiteError, match="a path is expected, not an empty text"):
+        where(text)
 
 
 def test_a_row_given_twice_in_two_ways_of_writing_is_named(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Commands that make maps: `savmap map`, and what goes before it."""
 
 import os
+import shlex
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -65,7 +66,7 @@ def init(
 
     site, schema = start(videos or [], output, force)
     say(f"wrote {site} and {schema}")
-    say(f"say in {site.name} what you know of the site, then run `savmap check {site}`")
+    say(f"say in {site.name} what you know of the site, then run `savmap check {shlex.quote(str(site))}`")
 
 
 def check(
