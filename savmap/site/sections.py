@@ -108,7 +108,7 @@ def _height_alone(value: object) -> object:
 
 
 HIGHER = {"x": {"left": 0, "right": 1}, "y": {"lower": 0, "bottom": 0, "upper": 1, "top": 1}}
-"""Words at the end of an edge's name that say which of two it is along an axis."""
+"""Words in an edge's name that say which of two it is along an axis."""
 
 
 def _rank(name: str, axis: str) -> tuple[str, tuple[int, int]]:
@@ -116,8 +116,7 @@ def _rank(name: str, axis: str) -> tuple[str, tuple[int, int]]:
     a section from the floor up."""
     parts = [part.strip() for part in name.split("/")]
     numbers = [int(number) for number in re.findall(r"\d{1,9}", name)]
-    side = max((HIGHER[axis].get(word, 0) for word in parts[-1].split()), default=0)
-    side = max(side, *(HIGHER[axis].get(part, 0) for part in parts))
+    side = max((HIGHER[axis].get(word, 0) for word in name.replace("/", " ").split()), default=0)
     if axis == "x":
         return re.sub(r"\d+", "#", parts[0]), (numbers[0] if numbers else 0, side)
     return parts[0], (numbers[1] if len(numbers) > 1 else 0, side)
