@@ -19,7 +19,7 @@ MOST_VALUES = 100_000
 MOST_LETTERS = 4000
 LARGEST = 1e300
 NO_TOKEN = "cannot start any token"
-"""What libyaml says of a tab, with which YAML does not indent, and of some signs, such as a backquote."""
+"""What libyaml says of a tab, with which YAML does not indent, and of some other characters, such as a backquote."""
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
 TEXT = "tag:yaml.org,2002:str"
 OTHERWISE_TEXT = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
