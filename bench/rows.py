@@ -56,11 +56,11 @@ def is_driven_past(site: Path, row: str) -> bool:
 
 
 def only_one_row(site: Path, which: str = "first", references: str = "all") -> Path | None:
-    """A copy of a site file that maps its first or its second row alone, with so many of its references; None where it has no such row, or the
-    drive does not go past the whole of it."""
+    """A copy of a site file that maps its first or its second row alone, with so many of its references; None where it has no second one, or the
+    drive does not go past the whole of that."""
     content = yaml.safe_load(site.read_text(encoding="utf-8"))
     names = list(content["rows"])[ROWS.index(which) :]
-    if not names or not is_driven_past(site, names[0]):
+    if not names or (which != ROWS[0] and not is_driven_past(site, names[0])):
         return None
     name = names[0]
     row = content["rows"][name]

@@ -29,7 +29,7 @@ def references_of(section: ReferenceSection) -> References:
     height = section.camera_height_m
     return References(
         camera_heights=(CameraHeight(height.value, height.sigma),) if height else (),
-        lengths=tuple(KnownLength(*one.upwards, one.value, one.sigma, one.axis) for one in section.lengths),
+        lengths=tuple(KnownLength(*one.in_order, one.value, one.sigma, one.axis) for one in section.lengths),
         points=tuple(SurveyedPoint(one.vertex, _position(one.axis, one.value), one.sigma) for one in section.points),
         markers=tuple(KnownMarker(one.dictionary, one.id, one.size_m, one.sigma_m) for one in section.markers),
         on_contradiction=section.on_contradiction,

@@ -140,7 +140,7 @@ class Length(Known):
         return value
 
     @property
-    def upwards(self) -> tuple[str, str]:
+    def in_order(self) -> tuple[str, str]:
         """The two edges in the order of their coordinates, as far as their names tell: numbers rise from left to right and from the floor up."""
         (alike, first), (also, second) = (_rank(name, self.axis) for name in self.between)
         return (self.between[1], self.between[0]) if alike == also and first > second else self.between

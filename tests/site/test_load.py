@@ -195,7 +195,7 @@ def test_a_row_given_twice_in_two_ways_of_writing_is_named(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("between", "axis", "upwards"),
+    ("between", "axis", "in_order"),
     [
         (("upright 5 / right", "upright 1 / left"), "x", ("upright 1 / left", "upright 5 / right")),
         (("upright 1 / left", "upright 5 / right"), "x", ("upright 1 / left", "upright 5 / right")),
@@ -213,9 +213,9 @@ def test_a_row_given_twice_in_two_ways_of_writing_is_named(tmp_path: Path) -> No
         (("sign 3 / upper left", "upright 1 / left"), "x", ("sign 3 / upper left", "upright 1 / left")),
     ],
 )
-def test_a_length_has_no_direction(between: tuple[str, str], axis: str, upwards: tuple[str, str]) -> None:
+def test_a_length_has_no_direction(between: tuple[str, str], axis: str, in_order: tuple[str, str]) -> None:
     length = Length.model_validate({"between": between, "value": 1.0, "sigma": 0.01, "axis": axis})
-    assert length.upwards == upwards
+    assert length.in_order == in_order
 
 
 def test_networks_are_taken_from_the_files_folder(tmp_path: Path) -> None:
