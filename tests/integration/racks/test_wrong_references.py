@@ -233,3 +233,19 @@ def test_one_height_for_all_may_be_missing(four: made.World) -> None:
     common, each = (solve(problem(bare, heights, made.references(world))) for heights in (0.25, [0.25] * 4))
     assert common.doubts == ()
     assert [doubt.kind for doubt in each.doubts] == ["reference"]
+
+
+@pytest.mark.parametrize("seed", [12, 13])
+def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
+    """Equal heights agree best where the scene has no extent: that is no explanation. One more of them is wrong here."""
+    bridged = made.world(seed, sections=4, frames=50, bridge=2)
+    beams = list(bridged.rack.beams)
+    for section, lowest in ((0, 0.25), (1, 0.125), (3, 0.25)):
+        beams[section] = beams[section] - beams[section][0, 0] + lowest
+    rack = replace(bridged.rack, beams=tuple(beams))
+    world = made.seen_from(rack, bridged.poses, np.random.default_rng(2))
+    solution = solve(problem(world, 0.25, made.references(world)))
+    [doubt] = solution.doubts
+    assert "height of the lowest edge of section 2 is given as" in doubt.what
+    assert any("section 3: the lowest beam at" in note for note in solution.warnings)
+    assert largest_error(world, solution) < 0.05

@@ -30,6 +30,8 @@ SURELY = 1.0
 NAMED, AT_LEAST_NAMED = 4, 2
 ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
+NOTHING_SIGMA = 3.0
+"""A distance that is no more standard deviations than these may be nothing."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 MIDDLE = (0.1, 0.9)
@@ -84,7 +86,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     """
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
     mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans)
-    explained = _merged(agreed, spans, agreed.explanations(mistakable))
+    explained = _merged(agreed, spans, _possible(problem, agreed, agreed.explanations(mistakable)))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
         return Judgement(problem, doubts=tuple(granted), unchecked=tuple(unchecked))
@@ -136,6 +138,20 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
     scales = _scales(problem)
     known = (agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value)) for name in out)
     return all(known) and not (len(scales) > 1 and scales <= out)
+
+
+def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
+    """The explanations that leave the scene some extent, where there are any: heights of which one stands for several agree best where
+    all that was seen is in one place, and then no distance is more than nothing."""
+    lengths = frozenset(one.name for one in problem.relations if one.name and one.b is not None)
+    left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]
+    return left or explained
+
+
+def _is_nothing(agreed: Agreement, name: str, out: Names) -> bool:
+    """Whether the rest says that a distance is nothing, and knows it."""
+    value, sigma = agreed.rest(name, out)
+    return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < _given(agreed, name).value / ABSURD
 
 
 def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
