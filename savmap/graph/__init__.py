@@ -17,6 +17,7 @@ from savmap.graph.factors.depths import ToldDepth, told_depths, with_depths
 from savmap.graph.factors.floor import floor_constraints, without_presumed
 from savmap.graph.factors.markers import marker_constraints
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
+from savmap.graph.initial.gaps import where_tracks_miss_frames
 from savmap.graph.initial.start import published_start
 from savmap.graph.joint.rows import solve_rows
 from savmap.graph.keys import KeySpace, frame_key
@@ -85,6 +86,7 @@ __all__ = [
     "solve",
     "solve_rows",
     "told_depths",
+    "where_tracks_miss_frames",
     "with_depths",
     "without_presumed",
 ]

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from savmap import graph
-from savmap.errors import SavmapError, SolveError, StructureError
+from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.graph import Constraints
 from savmap.pipeline.initial_poses import first_poses, initial_attitudes
 from savmap.pipeline.joint_covariance import joint_covariance
@@ -107,7 +107,7 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
                 raise
             notes.append(f"row {row.request.name}: nothing of `{plugin.name}` is mapped: {error}")
             continue
-        plugin_constraints = plugin.constrain(plugin_tracks, row.measurements.facts, path or row.start)
+        plugin_constraints = constrain_plugin(plugin, plugin_tracks, row, path)
         if plugin.failure is None:
             known = graph.without_presumed(plugin_constraints) if floor else plugin_constraints
             tracks[plugin.name], constraints[plugin.name] = plugin_tracks, known
@@ -211,6 +211,19 @@ def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None)
     require_path(row.request.name, plugin, path)
     features, attitudes = row.measurements.features[plugin.name], row.start.world_from_rig[:, :3, :3]
     return plugin.track(features, row.measurements.facts, attitudes, path)
+
+
+def constrain_plugin(
+    plugin: LoadedPlugin, tracks: Sequence[Track], row: LocatedRow, path: Trajectory | None
+) -> Constraints:
+    """One plugin's constraints. Raises SiteError or StructureError where the tracks do not fit what is given of the row: with where frames
+    are missing, which splits or joins structures."""
+    facts = row.measurements.facts
+    try:
+        return plugin.constrain(tracks, facts, path or row.start)
+    except (SiteError, StructureError) as error:
+        gap = graph.where_tracks_miss_frames(tracks, facts.frames)
+        raise type(error)(f"{error}; {gap}: see whether the video was cut there") if gap else error from None
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:

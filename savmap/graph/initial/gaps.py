@@ -1,49 +1,74 @@
 """Where frames are missing: a video that was cut, or that dropped frames, makes the pictures contradict what is known of the row."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.graph.problem import Problem
-from savmap.types import Ints
+from savmap.types import Floats, FrameTable, Track
 
 JUMP, LEAST_SHARED, LEAST_STEPS = 3.0, 3, 6
-Sighting = tuple[int, int]
+FEWER = 6.0
+"""By how many times a smaller share than usual is seen on both sides of a gap: detectors miss single lines in single frames."""
+Place = tuple[int | str, int | str]
+"""A view and a landmark that was seen in it."""
+Sightings = Mapping[Place, Floats]
+"""The pixels (2,) of what a frame saw."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """From one frame to the next that measured anything: seconds between them, how many landmarks both saw in one view, and the median of
-    how far these moved, px (nan where they were few)."""
+    """From one frame to the next that measured anything: seconds between them, which share of what the one that saw less saw was seen in both, and
+    the median of how far that moved, px (nan where it is little)."""
 
     before: int
     after: int
     seconds: float
-    shared: int
+    shared: float
     moved_px: float
 
 
 def where_frames_are_missing(problem: Problem) -> str:
     """A sentence about the largest gap in a pass, by time, by how far things moved, or because nothing was seen both before and after it;
     empty where there is none."""
-    found = max((gap for of_pass in problem.passes() for gap in _gaps(problem, of_pass)), default=None)
+    frames, measurements = problem.camera.facts.frames, problem.measurements
+    seen: dict[int, dict[Place, Floats]] = {frame: {} for frame in problem.used.tolist()}
+    places = zip(measurements.view.tolist(), measurements.keys.tolist(), strict=True)
+    for index, place, pixel in zip(problem.at_frame.tolist(), places, measurements.pixels, strict=True):
+        seen[int(problem.used[index])][place] = pixel
+    return _largest_gap(frames, seen)
+
+
+def where_tracks_miss_frames(tracks: Sequence[Track], frames: FrameTable) -> str:
+    """The same of what was tracked, where that makes no problem."""
+    seen: dict[int, dict[Place, Floats]] = {}
+    for track in tracks:
+        for frame, view, pixel in zip(track.frames.tolist(), track.views, track.pixels, strict=True):
+            seen.setdefault(frame, {})[view, track.name] = pixel
+    return _largest_gap(frames, dict(sorted(seen.items())))
+
+
+def _largest_gap(frames: FrameTable, seen: Mapping[int, Sightings]) -> str:
+    """A sentence about the largest gap, from what each frame saw, in order."""
+    numbers = {name: [frame for frame in seen if frames.passes[frame] == name] for name in dict.fromkeys(frames.passes)}
+    gaps = (gap for of_pass in numbers.values() for gap in _gaps(frames, {frame: seen[frame] for frame in of_pass}))
+    found = max(gaps, default=None)
     return found[1] if found else ""
 
 
-def _gaps(problem: Problem, of_pass: Ints) -> Iterator[tuple[float, str]]:
+def _gaps(frames: FrameTable, seen: Mapping[int, Sightings]) -> Iterator[tuple[float, str]]:
     """Gaps in a pass, each with how many times as large as usual it is."""
-    steps = list(_steps(problem, of_pass))
+    steps = [_step(frames, *one) for one in pairwise(seen.items())]
     if len(steps) < LEAST_STEPS:
         return
-    usual_s, usual_px = (
-        float(np.nanmedian([getattr(step, name) for step in steps])) for name in ("seconds", "moved_px")
+    usual_s, usual_px, usual_share = (
+        float(np.nanmedian([getattr(step, name) for step in steps])) for name in ("seconds", "moved_px", "shared")
     )
-    often = float(np.median([step.shared for step in steps])) >= LEAST_SHARED
     for step in steps:
-        where = f"between frames {step.before} and {step.after} of {problem.camera.facts.frames.passes[step.before]}"
-        at = f"{problem.camera.facts.frames.stamps_s[step.before]:.1f} s"
+        where = f"between frames {step.before} and {step.after} of {frames.passes[step.before]}"
+        at = f"{frames.stamps_s[step.before]:.1f} s"
         if step.seconds > JUMP * usual_s:
             yield (
                 step.seconds / usual_s,
@@ -52,23 +77,15 @@ def _gaps(problem: Problem, of_pass: Ints) -> Iterator[tuple[float, str]]:
         elif step.moved_px > JUMP * usual_px:
             times = step.moved_px / usual_px
             yield times, f"frames seem to be missing {where} (at {at}): things move {times:.0f} times as far as usual"
-        elif often and not step.shared:
-            yield JUMP, f"frames seem to be missing {where} (at {at}): nothing is seen in both"
+        elif FEWER * step.shared < usual_share:
+            hardly = "hardly anything" if step.shared else "nothing"
+            yield JUMP, f"frames seem to be missing {where} (at {at}): {hardly} is seen in both"
 
 
-def _steps(problem: Problem, of_pass: Ints) -> Iterator[Step]:
-    stamps = problem.camera.facts.frames.stamps_s
-    seen = [_sightings(problem, index) for index in of_pass.tolist()]
-    for (before, first), (after, second) in pairwise(seen):
-        both = sorted(first.keys() & second.keys())
-        moved = [float(np.hypot(*(second[one] - first[one]))) for one in both]
-        middle = float(np.median(moved)) if len(moved) >= LEAST_SHARED else float("nan")
-        yield Step(before, after, float(stamps[after] - stamps[before]), len(both), middle)
-
-
-def _sightings(problem: Problem, index: int) -> tuple[int, dict[Sighting, np.ndarray]]:
-    """A frame's number, and the pixels (2,) of its landmarks by view and key."""
-    measurements = problem.measurements
-    rows = np.flatnonzero(problem.at_frame == index).tolist()
-    pixels = {(int(measurements.view[row]), int(measurements.keys[row])): measurements.pixels[row] for row in rows}
-    return int(problem.used[index]), pixels
+def _step(frames: FrameTable, one: tuple[int, Sightings], other: tuple[int, Sightings]) -> Step:
+    (before, first), (after, second) = one, other
+    both = [place for place in first if place in second]
+    moved = [float(np.hypot(*(second[place] - first[place]))) for place in both]
+    middle = float(np.median(moved)) if len(moved) >= LEAST_SHARED else float("nan")
+    shared = len(both) / max(min(len(first), len(second)), 1)
+    return Step(before, after, float(frames.stamps_s[after] - frames.stamps_s[before]), shared, middle)

@@ -6,9 +6,9 @@ import made_up_rack as made
 import numpy as np
 import pytest
 
-from savmap.graph.initial.gaps import where_frames_are_missing
+from savmap.graph.initial.gaps import where_frames_are_missing, where_tracks_miss_frames
 from savmap.graph.initial.outlier_references import contradiction
-from savmap.types import FrameTable
+from savmap.types import Bools, FrameTable, Track
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +44,39 @@ def test_a_cut_without_a_gap_in_time_is_named(whole: made.World) -> None:
     text = where_frames_are_missing(problem)
     assert "between frames 29 and 30 of one" in text
     assert text in str(contradiction(problem, "a length is wrong"))
+    assert where_tracks_miss_frames(world.tracks, world.facts.frames) == text
+
+
+@pytest.mark.parametrize(("shared", "told"), [(2, "hardly anything"), (0, "nothing")])
+def test_a_cut_after_which_other_things_are_seen_is_named(whole: made.World, shared: int, told: str) -> None:
+    """Where tracks do not go on across the cut, how far things moved cannot tell."""
+    after = 30
+    halves = [
+        part
+        for track in whole.tracks
+        for part in (_piece(track, track.frames < after), _piece(track, track.frames >= after))
+    ]
+    joined = [
+        replace(part, name=f"{part.name}, later") if part.frames[0] >= after else part
+        for part in halves
+        if len(part.frames)
+    ]
+    seen = {part.name for part in joined if after - 1 in part.frames}
+    kept = [
+        part
+        for part in joined
+        if part.name.endswith(", later") and after in part.frames and part.name.removesuffix(", later") in seen
+    ]
+    common = {part.name: part.name.removesuffix(", later") for part in kept[:shared]}
+    tracks = [replace(part, name=common.get(part.name, part.name)) for part in joined]
+    text = where_tracks_miss_frames(tracks, whole.facts.frames)
+    assert text.startswith("frames seem to be missing between frames 29 and 30 of one")
+    assert text.endswith(f"{told} is seen in both")
+
+
+def _piece(track: Track, rows: Bools) -> Track:
+    """What was seen in some of a track's frames."""
+    views = tuple(view for view, kept in zip(track.views, rows.tolist(), strict=True) if kept)
+    return replace(
+        track, frames=track.frames[rows], views=views, pixels=track.pixels[rows], covariances=track.covariances[rows]
+    )

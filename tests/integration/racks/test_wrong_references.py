@@ -21,7 +21,8 @@ from savmap.graph import (
 )
 from savmap.graph.solver.judgement.agreement import Agreement, Solved
 from savmap.graph.solver.judgement.contradictions import _mistakable
-from savmap.graph.solver.judgement.lookalikes import Span
+from savmap.graph.solver.judgement.lookalikes import Span, spans_of
+from savmap.graph.solver.optimise import converged
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -188,6 +189,22 @@ def test_a_thick_beam_is_not_blamed_for_a_wrong_length() -> None:
     solved = Solved(np.array([4.265, 0.39, 0.20]), np.full(3, 0.1), 1e-5 * np.eye(3), np.zeros((3, 0)))
     agreed = Agreement.of(tuple(spans), given, np.full(3, 0.002), solved)
     assert _mistakable(agreed, spans) == {"hidden"}
+
+
+def test_thick_beams_of_a_bridge_look_odd_only_beside_its_own() -> None:
+    """A section's beams may have a profile of their own: the other sections' says nothing of them."""
+    bridged = made.world(3, sections=4, frames=50, bridge=2)
+    thicker = [
+        beams + np.array([0.0, 0.05]) if section == 2 else beams for section, beams in enumerate(bridged.rack.beams)
+    ]
+    lowest_too_low = np.zeros((len(thicker[2]), 2))
+    lowest_too_low[0, 0] = -0.06
+    odd = [*thicker[:2], thicker[2] + lowest_too_low, thicker[3]]
+    for beams, expected in (thicker, False), (odd, True):
+        world = made.seen_from(replace(bridged.rack, beams=tuple(beams)), bridged.poses, np.random.default_rng(2))
+        given = problem(world, list(world.rack.lowest), made.references(world))
+        spans = spans_of(given, converged(given).estimate)
+        assert spans["height of the lowest edge of section 3"].is_odd() == expected
 
 
 def test_a_length_in_feet_is_told(four: made.World) -> None:

@@ -259,12 +259,15 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
         yield replace(floor, presumed=HIDDEN_FEET)
 
 
-def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[Axis, int, int]]:
-    """Lower and upper edge of every beam: most beams of a row have one profile."""
-    for (section, beam, edge), (first, *_) in grid.rows.items():
-        upper = grid.rows.get((section, beam, "upper"))
-        if edge == "lower" and upper:
-            yield "y", keys[first], keys[upper[0]]
+def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[tuple[Axis, int, int], ...]]:
+    """Lower and upper edge of every beam, section by section: most beams of a row have one profile, and those of a bridge their own."""
+    for section in grid.sections:
+        beams: list[tuple[Axis, int, int]] = [
+            ("y", keys[lower], keys[grid.rows[section, beam, "upper"][0]])
+            for (of, beam, edge), (lower, *_) in grid.rows.items()
+            if (of, edge) == (section, "lower") and (section, beam, "upper") in grid.rows
+        ]
+        yield tuple(beams)
 
 
 def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:

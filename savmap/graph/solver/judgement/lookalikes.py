@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from savmap.graph.constraints import Pair
 from savmap.graph.problem import Estimate, Problem
-from savmap.types import Bools
+from savmap.types import Bools, Floats
 
 LEAST_PAIRS, ALIKE_M, ALIKE_SIGMA = 5, 0.015, 6.0
 """Pairs that tell what is usual, and by how much others differ from it: makers' tolerances and half a pixel, or far beyond the usual spread."""
+LEAST_OTHERS = 2
+"""Pairs of a group that tell what is usual in it."""
 FLAT_PART = 0.3
 
 
@@ -36,23 +39,36 @@ def spans_of(problem: Problem, estimate: Estimate) -> dict[str, Span]:
     """The spans of the references whose landmark is one of many pairs that are usually alike (see `Constraints.alike`), by name."""
     found: dict[str, Span] = {}
     for part in problem.parts:
-        ends = [(axis, a, b) for axis, a, b in part.alike]
-        y = {key: estimate.points[problem.index(key)] for _, a, b in ends for key in (a, b)}
-        sizes = np.array([y[b]["xyz".index(axis)] - y[a]["xyz".index(axis)] for axis, a, b in ends])
+        groups = [np.array([_size(problem, estimate, pair) for pair in group]) for group in part.alike]
+        sizes = np.concatenate([*groups, np.zeros(0)])
         if len(sizes) < LEAST_PAIRS:
             continue
         usual = float(np.median(sizes))
         tolerance = max(ALIKE_M, ALIKE_SIGMA * float(np.median(np.abs(sizes - usual))))
         at = {
-            (axis, key): (size, turn)
-            for (axis, a, b), size in zip(ends, sizes.tolist(), strict=True)
+            (axis, key): Span(float(own[number]), _usual(np.delete(own, number), usual), tolerance, turn)
+            for group, own in zip(part.alike, groups, strict=True)
+            for number, (axis, a, b) in enumerate(group)
             for key, turn in ((a, 1.0), (b, -1.0))
         }
         for one in problem.relations:
             if one.name and one.axis and one.b is None and (one.axis, one.a) in at:
-                size, turn = at[one.axis, one.a]
-                found[one.name] = Span(size, usual, tolerance, turn)
+                found[one.name] = at[one.axis, one.a]
     return found
+
+
+def _size(problem: Problem, estimate: Estimate, pair: Pair) -> float:
+    """The distance of a pair along its axis, m."""
+    axis, a, b = pair
+    first, second = (estimate.points[problem.index(key)]["xyz".index(axis)] for key in (a, b))
+    return float(second - first)
+
+
+def _usual(others: Floats, everywhere: float) -> float:
+    """What is usual of a pair: what the `others` (n,) of its group have, where some agree on it, else what most have everywhere."""
+    if len(others) < LEAST_OTHERS or np.ptp(others) > ALIKE_M:
+        return everywhere
+    return float(np.median(others))
 
 
 def measured_for(problem: Problem, names: frozenset[str]) -> Bools:
