@@ -99,7 +99,7 @@ def _kind(job: Job, part: Footage) -> tuple[object, ...]:
     """What decides how long a frame takes."""
     models = tuple(plugin.model for plugin in plugins_for(job, part.row))
     extras = (job.site.row_appearance(part.row), bool(job.site.row_references(part.row).markers))
-    return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.fps, models, extras
+    return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.rate, models, extras
 
 
 def _rate(job: Job, part: Footage) -> Rate:

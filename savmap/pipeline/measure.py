@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.files.urls import is_url
 from savmap.pipeline.cutting import FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.networks import choices_told, with_best_networks
 from savmap.pipeline.trust.footage import require_course
@@ -30,7 +29,7 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import Monitor
-from savmap.video.clip import too_few
+from savmap.video.clip import is_folder, too_few
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
@@ -65,10 +64,7 @@ class RowMeasurements:
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
     """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
     one time are one picture, whichever pass they belong to."""
-    sources = [
-        (row_pass.video, row_pass.fps) if not is_url(row_pass.video) and row_pass.video.is_dir() else row_pass.video
-        for row_pass in passes
-    ]
+    sources = [(row_pass.video, row_pass.rate) if is_folder(row_pass.video) else row_pass.video for row_pass in passes]
     return dict(zip(pass_names(passes), sources, strict=True))
 
 

@@ -21,13 +21,12 @@ from savmap.site.sections import (
     ViewSection,
     Where,
 )
-from savmap.video.clip import Clip
+from savmap.video.clip import IMAGES_FPS, USUAL_FPS, Clip, is_folder
 
 Footage = tuple[Path, float, float | None, float]
 Side = Literal["left", "right"]
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
-USUAL_FPS = 15.0
 MOST_NAME = 100
 """Letters of a row's name, which becomes part of files' names."""
 MOST_CONFIRMED = 200
@@ -55,8 +54,8 @@ class Pass(Strict):
     """Where in the video the pass begins."""
     end_s: float | None = None
     """Where in the video the pass ends. Default: with the video."""
-    fps: Rate = USUAL_FPS
-    """Sampling rate; every frame where the video has fewer. Default: the row's, or the site's."""
+    fps: Rate | None = None
+    """Sampling rate; every frame where the video has fewer. Default: the row's, the site's, or 15; every picture of a folder, which count as 30 a second."""
     side: Side | None = None
     """The hand the face is on as one drives along."""
     direction: Literal["+x", "-x"] | None = None
@@ -71,14 +70,21 @@ class Pass(Strict):
         return side_from_direction(value)
 
     @property
+    def rate(self) -> float:
+        """How many frames a second are sampled."""
+        if self.fps is not None:
+            return self.fps
+        return IMAGES_FPS if is_folder(self.video) else USUAL_FPS
+
+    @property
     def footage(self) -> Footage:
         """What passes have in common that are the same frames, whichever face they look at."""
-        return self.video, self.start_s, self.end_s, self.fps
+        return self.video, self.start_s, self.end_s, self.rate
 
     @property
     def clip(self) -> Clip:
         """The part of the video that the pass means."""
-        return Clip(self.video, self.start_s or None, self.end_s, self.fps)
+        return Clip(self.video, self.start_s or None, self.end_s, self.rate)
 
 
 class Row(Strict):

@@ -16,6 +16,8 @@ Picture = Image | Planes
 Source = Iterator[tuple[float, Callable[[], Picture | None]]]
 """Frames in order: the time in the video, and a function that returns the picture, or None if it is damaged."""
 
+USUAL_FPS, IMAGES_FPS = 15.0, 30.0
+"""The rate at which frames are sampled, and that at which a folder's pictures count as filmed."""
 END_TOLERANCE_S = 0.5
 MOST_WIDTH = 16384
 MOST_PIXELS = MOST_WIDTH * (MOST_WIDTH // 2 + 64)
@@ -29,18 +31,23 @@ class Clip:
     path: Path
     start_s: float | None = None
     end_s: float | None = None
-    fps: float = 15.0
-    images_fps: float = 30.0
+    fps: float = USUAL_FPS
+    images_fps: float = IMAGES_FPS
 
     def __post_init__(self) -> None:
         if self.fps <= 0 or self.images_fps <= 0:
             raise VideoError(f"{self.path}: the rate must be above 0 frames a second")
 
 
+def is_folder(path: Path) -> bool:
+    """Whether footage is a folder of pictures on this machine."""
+    return not is_url(path) and path.is_dir()
+
+
 def too_few(clip: Clip, frames: int, what: str) -> str:
     """What to say of so many frames, with what else is to be known of a folder of pictures."""
     text = f"{clip.path}: {frames} frames in the range of {what} are too few to map from"
-    if is_url(clip.path) or not clip.path.is_dir() or clip.fps >= clip.images_fps:
+    if not is_folder(clip.path) or clip.fps >= clip.images_fps:
         return text
     return (
         f"{text}; a folder's pictures count as {clip.images_fps:g} a second: `fps: {clip.images_fps:g}` takes them all"

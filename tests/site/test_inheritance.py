@@ -19,7 +19,7 @@ def test_the_nearest_word_counts() -> None:
     assert site({}, {"fps": 7}, **whole).rows["A"].passes[0].fps == 7
     own = site({"fps": 9, "video": "own.mp4"}, {"fps": 7}, **whole).rows["A"].passes[0]
     assert (own.fps, own.video) == (9, Path("own.mp4"))
-    assert site({"video": "a.mp4"}).rows["A"].passes[0].fps == 15
+    assert site({"video": "a.mp4"}).rows["A"].passes[0].rate == 15
 
 
 def test_a_video_must_be_named_somewhere() -> None:
@@ -58,3 +58,10 @@ def test_direction_says_on_which_hand_the_face_is(direction: str, side: str) -> 
 
 def test_numbers_will_do_as_names() -> None:
     assert list(Site.model_validate({"rows": {3: {"passes": [{"video": "a.mp4"}]}}}).rows) == ["3"]
+
+
+def test_every_picture_of_a_folder_is_taken_unless_a_rate_is_given(tmp_path: Path) -> None:
+    """At 15 a second every second one was left out without a word."""
+    for given, rate in ({}, 30), ({"fps": 5}, 5):
+        (taken,) = site({"video": str(tmp_path), **given}).rows["A"].passes
+        assert (taken.rate, taken.clip.fps) == (rate, rate)

@@ -41,7 +41,7 @@ def test_options_set_keys_that_are_there_and_new_ones(tmp_path: Path) -> None:
     )
     assert found.references.camera_height_m is not None
     assert found.references.camera_height_m.value == 3.1
-    assert [one.fps for one in found.rows["A"].passes] == [15, 5]
+    assert [one.rate for one in found.rows["A"].passes] == [15, 5]
     assert found.rows["A"].passes[0].start_s == 2
     assert found.joint is False
 

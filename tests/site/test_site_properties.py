@@ -67,7 +67,7 @@ def test_a_site_that_is_written_is_read(tmp_path: Path, content: dict[str, Any])
         read = site.rows[name]
         assert [one.start_s for one in read.passes] == [one.get("start_s", 0.0) for one in row["passes"]]
         wanted = [one.get("fps", content.get("fps", 15.0)) for one in row["passes"]]
-        assert [one.fps for one in read.passes] == wanted
+        assert [one.rate for one in read.passes] == wanted
         given_keys = {**content.get("references", {}), **row.get("references", {})}
         assert site.row_references(name).model_dump(
             mode="json", include=set(given_keys)
