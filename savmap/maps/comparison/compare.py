@@ -89,7 +89,7 @@ def _row_compared(
         after.name,
         _motion(best, readings[1:]),
         tuple(sorted(changes, key=_from_left)),
-        tuple(sorted(_openings_compared(*openings, best), key=_from_left)),
+        tuple(sorted(_openings_compared(*openings, best, stands_out(scales)), key=_from_left)),
         scales,
     )
 
@@ -115,13 +115,17 @@ def _from_left(change: ElementChange) -> tuple[float, str]:
 
 
 def _openings_compared(
-    before: Mapping[str, Sequence[Structure]], after: Mapping[str, Sequence[Structure]], reading: Reading
+    before: Mapping[str, Sequence[Structure]], after: Mapping[str, Sequence[Structure]], reading: Reading, scaled: bool
 ) -> list[ElementChange]:
-    """Openings on both dates, paired where the rows' elements place them. Their sizes have errors in common of their own."""
+    """Openings on both dates, paired where the rows' elements place them. Their sizes have errors in common of their own; `scaled`: the maps'
+    scales differ by more than they know."""
     kinds = kinds_of(before, after)
     old, new = elements_of(before, kinds), elements_of(after, kinds)
     pairs = paired(old, new, reading.fit.carried(old.middles), GATE_M)
-    return list(pairs_compared(old, new, pairs, fit(old, new, pairs, reading.fit.turned), True)) if pairs else []
+    if not pairs:
+        return []
+    found = fit(old, new, pairs, reading.fit.turned, free_scale=scaled)
+    return list(pairs_compared(old, new, pairs, found, sizes_only=True))
 
 
 def _motion(best: Reading, others: Sequence[Reading]) -> RowMotion:

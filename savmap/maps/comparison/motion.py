@@ -29,7 +29,8 @@ MEASURED_M, MEASURED_SHARE = 0.1, 0.02
 """A figure that is known no better than this, and this share of its distance from the row's middle, was not measured."""
 MAD = 1.4826
 PEERS, EXCESS = 7, 2.0
-SAME_M = 3e-5
+SAME_M, SHARED_PART = 3e-5, 1 / 3
+"""Differences that are the same, and the part of a kind that has the same one where it is no element's own."""
 PRIOR_SHARE, PRIOR_COUNT, MOST_PRIOR = 0.5, 10.0, 2.0
 INSIDE, FITTED = 3.0, 2.0
 T, HEADING, SCALE = slice(0, 3), 3, slice(4, 6)
@@ -72,11 +73,14 @@ class Fit:
 
     @property
     def shared(self) -> Bools:
-        """Which equations (m,) are of a figure that the many elements of their kind have in common, such as an assumed setback."""
+        """Which equations (m,) say no more than that of many other elements of their kind, such as an assumed setback."""
         common = np.zeros(len(self.freedom), dtype=np.bool_)
         for kind in np.unique(self.equations.kind):
             chosen = np.flatnonzero(self.equations.kind == kind)
-            common[chosen] = len(chosen) > FEW and len(_independent(self.equations, chosen)) < FEW
+            if len(chosen) > FEW and len(_independent(self.equations, chosen)) < FEW:
+                values = np.round(self.equations.difference[chosen] / SAME_M)
+                _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
+                common[chosen] = counts[which] >= SHARED_PART * len(chosen)
         return common
 
     def carried(self, middles: Floats) -> Floats:

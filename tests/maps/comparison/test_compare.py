@@ -204,6 +204,24 @@ def test_openings_are_compared_by_their_sizes_alone() -> None:
     assert [one.state for one in compare_maps(old, new, (before, after)).rows[0].openings] == ["same"] * 40
 
 
+def edited(site: SiteMap, by_m: float, names: set[str]) -> SiteMap:
+    """The very same map, in which some bars are higher."""
+    racks = tuple(
+        replace(one, vertices=one.vertices + by_m * np.array([0.0, one.id in names, 0.0]))
+        for one in site.rows["A"].structures["racks"]
+    )
+    row = site.rows["A"]
+    return replace(site, rows={"A": replace(row, structures={**row.structures, "racks": racks})})
+
+
+@pytest.mark.parametrize("bars", [[3], [1, 2, 3, 4, 5]])
+def test_what_was_moved_by_hand_in_a_copy_is_told(bars: list[int]) -> None:
+    """All other elements are exactly where they were: that is no figure that all have in common."""
+    site = place.mapped(BAYS, 1)
+    names = {f"bay 4 / bar {bar}" for bar in bars}
+    assert states(compare_maps(site, edited(site, 0.2, names))) == dict.fromkeys(names, "moved")
+
+
 def test_json_says_all_and_lines_say_what_changed() -> None:
     found = compare_maps(place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2))
     entry = json.loads(comparison_text(found))

@@ -95,6 +95,35 @@ def test_a_raised_beam_changes_the_openings_beside_it() -> None:
     assert {one.what for one in changed.values()} == {"size y"}
 
 
+def test_a_row_that_is_higher_by_less_than_it_knows_changes_no_opening() -> None:
+    """The floor is there by definition: all openings above it are higher then, and the others are as they were."""
+    rng = np.random.default_rng(1)
+    old = structures_of(surveyed_row())
+    new = [
+        replace(one, vertices=one.vertices + rng.normal([0, 0.015, 0], 0.0007), covariances=4 * one.covariances)
+        for one in old
+    ]
+    both = tuple({"A": {"shelves": openings(structures)}} for structures in (old, new))
+    row = compare_maps(site_of(old), site_of(new), both).rows[0]
+    assert {one.state for one in (*row.elements, *row.openings)} == {"same"}
+    floors = [one for one in row.openings if one.name.endswith("opening 0")]
+    assert all(any(figure.what == "size y" for figure in one.differences) for one in floors)
+
+
+def test_openings_have_the_scale_of_their_row() -> None:
+    """A wrong length makes all of them larger by the same share, the high one of a bridge by the most."""
+    rng = np.random.default_rng(1)
+    old = structures_of(surveyed_row())
+    new = [
+        replace(one, vertices=1.05 * one.vertices + rng.normal(0, 0.0007, 3), covariances=0.01 * one.covariances)
+        for one in old
+    ]
+    both = tuple({"A": {"shelves": openings(structures)}} for structures in (old, new))
+    row = compare_maps(site_of(old), site_of(new), both).rows[0]
+    assert row.scale_differs
+    assert {one.state for one in row.openings} == {"same"}
+
+
 def test_places_have_the_clear_sizes_of_the_slots() -> None:
     row = site_of(structures_of(surveyed_row())).rows["A"]
     numbers = {own.id: np.full((len(own.vertices), 3), k) for k, own in enumerate(row.structures["shelves"])}

@@ -12,6 +12,8 @@ RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 UPRIGHT_LINE = np.array([[0, 1]])
 CORNERS = ("lower left", "lower right", "upper left", "upper right")
 ENDS = ("lower", "upper")
+FLOOR_OPENING = "floor opening"
+"""What stands on the floor shares the error of the row's height, which no other opening has."""
 
 
 def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
@@ -73,7 +75,7 @@ def _structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
     named, edges = (CORNERS, RING) if bay.clear_width else (ENDS, UPRIGHT_LINE)
     return Structure(
         name,
-        "opening",
+        "opening" if opening.level else FLOOR_OPENING,
         np.array([[one.value for one in corner] for corner in corners]),
         np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
         tuple(f"{name} / {corner}" for corner in named),
