@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from savmap.assembly import aligned
+from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
@@ -119,6 +120,7 @@ def find(site_map: SiteMap | PathLike, name: str) -> list[SearchHit]:
 
     Raises SiteError, with the nearest names, where nothing is called so.
     """
+    _require_text(name)
     searched = _map_of(site_map)
     return find_structures(searched, name, lambda: places_of(searched))
 
@@ -177,10 +179,20 @@ def _several(names: Sequence[str] | None) -> list[str] | None:
     """Texts that were given as a list, or as the one text that is meant."""
     if names is None:
         return None
-    return [names] if isinstance(names, str) else list(names)
+    several = [names] if isinstance(names, str) else list(names)
+    for one in several:
+        _require_text(one)
+    return several
+
+
+def _require_text(one: object) -> None:
+    if not isinstance(one, str):
+        raise TypeError(f"a text is expected, not {type(one).__name__}")
 
 
 def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteMap:
+    if jobs < 0:
+        raise SiteError(f"jobs {jobs}: give the number of rows that are mapped at a time, or 0 for all in this process")
     monitor, options = progress or SilentMonitor(), RunOptions(jobs)
     if not write:
         return map_job(job, options, monitor).site_map

@@ -39,8 +39,12 @@ def joint_of(row: schema.RowEntry) -> JointCovariance | None:
 
 
 def _numbers(vertices: list[tuple[int, int, int]], where: str, count: int | None, size: int) -> Any:
+    if count is None:
+        raise ValueError(
+            f"joint: {where} is none of the structures; a map that is edited by hand loses `joint`, or what is gone from it"
+        )
     if len(vertices) != count:
-        raise ValueError(f"joint: {where} has not {len(vertices)} vertices")
+        raise ValueError(f"joint: {where} has {count} vertices, not {len(vertices)}")
     if any(number >= size for vertex in vertices for number in vertex):
         raise ValueError(f"joint: {where}: a coordinate is not among the {size}")
     return np.array(vertices, dtype=np.int64).reshape(-1, 3)

@@ -23,6 +23,7 @@ from savmap.site.overrides import Override
 VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
+SITE_FILE = "site.yaml"
 _received: dict[str, "Job"] = {}
 
 
@@ -85,11 +86,13 @@ def job_for(
     earlier: Path | None = None,
     overrides: Sequence[Override] = (),
 ) -> Job:
-    """The job that the command line describes. `source` is a site file, or a video (or folder of pictures); `overrides` are
-    set in either.
+    """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder of pictures);
+    `overrides` are set in either.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
+    if (source / SITE_FILE).is_file():
+        source = source / SITE_FILE
     if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)

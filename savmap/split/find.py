@@ -74,8 +74,8 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
             f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more with "
             "structure close beside it; is it a drive through aisles, in equirectangular video?"
         )
-    share = report.decoded / max(info.duration_s * info.rate_fps, 1.0)
-    return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, decoded_share=share)
+    frames = round(info.duration_s * info.rate_fps)
+    return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, frames=frames)
 
 
 def _motions(

@@ -65,11 +65,11 @@ class DetectedPass:
 @array_record
 class SplitResult:
     """The passes of a recording, for its timeline the direction of travel (n,) degrees at times (n,) s, and the cost: the number of
-    frame pairs, the frames decoded for them, and their share of all frames."""
+    frame pairs, the frames decoded for them, some of them twice, and all frames of the recording."""
 
     passes: tuple[DetectedPass, ...]
     stamps_s: Floats
     travel_deg: Floats
     frame_pairs: int = 0
     frames_decoded: int = 0
-    decoded_share: float = 0.0
+    frames: int = 0

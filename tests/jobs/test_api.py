@@ -76,3 +76,15 @@ def test_what_is_no_path_is_refused_by_name(thing: Any) -> None:
     for function in (savmap.load_map, savmap.map_site, savmap.map_video):
         with pytest.raises(TypeError, match=f"a path is expected, as a text or a Path, not {type(thing).__name__}"):
             function(thing)
+
+
+def test_what_is_no_text_or_count_is_told_as_such(doubted: SiteMap, tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text("rows: {A: {passes: [{video: a.mp4}]}}", encoding="utf-8")
+    number: Any = 3
+    with pytest.raises(TypeError, match="a text is expected, not int"):
+        savmap.find(doubted, number)
+    with pytest.raises(TypeError, match="a text is expected, not int"):
+        savmap.map_site(site, [number])
+    with pytest.raises(SiteError, match="jobs -1: give the number of rows"):
+        savmap.map_site(site, "shelves", jobs=-1)

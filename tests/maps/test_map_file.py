@@ -264,7 +264,7 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
         (_negative_variance, r"vertices\[0\]\.covariance_m2: a variance is negative"),
         (_far_away, r"vertices\[0\]\.position_m\[1\]: Input should be less than or equal to 1000000"),
         (_joint_without_its_end, "joint: covariance_m2 is not the finite upper triangle of 11 lines"),
-        (_joint_of_another, "joint: things: thing 2 has not 1 vertices"),
+        (_joint_of_another, "joint: things: thing 2 is none of the structures"),
         (_joint_out_of_bounds, "joint: things: thing 1: a coordinate is not among the 11"),
         (_no_picture, r"views\.face\.width: Input should be greater than or equal to 1"),
     ],

@@ -38,6 +38,13 @@ def test_installed_plugins_are_taken_if_they_have_all_they_need(site: Path, monk
         assert job.note.endswith("shelves; not signs (rapidocr and zxing-cpp not installed)")
 
 
+def test_a_folder_with_a_site_file_is_that_site(site: Path, tmp_path: Path) -> None:
+    """Not a folder of pictures."""
+    job = job_for(tmp_path, None, Path("out"))
+    assert job.source == site
+    assert list(job.site.rows) == ["A"]
+
+
 def test_plugins_that_are_named_are_taken_whatever_they_lack(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lack(monkeypatch, "rapidocr")
     job = job_for(VIDEO, ["signs"], Path("out"))

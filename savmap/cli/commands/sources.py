@@ -35,7 +35,7 @@ def split(
         say(f"wrote {sheet}")
     say(
         f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
-        f"{result.decoded_share:.0%} of the recording"
+        f"of {result.frames} in the recording"
     )
 
 
