@@ -12,14 +12,14 @@ LOCAL = "file://"
 
 
 def where(text: str | Path) -> Path:
-    """The path of a text, in which ~ is the user's folder. Raises SiteError for an empty one, a URL of an unknown kind, or where the extra `cluster` is missing; TypeError for what is no
-    path."""
+    """The path of a text, at the beginning of which ~/ is the user's folder. Raises SiteError for an empty one, a URL of an unknown kind, or
+    where the extra `cluster` is missing; TypeError for what is no path."""
     if not isinstance(text, str | PurePath) and not hasattr(text, "protocol"):
         raise TypeError(f"a path is expected, as a text or a Path, not {type(text).__name__}")
     if isinstance(text, str) and not text.strip():
         raise SiteError("a path is expected, not an empty text")
     if not isinstance(text, str) or "://" not in text:
-        return Path(text).expanduser() if isinstance(text, str) else text
+        return _local(text) if isinstance(text, str) else text
     if text.startswith(LOCAL):
         return Path(text.removeprefix(LOCAL))
     try:
@@ -30,6 +30,10 @@ def where(text: str | Path) -> Path:
         return cast(Path, UPath(text))
     except (ImportError, ValueError) as error:
         raise SiteError(f"{text}: cannot be read: {error}") from None
+
+
+def _local(text: str) -> Path:
+    return Path(text).expanduser() if text.startswith("~/") else Path(text)
 
 
 def is_url(path: Path) -> bool:

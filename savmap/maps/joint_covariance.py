@@ -41,7 +41,7 @@ def joint_of(row: schema.RowEntry) -> JointCovariance | None:
 def _numbers(vertices: list[tuple[int, int, int]], where: str, count: int | None, size: int) -> Any:
     if count is None:
         raise ValueError(
-            f"joint: {where} is none of the structures; a map that is edited by hand loses `joint`, or what is gone from it"
+            f"joint: {where} is none of the structures; whoever edits a map takes it out of `joint`, too, or leaves `joint` out"
         )
     if len(vertices) != count:
         raise ValueError(f"joint: {where} has {count} vertices, not {len(vertices)}")

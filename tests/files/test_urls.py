@@ -20,6 +20,7 @@ def test_what_is_a_url_and_what_is_not() -> None:
     assert where("file:///tmp/a.mp4") == Path("/tmp/a.mp4")
     assert where("a b/c.mp4") == Path("a b/c.mp4")
     assert where("~/a.mp4") == Path.home() / "a.mp4"
+    assert where("~nobody/a.mp4") == Path("~nobody/a.mp4")
     assert not is_url(where("a.mp4"))
     assert is_url(where("memory://a/b.mp4"))
     with pytest.raises(SiteError, match=r"nosuch://a: cannot be read"):
