@@ -4,7 +4,8 @@
 
 A case changes what is said of a row: its site file's content, or which clip it names (`physics_footage.py` has more of what may be wrong
 with a clip). A map is wrong where the change put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that
-unless the row ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row.
+unless the row ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row,
+or of one of the usual rows where there is no next.
 The results are written after each case; `--resume` leaves those as they are that are in the output file, and `--part 2/4` runs the second of
 four parts of each row's cases.
 """
@@ -38,6 +39,7 @@ from savmap.types.progress import SilentMonitor
 ROOT = Path(__file__).parent.parent
 DEMO = ROOT / "savmap" / "demo"
 WRONG_SIGMA, WRONG_M = 3.0, 0.01
+ROWS = ("demo", "5000", "5003")
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,8 @@ def run(
     rows: Sequence[str], folder: Path, only: str, part: tuple[int, int], done: Set[tuple[str, str]]
 ) -> Iterator[dict[str, Any]]:
     """All chosen cases of all rows, but those that are `done`, by row and case; printed as they end."""
-    for name, other in zip(rows, [*rows[1:], rows[0]], strict=True):
+    others = [*rows[1:], rows[0]] if len(rows) > 1 else [next(one for one in ROWS if one not in rows)]
+    for name, other in zip(rows, others, strict=True):
         row = filmed(name, folder, other)
         output = row.scratch
         if all((name, case.name) in done for case in chosen(row, only, part)):
@@ -220,7 +223,7 @@ def _part(text: str) -> tuple[int, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rows", nargs="+", default=["demo", "5000", "5003"])
+    parser.add_argument("--rows", nargs="+", default=ROWS)
     parser.add_argument("--keep", type=Path, help="keep footage and what was measured in this folder")
     parser.add_argument("--only", default="", help="cases whose name contains this")
     parser.add_argument(
