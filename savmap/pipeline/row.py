@@ -216,8 +216,8 @@ def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None)
 def constrain_plugin(
     plugin: LoadedPlugin, tracks: Sequence[Track], row: LocatedRow, path: Trajectory | None
 ) -> Constraints:
-    """One plugin's constraints. Raises SiteError or StructureError where the tracks do not fit what is given of the row: with where frames
-    are missing, which splits or joins structures."""
+    """One plugin's constraints. Raises SiteError or StructureError where the tracks do not fit what is given of the row. The message says where
+    frames are missing, for a gap splits structures or joins them."""
     facts = row.measurements.facts
     try:
         return plugin.constrain(tracks, facts, path or row.start)

@@ -20,8 +20,8 @@ Sightings = Mapping[Place, Floats]
 
 @dataclass(frozen=True)
 class Step:
-    """From one frame to the next that measured anything: seconds between them, which share of what the one that saw less saw was seen in both, and
-    the median of how far that moved, px (nan where it is little)."""
+    """From one frame to the next that measured anything: seconds between them, the share `shared` of the landmarks of the poorer frame that both saw, and
+    the median of how far these moved, px (nan where they are few)."""
 
     before: int
     after: int
@@ -42,7 +42,7 @@ def where_frames_are_missing(problem: Problem) -> str:
 
 
 def where_tracks_miss_frames(tracks: Sequence[Track], frames: FrameTable) -> str:
-    """The same of what was tracked, where that makes no problem."""
+    """As `where_frames_are_missing`, from tracks alone: for a row whose problem cannot be built."""
     seen: dict[int, dict[Place, Floats]] = {}
     for track in tracks:
         for frame, view, pixel in zip(track.frames.tolist(), track.views, track.pixels, strict=True):

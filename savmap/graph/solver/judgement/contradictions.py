@@ -141,8 +141,8 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
 
 
 def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
-    """The explanations that leave the scene some extent, where there are any: heights of which one stands for several agree best where
-    all that was seen is in one place, and then no distance is more than nothing."""
+    """The explanations that leave the scene some extent; all of them where none does. Equal heights of several sections also agree in a scene
+    that has shrunk to a point, where every distance is 0. No such scene is real."""
     lengths = frozenset(one.name for one in problem.relations if one.name and one.b is not None)
     left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]
     return left or explained
