@@ -68,14 +68,26 @@ def write_report(
     or that of a folder (`against`). Raises SavmapError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
-    log = read_log(run_file) if run_file else None
     site_map = read_map(map_file)
+    log = _log_of(site_map, run_file) if run_file else None
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
     viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
     comparison = _before(map_in(against), site_map, LEVEL).comparison if against else None
     write_page(replace(report, viewer=viewer, comparison=comparison), path)
+
+
+def _log_of(site_map: SiteMap, run_file: Path) -> RunLog:
+    """The record of the run that made a map. Raises OutputError for that of another, which mapped other rows."""
+    log = read_log(run_file)
+    mapped = {name for name, row in log.rows.items() if row.status != "failed"}
+    if differing := sorted(mapped ^ {*site_map.rows}):
+        raise OutputError(
+            f"{run_file}: is of another run than the map: row {differing[0]} is in one of them alone; give the run.json that lies "
+            "beside the map, or leave --run out"
+        )
+    return log
 
 
 def viewed(

@@ -29,7 +29,7 @@ from savmap.train.quantise import write_quantised
 from savmap.train.trainer import Hyperparameters, Trainer, predictor
 
 SHARE = 0.2
-"""How many of the pictures are kept to choose, calibrate and measure by."""
+"""How many of the pictures are kept to choose, calibrate and measure by, where no set is given for that."""
 EVERY_PX = 5
 LEAST, MOST = 0.25, 4.0
 """Range of temperatures that are tried."""
@@ -46,12 +46,10 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     datasets = [*read_sets(plan.data, plan.classes, plan.mapping), *replay]
     samples = samples_of(datasets)
     tests = named_tests(plan, samples)
-    training, validation = held_out(samples, SHARE)
-    choosing = samples_of(read_sets(plan.choose_by, plan.classes, plan.mapping)) or validation
+    choosing = samples_of(read_sets(plan.choose_by, plan.classes, plan.mapping))
+    training, validation = (samples, choosing) if choosing else held_out(samples, SHARE)
     network, history = load_onnx(plan.init, plan.classes)
-    progress(
-        0.0, f"{len(training)} pictures to train on, {len(validation)} to measure and {len(choosing)} to choose by"
-    )
+    progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to choose and to calibrate by")
     trainer = Trainer(network, settings)
     replayed = {sample.origin for dataset in replay for sample in dataset.samples}
     key = run_key(plan.classes, samples, plan.seed, plan.init, settings, replayed)
@@ -62,7 +60,7 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
 
     def validate() -> None:
         averaged = trainer.average.network
-        score = score_network(predictor(averaged), choosing, plan.classes, settings.validation_limit)
+        score = score_network(predictor(averaged), validation, plan.classes, settings.validation_limit)
         state.record(score.mean, averaged.state_dict())
         progress(plan.done(state.steps, state.spent_s), f"validation IoU {score.mean:.3f}")
         kept.save(trainer, state)

@@ -118,6 +118,13 @@ def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path)
     assert "V gap" in text
 
 
+def test_the_record_of_another_run_is_refused(map_file: Path, tmp_path: Path) -> None:
+    write_log(RunLog(rows={"A": RowRun(status="failed"), "B": RowRun(status="mapped")}), tmp_path / "run.json")
+    with pytest.raises(OutputError, match=r"run\.json: is of another run than the map: row A is in one of them alone"):
+        write_report(map_file, tmp_path / "page.html", tmp_path / "run.json")
+    assert not (tmp_path / "page.html").exists()
+
+
 def test_a_survey_of_other_rows_is_told_not_refused(map_file: Path, tmp_path: Path) -> None:
     write_report(map_file, tmp_path / "page.html", None, survey(tmp_path, "Z"))
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
