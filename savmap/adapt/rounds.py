@@ -1,4 +1,4 @@
-"""One round: views labelled by the map, the network trained on them, the site mapped with it, and whether that is better."""
+"""One round: views labelled by the map, the network trained on them and on its own labels, the site mapped with it, and whether that is better."""
 
 import hashlib
 import json
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from savmap.adapt.closer import relabelled
 from savmap.adapt.labels import HELD_OUT, LabelSets, write_labels
 from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
@@ -22,6 +23,7 @@ from savmap.train.plan import float_model, minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
+BY_MAP, CLOSER = "by-map", "closer-"
 FORGOTTEN = 0.005
 """A network that loses more than this in intersection over union on pictures of other places is not kept."""
 INTEGERS = ".int8.onnx"
@@ -131,32 +133,51 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
 
 
 def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
-    """How well the network does on the views that are held out and on other places, before and after, by class; it is trained unless
-    it is there."""
+    """How well the network does on the views that are held out and on other places, before and after, by class. It is trained unless it is there:
+    by the map's labels for half of the time, then by its own of the same views, for which it looks closer."""
     measured = [sets.held_out, *([work.others] if work.others else [])]
-    if not (folder / SCORES).is_file():
-        plan = TrainingPlan(
-            trained_classes(work.classes, work.classes, start.trainable),
-            [sets.views],
-            folder / f"{work.plugin}.onnx",
-            minutes_of(work.options.minutes, fine_tunes=True),
-            init=start.trainable,
-            held_out=measured,
-            int8=True,
-            steps=work.options.steps,
-            choose_by=[sets.choice],
-            replay=work.replay,
-        )
-        with work.meter(f"training {work.plugin}") as progress:
-            network = train(plan, progress)
-        write_text(folder / SCORES, json.dumps(network.recipe["scores"], indent=1) + "\n")
-    scores: Any = read_json(folder / SCORES)
-    return {
-        one.name: {
-            when: {name: score["iou"][name] for name in work.classes} for when, score in scores[one.name].items()
+    options, half = work.options, minutes_of(work.options.minutes, fine_tunes=True) / 2
+    by_map = TrainingPlan(
+        trained_classes(work.classes, work.classes, start.trainable),
+        [sets.views],
+        folder / f"{BY_MAP}.onnx",
+        half,
+        init=start.trainable,
+        held_out=measured,
+        steps=-(-options.steps // 2) if options.steps else None,
+        choose_by=[sets.choice],
+        replay=work.replay,
+    )
+    before = _lesson(work, by_map, folder / f"{BY_MAP}.json", f"training {work.plugin} by the map")
+    with work.meter(f"labelling by {work.plugin}, magnified") as progress:
+        closer = {
+            one: relabelled(by_map.output, one, folder / f"{CLOSER}{one.name}", by_map.classes, progress)
+            for one in (sets.views, sets.choice)
         }
-        for one in measured
+    by_itself = replace(
+        by_map,
+        data=[closer[sets.views]],
+        choose_by=[closer[sets.choice]],
+        output=folder / f"{work.plugin}.onnx",
+        init=by_map.output,
+        int8=True,
+    )
+    after = _lesson(work, by_itself, folder / SCORES, f"training {work.plugin} by what it sees magnified")
+    scores = {one.name: {**after[one.name], "before": before[one.name]["before"]} for one in measured}
+    return {
+        name: {when: {label: score["iou"][label] for label in work.classes} for when, score in own.items()}
+        for name, own in scores.items()
     }
+
+
+def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Mapping[str, Any]:
+    """The scores of a training, which is done unless they are there."""
+    if not known.is_file():
+        with work.meter(doing) as progress:
+            network = train(plan, progress)
+        write_text(known, json.dumps(network.recipe["scores"], indent=1) + "\n")
+    scores: Mapping[str, Any] = read_json(known)
+    return scores
 
 
 def _judged(

@@ -44,12 +44,14 @@ class Works:
     elsewhere: float = 0.8
     jobs: list[Job] = field(default_factory=list)
     trained: list[TrainingPlan] = field(default_factory=list)
+    by_map: list[TrainingPlan] = field(default_factory=list)
 
     def train(self, plan: TrainingPlan, progress: object) -> TrainedNetwork:
-        self.trained.append(plan)
-        after = self.iou[len(self.trained) - 1]
+        by_map = plan.output.stem == rounds.BY_MAP
+        (self.by_map if by_map else self.trained).append(plan)
+        after = 0.1 if by_map else self.iou[len(self.trained) - 1]
         for file in (plan.output, plan.integers):
-            file.write_text(f"network {len(self.trained)}")
+            file.write_text(f"network {len(self.by_map)}")
         scores = {"before": self.before, "after": after, "int8": after}
         iou = {when: {"iou": dict.fromkeys(CLASSES, value)} for when, value in scores.items()}
         others = {when: {"iou": dict.fromkeys(CLASSES, 0.8 if when == "before" else self.elsewhere)} for when in iou}
@@ -85,6 +87,7 @@ def adapted(
     **options: Any,
 ) -> Adapted:
     monkeypatch.setattr(rounds, "train", works.train)
+    monkeypatch.setattr(rounds, "relabelled", lambda network, source, folder, *rest: folder)
     monkeypatch.setattr(rounds, "map_job_into", works.map)
     monkeypatch.setattr(rounds, "write_labels", works.label)
     monkeypatch.setattr(run, "_agreement", lambda work, model, number: dict.fromkeys(CLASSES, 0.4))
@@ -117,13 +120,25 @@ def test_rounds_go_on_while_they_are_better(tmp_path: Path, monkeypatch: pytest.
     done = adapted(works, tmp_path, monkeypatch)
     assert [one.kept for one in done.rounds] == [True, True]
     assert (done.structures_before, done.structures_after) == (2, 3)
-    assert works.trained[1].init == tmp_path / "adapted" / "round-1" / "posts.onnx"
+    assert works.by_map[1].init == tmp_path / "adapted" / "round-1" / "posts.onnx"
     used = works.jobs[1].site.plugin_config("A", "posts")["model"]
     assert used == str(tmp_path / "adapted" / "round-2" / "posts.int8.onnx")
     assert (tmp_path / "adapted" / "posts.int8.onnx").read_text() == "network 2"
     report = json.loads((tmp_path / "adapted" / "report.json").read_text())
     assert report["iou"] == {"before": {"post": 0.4, "plank": 0.4}, "after": {"post": 0.7, "plank": 0.7}}
     assert any(line.endswith("adapted/posts.int8.onnx}}") for line in adapted_lines(done))
+
+
+def test_network_learns_from_the_map_and_then_from_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures before are those of the network that the round began with, not of the one that the map taught."""
+    works = Works([0.6], [2])
+    done = adapted(works, tmp_path, monkeypatch, rounds=1, steps=9)
+    (by_map,), (by_itself,), folder = works.by_map, works.trained, tmp_path / "adapted" / "round-1"
+    assert (by_map.data, by_map.choose_by, by_map.steps) == ([folder / "views"], [folder / "choice"], 5)
+    assert (by_itself.data, by_itself.choose_by) == ([folder / "closer-views"], [folder / "closer-choice"])
+    assert (by_itself.init, by_itself.steps) == (by_map.output, 5)
+    assert done.rounds[0].iou_before == dict.fromkeys(CLASSES, 0.5)
+    assert done.rounds[0].iou_after == dict.fromkeys(CLASSES, 0.6)
 
 
 def test_no_better_network_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,7 +230,7 @@ def test_network_that_agrees_best_is_taught(
     for name in ("own.onnx", "own.int8.onnx"):
         (tmp_path / name).write_text(name)
     done = adapted(works, tmp_path, monkeypatch, candidates=[tmp_path / "own.int8.onnx"])
-    assert [plan.init for plan in works.trained] == [
+    assert [plan.init for plan in works.by_map] == [
         tmp_path / f"{taught}.onnx",
         tmp_path / "adapted" / "round-1" / "posts.onnx",
     ]
