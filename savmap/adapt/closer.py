@@ -30,7 +30,9 @@ def relabelled(network: Path, source: Path, folder: Path, classes: Sequence[str]
     if not folder.is_dir():
         partial = folder.with_name(f"{folder.name}.part")
         shutil.rmtree(partial, ignore_errors=True)
-        write_samples(partial, classes, RENDERER, _labelled(network, read_set(source, classes).samples, classes, progress))
+        write_samples(
+            partial, classes, RENDERER, _labelled(network, read_set(source, classes).samples, classes, progress)
+        )
         partial.rename(folder)
     return folder
 

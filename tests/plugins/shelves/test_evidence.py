@@ -50,6 +50,17 @@ def test_a_faint_stripe_that_is_not_whole_is_no_level_where_paint_does_not_tell(
     assert (expected_grid(evidence, WHOLE) is not None) == found
 
 
+@pytest.mark.parametrize(
+    ("length", "others", "found"), [(1.6, LEVELS, True), (1.2, LEVELS, False), (1.6, LEVELS[1:], False)]
+)
+def test_half_of_a_sections_lowest_level_is_enough_where_the_others_have_theirs(
+    length: float, others: Floats, found: bool
+) -> None:
+    evidence = seen((1, (2.8, 5.4), (0.39, 0.53), 0.0), (1, (2.8, 2.8 + length), (0.4, 0.52), 0.3))
+    expected = expected_grid(evidence, Grid(POSTS, [others, LEVELS[1:], others]))
+    assert (expected is not None and len(expected.sections[1]) == len(LEVELS)) == found
+
+
 def test_a_post_that_was_not_tracked_is_found() -> None:
     tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
     assert is_whole(expected_grid(seen(), tracked))

@@ -46,6 +46,7 @@ class EvidenceSettings:
     usual strength of the tracked ones. A faint object along the whole length has full cover. A strong but shorter one has not.
 
     - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
+    - `lowest`: that of a new level where its section has none as low as those of the other sections are.
     - `lost`: a tracked post or level with less cover is dropped.
     - `faint`: the least strength that counts as usual.
     - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
@@ -63,6 +64,7 @@ class EvidenceSettings:
     post: float = 0.7
     post_in_gap: float = 0.45
     level: float = 0.8
+    lowest: float = 0.5
     lost: float = 0.1
     faint: float = 0.05
     wide: float = 1.6
@@ -320,9 +322,21 @@ class GridSearch:
         behind = not strong and self.rear.shows(self._tracked_beside(left, right), centre)
         if centre >= self.ceiling + half or similarity < self.settings.strange or behind:
             return False
+        if cover >= self.settings.lowest and self._lacks_lowest(left, right, centre):
+            return True
         if cover >= self.settings.level:
             return self.paint.is_informative or self._is_plain(cover, left, right, centre)
         return similarity >= SIMILAR and max(cover, self._usual_cover(centre)) >= self.settings.painted
+
+    def _lacks_lowest(self, left: float, right: float, centre: float) -> bool:
+        """Whether a level between two posts would be the lowest of its section, where the other sections have theirs."""
+        own = self._tracked_beside(left, right)
+        lowest = [
+            float(levels.mean(axis=1).min()) for levels in self.tracked.sections if len(levels) and levels is not own
+        ]
+        room = ROOM * self.tracked.thickness
+        near = np.abs(np.array(lowest) - centre) < room
+        return len(own) > 0 and len(near) > 1 and own.mean(axis=1).min() > centre + room and bool(near.mean() > 0.5)
 
     def _paint_similarity(self, left: float, right: float, centre: float) -> float:
         """The similarity of the paint at a height between two posts to the tracked beams'; `NEITHER` where paint is not informative."""

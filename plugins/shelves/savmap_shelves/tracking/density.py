@@ -60,12 +60,13 @@ def strongest(order: Ints, clash: Bools) -> Bools:
     return kept
 
 
-def supported(support: Floats, shown: Ints, count: Ints, least: float) -> Bools:
+def supported(support: Floats, shown: Ints, count: Ints, least: float, expected: Bools | None = None) -> Bools:
     """Which clusters (k,) are sure: sighted three times or more, and often enough in the frames that should show them.
 
     Often enough: that share, less its standard deviation, is at least `least` of the usual share. With few frames chance
-    makes a share large.
+    makes a share large, but for clusters that are `expected` (k,): all frames together show them.
     """
     usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
-    sure = support - np.sqrt(support * (1 - support) / np.maximum(shown, 1))
+    chance = np.sqrt(support * (1 - support) / np.maximum(shown, 1))
+    sure = support - (chance if expected is None else np.where(expected, 0.0, chance))
     return np.asarray((sure >= least * usual) & (count >= 3))

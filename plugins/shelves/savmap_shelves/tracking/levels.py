@@ -10,8 +10,9 @@ from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
 
 THIN, RARE, THICK = 0.86, 0.92, 2.0
-NEAR_FLOOR, ON_FLOOR, SURE = 0.12, 0.016, 0.6
+NEAR_FLOOR, LOW, ON_FLOOR, SURE = 0.12, 0.2, 0.016, 0.6
 LEAST_LEVELS, SCATTER, LEAST_SCATTER = 2, 4.0, 0.4
+ROOM = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +114,14 @@ def find_levels(
         hits, cover = hits[:, frames], cover[:, frames]
         shown = _shown(sightings, states, uprights, levels)[:, frames]
         kept = _distinct(levels, hits, thickness)
-        support = _support(hits, cover, shown)
+        support, expected = _support(hits, cover, shown), expected_levels(sightings, which, len(levels))
         if kept.all():
-            kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1])
+            alone = expected & ~_crowded(levels, support, thickness)
+            kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1], alone)
         if kept.all():
-            expected = expected_levels(sightings, which, len(levels))
             kept = ~_sunk(levels, edges, which, support, floor) | expected
-            kept = kept if not kept.all() else ~_unlike(levels, edges, which, support, floor, expected & trusting)
+        if kept.all():
+            kept = ~_unlike(levels, edges, which, support, floor, expected, trusting)
         if kept.all():
             break
         levels = levels[kept]
@@ -213,15 +215,17 @@ def _sunk(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: fl
     return np.asarray(below & ~(like & (support > SURE * np.median(support))))
 
 
-def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float, trusted: Bools) -> Bools:
+def _unlike(
+    levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float, expected: Bools, trusting: bool
+) -> Bools:
     """Levels thinner, even where they seem thickest, or much thicker, even where they seem thinnest, than the sure ones of
     their section (or of the row, where it has less than two), and sighted less.
 
     Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
     lowest one of a section may be hidden from below in all of them, but it is above the floor; others may be beams that are
-    hidden in nearly all frames: which (k,) are to be `trusted` is told by more than this. Thick ones are girders of
-    the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames.
+    hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, or are their section's lowest. Thick ones are
+    girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames.
     """
     leanest, usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.25, 0.5, 0.75))
     sure = support >= 0.8 * np.median(support)
@@ -231,16 +235,17 @@ def _unlike(levels: Floats, edges: Floats, which: Ints, support: Floats, floor: 
         peers = float(np.median(usual[sure_here if sure_here.sum() > 1 else sure])) if sure.any() else usual[k]
         thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
         thick[k] = leanest[k] > THICK * peers and not sure[k]
-    return thick | (thin & ~trusted & ~_stands(levels, levels[:, 1] - usual / 2, floor))
+    near = np.where(expected, LOW, NEAR_FLOOR)
+    return thick | (thin & ~(expected & trusting) & ~_low(levels, levels[:, 1] - usual / 2, floor, near))
 
 
-def _stands(levels: Floats, lower: Floats, floor: float) -> Bools:
-    """Which levels (k,) are the lowest of their section, near the floor, with their lower edge (k,) clear of it: what hides a beam from
-    below does not reach down to the floor, where pallets and markings lie."""
+def _low(levels: Floats, lower: Floats, floor: float, near: float | Floats) -> Bools:
+    """Which levels (k,) are the lowest of their section, nearer to the floor than a share of the row's height, with their lower edge (k,) clear of it: what
+    hides a beam from below does not reach down to the floor, where pallets and markings lie."""
     if not len(levels) or not np.isfinite(floor):
         return np.zeros(len(levels), dtype=np.bool_)
     height = levels[:, 1].max() - floor
-    low = (lower > floor + ON_FLOOR * height) & (levels[:, 1] < floor + NEAR_FLOOR * height)
+    low = (lower > floor + ON_FLOOR * height) & (levels[:, 1] < floor + near * height)
     lowest = [levels[levels[:, 0] == section, 1].min() for section in levels[:, 0]]
     return np.asarray(low & (levels[:, 1] == lowest))
 
@@ -249,6 +254,13 @@ def _quantiles(edges: Floats, which: Ints, count: int, share: float) -> Floats:
     """The quantile (k,) of each level's thickness over its sightings."""
     thickness = np.diff(edges, axis=1)[:, 0]
     return np.array([np.quantile(thickness[which == k], share) for k in range(count)])
+
+
+def _crowded(levels: Floats, support: Floats, thickness: float) -> Bools:
+    """Which levels (k,) are so near to one of their section with more support that nothing fits between: one beam may be taken for two."""
+    near = np.abs(levels[:, 1, None] - levels[:, 1]) < ROOM * thickness
+    same = levels[:, 0, None] == levels[:, 0]
+    return np.asarray((near & same & (support > support[:, None])).any(axis=1))
 
 
 def _distinct(levels: Floats, hits: Bools, thickness: float) -> Bools:

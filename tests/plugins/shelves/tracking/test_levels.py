@@ -10,7 +10,8 @@ from tracking_truth import counted
 from savmap.geometry import pinhole
 from savmap.types import Feature
 from savmap_shelves.tracking import track_structures
-from savmap_shelves.tracking.levels import _support, _unlike
+from savmap_shelves.tracking.density import supported
+from savmap_shelves.tracking.levels import _crowded, _support, _unlike
 
 CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
@@ -126,9 +127,9 @@ def test_girders_and_goods_are_thicker_than_beams_wherever_they_are_seen() -> No
     thickness[which == 2] = 0.4
     thickness[which == 3] = [0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1, 0.1]
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
-    assert _unlike(levels, edges, which, support, -np.inf, NONE).tolist() == [False, False, True, False]
-    assert not _unlike(levels, edges, which, np.ones(4), -np.inf, NONE).any()
-    assert _unlike(levels, edges, which, support, -np.inf, ~NONE).tolist() == [False, False, True, False]
+    assert _unlike(levels, edges, which, support, -np.inf, NONE, True).tolist() == [False, False, True, False]
+    assert not _unlike(levels, edges, which, np.ones(4), -np.inf, NONE, True).any()
+    assert _unlike(levels, edges, which, support, -np.inf, ~NONE, True).tolist() == [False, False, True, False]
 
 
 @pytest.mark.parametrize(("lower", "doubted"), [(0.02, True), (0.12, False)])
@@ -138,4 +139,30 @@ def test_a_thin_level_that_lies_on_the_floor_is_no_beam_hidden_from_below(lower:
     thickness = np.where(which == 0, 0.06, 0.12)
     edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
     support = np.array([0.7, 1.0, 1.0])
-    assert _unlike(levels, edges, which, support, 0.0, NONE[:3]).tolist() == [doubted, False, False]
+    assert _unlike(levels, edges, which, support, 0.0, NONE[:3], True).tolist() == [doubted, False, False]
+
+
+@pytest.mark.parametrize(
+    ("height", "expected", "doubted"), [(0.3, False, False), (0.5, False, True), (0.5, True, False), (0.8, True, True)]
+)
+def test_the_lowest_level_may_stand_higher_where_all_frames_show_it(
+    height: float, expected: bool, doubted: bool
+) -> None:
+    levels = np.array([[0, height], [0, 1.5], [0, 3.0]])
+    which = np.repeat(np.arange(3), 10)
+    thickness = np.where(which == 0, 0.06, 0.12)
+    edges = levels[which, 1:] + np.column_stack([-thickness / 2, thickness / 2])
+    support = np.array([0.7, 1.0, 1.0])
+    thin = _unlike(levels, edges, which, support, 0.0, np.array([expected, True, True]), False)
+    assert thin.tolist() == [doubted, False, False]
+
+
+def test_chance_does_not_count_against_what_all_frames_show() -> None:
+    support, shown, count = np.array([0.9, 0.9, 0.4, 0.4]), np.full(4, 8), np.full(4, 5)
+    assert supported(support, shown, count, 0.3).tolist() == [True, True, False, False]
+    assert supported(support, shown, count, 0.3, np.arange(4) == 3).tolist() == [True, True, False, True]
+
+
+def test_one_beam_that_is_taken_for_two_is_crowded() -> None:
+    levels = np.array([[0, 0.0], [0, 0.2], [0, 1.0], [1, 0.1]])
+    assert _crowded(levels, np.array([1.0, 0.4, 0.4, 0.4]), 0.1).tolist() == [False, True, False, False]
