@@ -147,6 +147,7 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
         steps=-(-options.steps // 2) if options.steps else None,
         choose_by=[sets.choice],
         replay=work.replay,
+        one_site=True,
     )
     before = _lesson(work, by_map, folder / f"{BY_MAP}.json", f"training {work.plugin} by the map")
     with work.meter(f"labelling by {work.plugin}, magnified") as progress:
@@ -176,8 +177,8 @@ def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Ma
         with work.meter(doing) as progress:
             network = train(plan, progress)
         write_text(known, json.dumps(network.recipe["scores"], indent=1) + "\n")
-    scores: Mapping[str, Any] = read_json(known)
-    return scores
+    scores: Any = read_json(known)
+    return dict(scores)
 
 
 def _judged(

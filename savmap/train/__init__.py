@@ -48,6 +48,7 @@ def train(plan: TrainingPlan, progress: Progress = _silent) -> TrainedNetwork:
     check(plan)
     from savmap.train.trainer import (
         FINE_TUNING,
+        ONE_SITE_ALONE,
         TRAINING_ON,
         Hyperparameters,
     )  # torch, an extra, is imported when it is needed
@@ -55,7 +56,7 @@ def train(plan: TrainingPlan, progress: Progress = _silent) -> TrainedNetwork:
     if plan.fine_tunes:
         from savmap.train.finetune import fine_tune  # likewise
 
-        return fine_tune(plan, progress, FINE_TUNING)
+        return fine_tune(plan, progress, ONE_SITE_ALONE if plan.one_site else FINE_TUNING)
     from savmap.train.loop import run  # likewise
 
     return run(plan, progress, TRAINING_ON if plan.whole else Hyperparameters())

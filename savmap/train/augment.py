@@ -208,29 +208,71 @@ def compressed(rng: Generator, image: Bytes) -> Bytes:
     return np.asarray(decoded, np.uint8)
 
 
-CHANCES: tuple[tuple[float, Callable[[Generator, Image], Image]], ...] = (
-    (0.25, stickers),
-    (0.5, uneven_lighting),
-    (0.6, colour),
-    (0.8, tone),
-    (0.5, blurred),
-    (0.2, sharpened),
-    (0.6, noisy),
-)
-RECOLOUR_CHANCE, COMPRESS_CHANCE = 0.5, 0.6
+Change = Callable[[Generator, Image], Image]
 
 
-def augment(rng: Generator, image: Bytes, mask: Bytes, crop: Crop, classes: int) -> tuple[Bytes, Bytes]:
+@dataclass(frozen=True)
+class Variation:
+    """How likely each change of a picture is: of the colours of its classes and of the background, each on its own, of the whole, in this order, and JPEG."""
+
+    recolour: float
+    changes: tuple[tuple[float, Change], ...]
+    jpeg: float
+
+    def chances(self) -> dict[str, float]:
+        """By name."""
+        return {
+            "recolour": self.recolour,
+            "jpeg": self.jpeg,
+            **{change.__name__: chance for chance, change in self.changes},
+        }
+
+
+ANY_PLACE, ONE_SITE = "any place", "one site"
+VARIATIONS = {
+    ANY_PLACE: Variation(
+        0.5,
+        (
+            (0.25, stickers),
+            (0.5, uneven_lighting),
+            (0.6, colour),
+            (0.8, tone),
+            (0.5, blurred),
+            (0.2, sharpened),
+            (0.6, noisy),
+        ),
+        0.6,
+    ),
+    ONE_SITE: Variation(
+        0.1,
+        (
+            (0.15, stickers),
+            (0.4, uneven_lighting),
+            (0.2, colour),
+            (0.6, tone),
+            (0.4, blurred),
+            (0.15, sharpened),
+            (0.4, noisy),
+        ),
+        0.4,
+    ),
+}
+"""What a network that is to be used anywhere is shown, and one for a site that is painted alike throughout."""
+
+
+def augment(
+    rng: Generator, image: Bytes, mask: Bytes, crop: Crop, classes: int, variation: Variation = VARIATIONS[ANY_PLACE]
+) -> tuple[Bytes, Bytes]:
     """A random variant: picture (height, width, 3) uint8 and mask (height, width) of the crop's size."""
     crop_from_image = random_homography(rng, crop, image.shape[1], image.shape[0])
     varied, labels = warp(image, mask, crop_from_image, crop, classes)
-    if rng.random() < RECOLOUR_CHANCE:
+    if rng.random() < variation.recolour:
         varied = recolour(rng, varied, labels, classes)
-    for chance, change in CHANCES:
+    for chance, change in variation.changes:
         if rng.random() < chance:
             varied = change(rng, np.clip(varied, 0, 1))
     final = (np.clip(varied, 0, 1) * 255 + 0.5).astype(np.uint8)
-    return (compressed(rng, final) if rng.random() < COMPRESS_CHANCE else final), labels
+    return (compressed(rng, final) if rng.random() < variation.jpeg else final), labels
 
 
 Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
@@ -239,8 +281,8 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 @dataclass(frozen=True, eq=False)
 class BatchSource:
-    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes and seed. A run that goes
-    on after `start` batches draws others than it began with."""
+    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes, seed, and how pictures are varied. A run that
+    goes on after `start` batches draws others than it began with."""
 
     samples: Sequence[Sample]
     weights: NDArray[np.float64]
@@ -249,6 +291,7 @@ class BatchSource:
     seed: int
     crop: Crop = field(default_factory=Crop)
     start: int = 0
+    variation: Variation = VARIATIONS[ANY_PLACE]
 
     def __iter__(self) -> Iterator[Batch]:
         rng = np.random.default_rng([self.seed, self.start] if self.start else self.seed)
@@ -257,7 +300,7 @@ class BatchSource:
             variants = []
             for index in drawn:
                 image, mask = self.samples[index].load()
-                variants.append(augment(rng, image, mask, self.crop, self.classes))
+                variants.append(augment(rng, image, mask, self.crop, self.classes, self.variation))
             yield np.stack([image for image, _ in variants]), np.stack([mask for _, mask in variants])
 
 

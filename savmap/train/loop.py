@@ -12,8 +12,7 @@ import numpy as np
 import onnx
 import torch
 
-from savmap.train import augment
-from savmap.train.augment import BatchSource, prefetched
+from savmap.train.augment import VARIATIONS, BatchSource, prefetched
 from savmap.train.checkpoint import SUFFIX, Recipe, ResumeFile, TrainingState, load_checkpoint, run_key, save_checkpoint
 from savmap.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.train.data.sets import read_sets, samples_of
@@ -90,8 +89,7 @@ def described(datasets: Sequence[Dataset], seed: int, minutes: float, settings: 
         "seed": seed,
         "minutes": minutes,
         "settings": asdict(settings),
-        "augmentation": {"recolour": augment.RECOLOUR_CHANCE, "jpeg": augment.COMPRESS_CHANCE}
-        | {change.__name__: chance for chance, change in augment.CHANCES},
+        "augmentation": VARIATIONS[settings.variation].chances(),
         "versions": {
             "torch": str(torch.__version__),
             "onnx": onnx.__version__,
@@ -154,5 +152,12 @@ def source_of(
     """Where a run's batches come from; pictures of the origins that are `replayed` come seldom."""
     weights = sampling_weights(training, replayed=replayed)
     return BatchSource(
-        training, weights, len(plan.classes), settings.batch, plan.seed, settings.crop, start=state.steps
+        training,
+        weights,
+        len(plan.classes),
+        settings.batch,
+        plan.seed,
+        settings.crop,
+        state.steps,
+        VARIATIONS[settings.variation],
     )

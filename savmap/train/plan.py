@@ -47,7 +47,8 @@ class TrainingPlan:
     writes the network in 8-bit integers. `steps`: how many to make, however long they take. `choose_by`: sets by which fine-tuning chooses
     the best network along the way, instead of the pictures that it sets aside. `replay`: further sets to fine-tune on, which are seen seldom, against
     forgetting. `whole`: a network from an ONNX file is
-    trained on in all its layers, as one from nothing, instead of with the care of fine-tuning.
+    trained on in all its layers, as one from nothing, instead of with the care of fine-tuning. `one_site`: a network that is fine-tuned is for a
+    site that is painted alike throughout: the colours of pictures are varied less.
     """
 
     classes: Sequence[str]
@@ -63,6 +64,7 @@ class TrainingPlan:
     whole: bool = False
     choose_by: Sequence[Path] = ()
     replay: Sequence[Path] = ()
+    one_site: bool = False
 
     def done(self, steps: int, spent_s: float) -> float:
         """The share 0..1 of the run that is done after so many steps and seconds."""

@@ -3,7 +3,7 @@
 import copy
 import math
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from savmap.train.augment import Batch, Crop
+from savmap.train.augment import ANY_PLACE, ONE_SITE, Batch, Crop
 from savmap.train.data.dataset import IGNORE
 from savmap.train.measure import Predictor
 from savmap.train.network import FIXED_BLOCKS, SegmentationNetwork
@@ -23,7 +23,8 @@ class Hyperparameters:
     """What is chosen about training beside its data. Rates are the largest of AdamW's; they rise, then fall as a cosine.
 
     `frozen_blocks`: how many of the encoder's blocks keep their weights; `frozen_statistics`: normalisations keep theirs;
-    `validations`: how often the network is measured on the validation pictures; the best one is taken (0: the last one).
+    `validations`: how often the network is measured on the validation pictures; the best one is taken (0: the last one). `variation`: the key of
+    `augment.VARIATIONS`.
     """
 
     batch: int = 6
@@ -38,6 +39,7 @@ class Hyperparameters:
     frozen_blocks: int = FIXED_BLOCKS
     frozen_statistics: bool = False
     validations: int = 0
+    variation: str = ANY_PLACE
 
 
 FINE_TUNING = Hyperparameters(
@@ -51,6 +53,10 @@ FINE_TUNING = Hyperparameters(
     validations=5,
 )
 """For a network that knows its classes and a few hundred pictures of another style: small steps, the early blocks left alone."""
+
+
+ONE_SITE_ALONE = replace(FINE_TUNING, variation=ONE_SITE)
+"""For a network that one site teaches, for itself."""
 
 
 TRAINING_ON = Hyperparameters(encoder_rate=2e-4, decoder_rate=1e-3, frozen_statistics=True)

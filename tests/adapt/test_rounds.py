@@ -137,6 +137,8 @@ def test_network_learns_from_the_map_and_then_from_itself(tmp_path: Path, monkey
     assert (by_map.data, by_map.choose_by, by_map.steps) == ([folder / "views"], [folder / "choice"], 5)
     assert (by_itself.data, by_itself.choose_by) == ([folder / "closer-views"], [folder / "closer-choice"])
     assert (by_itself.init, by_itself.steps) == (by_map.output, 5)
+    assert by_map.one_site
+    assert by_itself.one_site
     assert done.rounds[0].iou_before == dict.fromkeys(CLASSES, 0.5)
     assert done.rounds[0].iou_after == dict.fromkeys(CLASSES, 0.6)
 

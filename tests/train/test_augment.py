@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 
-from savmap.train.augment import CHANCES, Crop, augment, random_homography, recolour, turned_hue, warp
+from savmap.train.augment import (
+    ANY_PLACE,
+    ONE_SITE,
+    VARIATIONS,
+    Crop,
+    augment,
+    random_homography,
+    recolour,
+    turned_hue,
+    warp,
+)
 from savmap.train.data.dataset import IGNORE
 
 from .conftest import bars
@@ -68,7 +78,7 @@ def test_paint_does_not_show_where_labels_end() -> None:
         assert np.allclose(recolour(np.random.default_rng(seed), start, mask, 2), start)
 
 
-@pytest.mark.parametrize("change", [change for _, change in CHANCES], ids=lambda c: c.__name__)
+@pytest.mark.parametrize("change", [change for _, change in VARIATIONS[ANY_PLACE].changes], ids=lambda c: c.__name__)
 def test_every_change_keeps_shape_and_type(change) -> None:  # type: ignore[no-untyped-def]
     image = np.random.default_rng(0).random((64, 96, 3)).astype(np.float32)
     for seed in range(4):
@@ -76,3 +86,16 @@ def test_every_change_keeps_shape_and_type(change) -> None:  # type: ignore[no-u
         assert changed.shape == image.shape
         assert changed.dtype.kind == "f"
         assert np.isfinite(changed).all()
+
+
+def test_one_site_keeps_its_colours() -> None:
+    """Of two hundred variants of a red picture, few are of another hue where a network is for one site."""
+    image = np.zeros((120, 160, 3), np.uint8)
+    image[..., 0] = 160
+    mask = np.zeros((120, 160), np.uint8)
+    share = {}
+    for name in (ANY_PLACE, ONE_SITE):
+        rng = np.random.default_rng(1)
+        means = [augment(rng, image, mask, CROP, 1, VARIATIONS[name])[0].mean(axis=(0, 1)) for _ in range(200)]
+        share[name] = np.mean([mean.argmax() == 0 for mean in means])
+    assert share[ONE_SITE] > 0.9 > share[ANY_PLACE]
