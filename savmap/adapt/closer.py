@@ -1,7 +1,7 @@
-"""Labels of whole views by the network that the map taught: it looks closer than at mapping, and at the same views magnified and mirrored.
+"""Labels of whole views: the map's, completed by the network that they taught, which looks at the views magnified and mirrored.
 
-The map judges about half of a view's pixels: what it left out at members' ends, behind goods and beside the row is in no label. The taught
-network sees these, and thin members better magnified. Where the map judges, its label stays, but for what the network is sure is something else.
+The map judges about half of a view's pixels: members' ends, what goods hide in part, and what lies beside the row have no label. Where it judges, its
+label stays, but for what the network is sure is something else.
 """
 
 import shutil
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.adapt.labels import RENDERER, Labelled
+from savmap.adapt.magnified import magnified
 from savmap.adapt.masks import IGNORE, Bytes
 from savmap.sim.dataset import write_samples
 from savmap.train.data.dataset import Sample
@@ -41,7 +42,6 @@ def _labelled(
     network: Path, samples: Sequence[Sample], classes: Sequence[str], progress: Progress
 ) -> Iterator[Labelled]:
     from savmap.train.export import load_onnx  # torch, an extra, is imported when it is needed
-    from savmap.train.magnified import magnified
     from savmap.train.trainer import predictor
 
     look = magnified(predictor(load_onnx(network, classes)[0]))

@@ -54,7 +54,7 @@ def test_a_set_is_labelled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_a_magnified_look_is_as_large_as_the_picture() -> None:
     """Sizes that the network is shown are multiples of the stride; a left and a right side are told apart."""
-    from savmap.train.magnified import STRIDE, magnified
+    from savmap.adapt.magnified import STRIDE, magnified
 
     sizes = []
 

@@ -44,11 +44,11 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, lis
 
 
 def site(folder: Path) -> Path:
-    """Three rows that share no frames: the same face at different rates."""
+    """Three rows that share no frames: the first half of the same face at different rates."""
     text = "plugins: {shelves: {}}\nreferences: {camera_height_m: {value: 3.055}}\nrows:\n"
     video = EXAMPLE / "aisle-dev.mp4"
     for name, fps in (("A", 2.0), ("B", 2.2), ("C", 2.5)):
-        text += f"  {name}: {{passes: [{{video: {video}, side: left, fps: {fps}}}]}}\n"
+        text += f"  {name}: {{passes: [{{video: {video}, side: left, end_s: 9, fps: {fps}}}]}}\n"
     write_text(folder / "site.yaml", text)
     return folder / "site.yaml"
 
