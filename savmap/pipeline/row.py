@@ -223,7 +223,7 @@ def constrain_plugin(
         return plugin.constrain(tracks, facts, path or row.start)
     except (SiteError, StructureError) as error:
         gap = graph.where_tracks_miss_frames(tracks, facts.frames)
-        raise type(error)(f"{error}; {gap}: see whether the video was cut there") if gap else error from None
+        raise type(error)(f"{error}; {gap}") if gap else error from None
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:

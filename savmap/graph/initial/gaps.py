@@ -51,11 +51,11 @@ def where_tracks_miss_frames(tracks: Sequence[Track], frames: FrameTable) -> str
 
 
 def _largest_gap(frames: FrameTable, seen: Mapping[int, Sightings]) -> str:
-    """A sentence about the largest gap, from what each frame saw, in order."""
+    """A sentence about the largest gap, and what to do, from what each frame saw, in order."""
     numbers = {name: [frame for frame in seen if frames.passes[frame] == name] for name in dict.fromkeys(frames.passes)}
     gaps = (gap for of_pass in numbers.values() for gap in _gaps(frames, {frame: seen[frame] for frame in of_pass}))
     found = max(gaps, default=None)
-    return found[1] if found else ""
+    return f"{found[1]}: see whether the video was cut there" if found else ""
 
 
 def _gaps(frames: FrameTable, seen: Mapping[int, Sightings]) -> Iterator[tuple[float, str]]:

@@ -51,7 +51,7 @@ def contradiction(problem: Problem, what: str) -> SolveError:
     gap = where_frames_are_missing(problem)
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
-        + (f"{gap}: see whether the video was cut there; " if gap else "")
+        + (f"{gap}; " if gap else "")
         + "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
     )
 

@@ -71,7 +71,7 @@ def test_a_cut_after_which_other_things_are_seen_is_named(whole: made.World, sha
     tracks = [replace(part, name=common.get(part.name, part.name)) for part in joined]
     text = where_tracks_miss_frames(tracks, whole.facts.frames)
     assert text.startswith("frames seem to be missing between frames 29 and 30 of one")
-    assert text.endswith(f"{told} is seen in both")
+    assert text.endswith(f"{told} is seen in both: see whether the video was cut there")
 
 
 def _piece(track: Track, rows: Bools) -> Track:
