@@ -4,7 +4,7 @@ Beside each view that is learned from stand turned ones; those to choose and to 
 """
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -65,7 +65,7 @@ def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: P
             "site, or label some by hand (`savmap label`)"
         )
     for name in SETS:
-        _write(folder / name, classes, [one for own, one in shared if own == name])
+        write_set(folder / name, classes, [one for own, one in shared if own == name])
     return sets
 
 
@@ -112,8 +112,8 @@ def _labelled(
             yield shares[one.frame, one.spec], (picture_name(row.name, one.spec.name, one.frame), one.picture, mask)
 
 
-def _write(folder: Path, classes: Sequence[str], labelled: Sequence[Labelled]) -> None:
-    """A data set, all of it or nothing."""
+def write_set(folder: Path, classes: Sequence[str], labelled: Iterable[Labelled]) -> None:
+    """Write labelled views as a data set, all of it or nothing. Raises OutputError."""
     partial = folder.with_name(f"{folder.name}.part")
     for place in (folder, partial):
         shutil.rmtree(place, ignore_errors=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from savmap.adapt.closer import relabelled
+from savmap.adapt.distillation import distilled
 from savmap.adapt.labels import HELD_OUT, LabelSets, write_labels
 from savmap.adapt.records import AdaptOptions, Meter, RoundResult, State, job_with_network, job_without_lengths, mean
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
@@ -23,7 +23,7 @@ from savmap.train.plan import float_model, minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
-BY_MAP, CLOSER = "by-map", "closer-"
+BY_MAP, DISTILLED = "by-map", "distilled-"
 FORGOTTEN = 0.005
 """A network that loses more than this in intersection over union on pictures of other places is not kept."""
 INTEGERS = ".int8.onnx"
@@ -134,7 +134,7 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
 
 def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
     """How well the network does on the views that are held out and on other places, before and after, by class. It is trained unless it is there:
-    by the map's labels for half of the time, then by its own of the same views, for which it looks closer."""
+    by the map's labels for half of the time, then by these as the network completed them."""
     measured = [sets.held_out, *([work.others] if work.others else [])]
     options, half = work.options, minutes_of(work.options.minutes, fine_tunes=True) / 2
     by_map = TrainingPlan(
@@ -151,14 +151,14 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     )
     before = _lesson(work, by_map, folder / f"{BY_MAP}.json", f"training {work.plugin} by the map")
     with work.meter(f"labelling by {work.plugin}, magnified") as progress:
-        closer = {
-            one: relabelled(by_map.output, one, folder / f"{CLOSER}{one.name}", by_map.classes, progress)
+        completed = {
+            one: distilled(by_map.output, one, folder / f"{DISTILLED}{one.name}", by_map.classes, progress)
             for one in (sets.views, sets.choice)
         }
     by_itself = replace(
         by_map,
-        data=[closer[sets.views]],
-        choose_by=[closer[sets.choice]],
+        data=[completed[sets.views]],
+        choose_by=[completed[sets.choice]],
         output=folder / f"{work.plugin}.onnx",
         init=by_map.output,
         int8=True,

@@ -87,7 +87,7 @@ def adapted(
     **options: Any,
 ) -> Adapted:
     monkeypatch.setattr(rounds, "train", works.train)
-    monkeypatch.setattr(rounds, "relabelled", lambda network, source, folder, *rest: folder)
+    monkeypatch.setattr(rounds, "distilled", lambda network, source, folder, *rest: folder)
     monkeypatch.setattr(rounds, "map_job_into", works.map)
     monkeypatch.setattr(rounds, "write_labels", works.label)
     monkeypatch.setattr(run, "_agreement", lambda work, model, number: dict.fromkeys(CLASSES, 0.4))
@@ -135,7 +135,7 @@ def test_network_learns_from_the_map_and_then_from_itself(tmp_path: Path, monkey
     done = adapted(works, tmp_path, monkeypatch, rounds=1, steps=9)
     (by_map,), (by_itself,), folder = works.by_map, works.trained, tmp_path / "adapted" / "round-1"
     assert (by_map.data, by_map.choose_by, by_map.steps) == ([folder / "views"], [folder / "choice"], 5)
-    assert (by_itself.data, by_itself.choose_by) == ([folder / "closer-views"], [folder / "closer-choice"])
+    assert (by_itself.data, by_itself.choose_by) == ([folder / "distilled-views"], [folder / "distilled-choice"])
     assert (by_itself.init, by_itself.steps) == (by_map.output, 5)
     assert by_map.one_site
     assert by_itself.one_site

@@ -1,12 +1,12 @@
-"""Labels by a network that looks closer."""
+"""Labels of the map, completed by a network."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from savmap.adapt import closer
-from savmap.adapt.closer import completed, relabelled
+from savmap.adapt import distillation
+from savmap.adapt.distillation import STRIDE, completed, distilled, magnified
 from savmap.adapt.masks import IGNORE
 from savmap.sim.dataset import write_samples
 from savmap.train.data.sets import read_set
@@ -39,23 +39,27 @@ def test_the_network_completes_the_maps_labels(
 
 def test_a_set_is_labelled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        closer, "_labelled", lambda network, samples, classes, progress: ((s.image.stem, *s.load()) for s in samples)
+        distillation,
+        "_labelled",
+        lambda network, samples, classes, progress: ((s.image.stem, *s.load()) for s in samples),
     )
     picture, mask = np.full((480, 640, 3), 90, np.uint8), np.full((480, 640), POST, np.uint8)
     write_samples(tmp_path / "views", ("post", "plank"), "test", [("a-1", picture, mask)])
     for _ in range(2):
-        folder = relabelled(
-            tmp_path / "net.onnx", tmp_path / "views", tmp_path / "closer", ("post", "plank"), lambda done, line: None
+        folder = distilled(
+            tmp_path / "net.onnx",
+            tmp_path / "views",
+            tmp_path / "distilled",
+            ("post", "plank"),
+            lambda done, line: None,
         )
         (sample,) = read_set(folder, ("post", "plank")).samples
         assert (sample.load()[1] == POST).all()
-        monkeypatch.setattr(closer, "_labelled", lambda *arguments: pytest.fail("labelled again"))
+        monkeypatch.setattr(distillation, "_labelled", lambda *arguments: pytest.fail("labelled again"))
 
 
 def test_a_magnified_look_is_as_large_as_the_picture() -> None:
     """Sizes that the network is shown are multiples of the stride; a left and a right side are told apart."""
-    from savmap.adapt.magnified import STRIDE, magnified
-
     sizes = []
 
     def bright(image: np.ndarray) -> np.ndarray:
