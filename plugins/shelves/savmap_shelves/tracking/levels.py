@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
+from savmap_shelves.evidence.search import ROOM
 from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
@@ -12,7 +13,6 @@ from savmap_shelves.tracking.uprights import Uprights
 THIN, RARE, THICK = 0.86, 0.92, 2.0
 NEAR_FLOOR, LOW, ON_FLOOR, SURE = 0.12, 0.2, 0.016, 0.6
 LEAST_LEVELS, SCATTER, LEAST_SCATTER = 2, 4.0, 0.4
-ROOM = 3.0
 
 
 @dataclass(frozen=True, eq=False)
