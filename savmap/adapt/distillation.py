@@ -1,8 +1,8 @@
-"""Data distillation: a network that the map's labels taught completes them, and learns from the result.
+"""Data distillation: a teacher, which is a network that the map's labels taught, completes them, and the network learns from the result.
 
-The map judges about half of a view's pixels. Members' ends, what goods hide in part, and what lies beside the row have no label. The taught network
+The map judges about half of a view's pixels. Members' ends, what goods hide in part, and what lies beside the row have no label. The teacher
 labels them by the mean of what it sees in the view and in its mirror image, at several magnifications: thin members are seen better magnified.
-Where the map judges, its label stays, unless the network is sure of another one. Source: Radosavovic et al., Data Distillation: Towards
+Where the map judges, its label stays, unless the teacher is sure of another one. Source: Radosavovic et al., Data Distillation: Towards
 Omni-Supervised Learning (CVPR 2018).
 """
 

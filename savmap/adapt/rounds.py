@@ -1,4 +1,4 @@
-"""One round: views labelled by the map, the network trained on them and on its own labels, the site mapped with it, and whether that is better."""
+"""One round: views labelled by the map, labels completed by a teacher, the network trained on these, the site mapped with it, and whether that is better."""
 
 import hashlib
 import json
@@ -23,7 +23,11 @@ from savmap.train.plan import float_model, minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
-BY_MAP, DISTILLED = "by-map", "distilled-"
+TEACHER, DISTILLED = "teacher", "distilled-"
+TEACHING = 0.4
+"""The share of the time, or of the steps, in which the teacher learns."""
+FORGETFUL = 4
+"""The teacher is shown every fourth picture of other places."""
 FORGOTTEN = 0.005
 """A network that loses more than this in intersection over union on pictures of other places is not kept."""
 INTEGERS = ".int8.onnx"
@@ -133,41 +137,49 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
 
 
 def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
-    """How well the network does on the views that are held out and on other places, before and after, by class. It is trained unless it is there:
-    by the map's labels for half of the time, then by these as the network completed them."""
+    """How well the network does on the views that are held out and on other places, before and after, by class. It is trained unless it is there.
+
+    For `TEACHING` of the time the map teaches another network, which completes the map's labels. By these the network is trained. The other one is
+    shown few pictures of other places: it may forget them, and sees the site's style the better for it.
+    """
     measured = [sets.held_out, *([work.others] if work.others else [])]
-    options, half = work.options, minutes_of(work.options.minutes, fine_tunes=True) / 2
-    by_map = TrainingPlan(
+    minutes, steps = minutes_of(work.options.minutes, fine_tunes=True), work.options.steps
+    teaching = round(TEACHING * steps) if steps else None
+    teacher = TrainingPlan(
         trained_classes(work.classes, work.classes, start.trainable),
         [sets.views],
-        folder / f"{BY_MAP}.onnx",
-        half,
+        folder / f"{TEACHER}.onnx",
+        TEACHING * minutes,
         init=start.trainable,
         held_out=measured,
-        steps=-(-options.steps // 2) if options.steps else None,
+        steps=teaching,
         choose_by=[sets.choice],
         replay=work.replay,
+        replay_every=FORGETFUL,
         one_site=True,
     )
-    before = _lesson(work, by_map, folder / f"{BY_MAP}.json", f"training {work.plugin} by the map")
-    with work.meter(f"labelling by {work.plugin}, magnified") as progress:
+    _lesson(work, teacher, folder / f"{TEACHER}.json", f"training a teacher of {work.plugin} by the map")
+    with work.meter("labelling by the teacher, magnified") as progress:
         completed = {
-            one: distilled(by_map.output, one, folder / f"{DISTILLED}{one.name}", by_map.classes, progress)
+            one: distilled(teacher.output, one, folder / f"{DISTILLED}{one.name}", teacher.classes, progress)
             for one in (sets.views, sets.choice)
         }
-    by_itself = replace(
-        by_map,
+    student = replace(
+        teacher,
         data=[completed[sets.views]],
         choose_by=[completed[sets.choice]],
         output=folder / f"{work.plugin}.onnx",
-        init=by_map.output,
+        minutes=(1 - TEACHING) * minutes,
+        steps=steps - teaching if steps and teaching is not None else None,
+        replay_every=1,
         int8=True,
     )
-    after = _lesson(work, by_itself, folder / SCORES, f"training {work.plugin} by what it sees magnified")
-    scores = {one.name: {**after[one.name], "before": before[one.name]["before"]} for one in measured}
+    scores = _lesson(work, student, folder / SCORES, f"training {work.plugin} by what the teacher sees")
     return {
-        name: {when: {label: score["iou"][label] for label in work.classes} for when, score in own.items()}
-        for name, own in scores.items()
+        one.name: {
+            when: {label: score["iou"][label] for label in work.classes} for when, score in scores[one.name].items()
+        }
+        for one in measured
     }
 
 

@@ -46,7 +46,7 @@ class TrainingPlan:
     classes of the data sets the network's names. `held_out` are sets that fine-tuning only measures on; `int8`: whether it also
     writes the network in 8-bit integers. `steps`: how many to make, however long they take. `choose_by`: sets by which fine-tuning chooses
     the best network along the way, instead of the pictures that it sets aside. `replay`: further sets to fine-tune on, which are seen seldom, against
-    forgetting. `whole`: a network from an ONNX file is
+    forgetting; of their pictures every one, or every `replay_every`-th. `whole`: a network from an ONNX file is
     trained on in all its layers, as one from nothing, instead of with the care of fine-tuning. `one_site`: a network that is fine-tuned is for a
     site that is painted alike throughout: the colours of pictures are varied less.
     """
@@ -64,6 +64,7 @@ class TrainingPlan:
     whole: bool = False
     choose_by: Sequence[Path] = ()
     replay: Sequence[Path] = ()
+    replay_every: int = 1
     one_site: bool = False
 
     def done(self, steps: int, spent_s: float) -> float:

@@ -44,14 +44,14 @@ class Works:
     elsewhere: float = 0.8
     jobs: list[Job] = field(default_factory=list)
     trained: list[TrainingPlan] = field(default_factory=list)
-    by_map: list[TrainingPlan] = field(default_factory=list)
+    teachers: list[TrainingPlan] = field(default_factory=list)
 
     def train(self, plan: TrainingPlan, progress: object) -> TrainedNetwork:
-        by_map = plan.output.stem == rounds.BY_MAP
-        (self.by_map if by_map else self.trained).append(plan)
-        after = 0.1 if by_map else self.iou[len(self.trained) - 1]
+        teaches = plan.output.stem == rounds.TEACHER
+        (self.teachers if teaches else self.trained).append(plan)
+        after = 0.1 if teaches else self.iou[len(self.trained) - 1]
         for file in (plan.output, plan.integers):
-            file.write_text(f"network {len(self.by_map)}")
+            file.write_text(f"network {len(self.teachers)}")
         scores = {"before": self.before, "after": after, "int8": after}
         iou = {when: {"iou": dict.fromkeys(CLASSES, value)} for when, value in scores.items()}
         others = {when: {"iou": dict.fromkeys(CLASSES, 0.8 if when == "before" else self.elsewhere)} for when in iou}
@@ -120,7 +120,7 @@ def test_rounds_go_on_while_they_are_better(tmp_path: Path, monkeypatch: pytest.
     done = adapted(works, tmp_path, monkeypatch)
     assert [one.kept for one in done.rounds] == [True, True]
     assert (done.structures_before, done.structures_after) == (2, 3)
-    assert works.by_map[1].init == tmp_path / "adapted" / "round-1" / "posts.onnx"
+    assert works.trained[1].init == works.teachers[1].init == tmp_path / "adapted" / "round-1" / "posts.onnx"
     used = works.jobs[1].site.plugin_config("A", "posts")["model"]
     assert used == str(tmp_path / "adapted" / "round-2" / "posts.int8.onnx")
     assert (tmp_path / "adapted" / "posts.int8.onnx").read_text() == "network 2"
@@ -129,17 +129,18 @@ def test_rounds_go_on_while_they_are_better(tmp_path: Path, monkeypatch: pytest.
     assert any(line.endswith("adapted/posts.int8.onnx}}") for line in adapted_lines(done))
 
 
-def test_network_learns_from_the_map_and_then_from_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures before are those of the network that the round began with, not of the one that the map taught."""
+def test_teacher_learns_from_the_map_and_the_network_from_the_teacher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     works = Works([0.6], [2])
-    done = adapted(works, tmp_path, monkeypatch, rounds=1, steps=9)
-    (by_map,), (by_itself,), folder = works.by_map, works.trained, tmp_path / "adapted" / "round-1"
-    assert (by_map.data, by_map.choose_by, by_map.steps) == ([folder / "views"], [folder / "choice"], 5)
-    assert (by_itself.data, by_itself.choose_by) == ([folder / "distilled-views"], [folder / "distilled-choice"])
-    assert (by_itself.init, by_itself.steps) == (by_map.output, 5)
-    assert by_map.one_site
-    assert by_itself.one_site
-    assert done.rounds[0].iou_before == dict.fromkeys(CLASSES, 0.5)
+    done = adapted(works, tmp_path, monkeypatch, rounds=1, steps=10)
+    (teacher,), (student,), folder = works.teachers, works.trained, tmp_path / "adapted" / "round-1"
+    assert (teacher.data, teacher.choose_by, teacher.steps) == ([folder / "views"], [folder / "choice"], 4)
+    assert (student.data, student.choose_by) == ([folder / "distilled-views"], [folder / "distilled-choice"])
+    assert (student.init, student.steps) == (teacher.init, 6)
+    assert (teacher.replay_every, student.replay_every) == (4, 1)
+    assert teacher.one_site
+    assert student.one_site
     assert done.rounds[0].iou_after == dict.fromkeys(CLASSES, 0.6)
 
 
@@ -232,7 +233,7 @@ def test_network_that_agrees_best_is_taught(
     for name in ("own.onnx", "own.int8.onnx"):
         (tmp_path / name).write_text(name)
     done = adapted(works, tmp_path, monkeypatch, candidates=[tmp_path / "own.int8.onnx"])
-    assert [plan.init for plan in works.by_map] == [
+    assert [plan.init for plan in works.teachers] == [
         tmp_path / f"{taught}.onnx",
         tmp_path / "adapted" / "round-1" / "posts.onnx",
     ]

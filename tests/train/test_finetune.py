@@ -42,6 +42,16 @@ def test_whole_scenes_are_held_out() -> None:
         held_out(samples[:1], 0.2)
 
 
+def test_of_pictures_against_forgetting_every_so_many_are_shown(four_pictures: Path) -> None:
+    from savmap.train.finetune import replay_sets
+
+    plan = TrainingPlan(["column", "crossbar"], [], four_pictures / "a.onnx", 1.0, replay=[four_pictures])
+    whole = replay_sets(plan)[0].samples
+    assert len(whole) == 4
+    thinned = replay_sets(replace(plan, replay_every=3))[0].samples
+    assert [one.image for one in thinned] == [whole[0].image, whole[3].image]
+
+
 def test_calibration_error_is_how_far_confidence_is_from_being_right() -> None:
     labels = np.array([0, 0, 0, 1] * 25, np.uint8)
     sure = np.tile(np.array([[0.95], [0.05]], np.float32), 100)

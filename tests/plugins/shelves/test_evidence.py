@@ -235,6 +235,20 @@ def test_a_level_below_guarded_feet_is_told_by_paint(colour: tuple[int, int, int
     assert is_whole(found) if believed else found is None
 
 
+@pytest.mark.parametrize(("others", "believed"), [(LEVELS, True), (LEVELS[1:], False)])
+def test_a_level_below_guarded_feet_is_believed_where_the_other_sections_have_theirs(
+    others: Floats, believed: bool
+) -> None:
+    hidden = [(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()]
+    found = expected_grid(seen(*hidden), Grid(POSTS, [others, LEVELS[1:], others]))
+    assert is_whole(found) if believed else found is None
+
+
+def test_a_floor_painted_like_the_beams_does_not_move_the_lowest_one() -> None:
+    evidence = painted(seen(), ((-1.0, 0.52), RED))
+    assert is_whole(expected_grid(evidence, Grid(POSTS, [LEVELS, LEVELS[1:], LEVELS])))
+
+
 @pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])
 def test_paint_says_nothing_where_the_network_is_sure(value: float, believed: bool) -> None:
     evidence = painted(seen_as(seen(), (0.4, 0.52), value), ((0.4, 0.52), DARK))

@@ -312,13 +312,15 @@ class GridSearch:
     def _is_level(self, cover: float, left: float, right: float, centre: float) -> bool:
         """Whether there is a level at a height where none was tracked: by its cover, its paint, and its height.
 
-        Below the posts' feet are goods and markings. But a guard may hide feet: a stripe there that is as strong as the beams, and painted like
-        them in half of the sections, is a beam. One section alone does not decide, because goods and shade change its paint.
+        Below the posts' feet are goods and markings. But guards may hide feet: a stripe there that is as strong as the beams, and painted like
+        them in half of the sections, is a beam. One section alone does not decide, because goods and shade change its paint. So is one that is seen along
+        the whole length where the section lacks its lowest beam.
         """
         half, similarity = self.tracked.thickness / 2, self._paint_similarity(left, right, centre)
         strong = self._level_strength(left, right, centre - half, centre + half) > STRONG * self.usual_level
         if centre <= self.floor + half:
-            return cover > self.settings.level and self._usual_similarity(centre) >= SIMILAR_BELOW and strong
+            painted = cover > self.settings.level and self._usual_similarity(centre) >= SIMILAR_BELOW
+            return strong and (painted or (cover > WHOLE and self._lacks_lowest(left, right, centre)))
         behind = not strong and self.rear.shows(self._tracked_beside(left, right), centre)
         if centre >= self.ceiling + half or similarity < self.settings.strange or behind:
             return False
@@ -336,7 +338,7 @@ class GridSearch:
         ]
         room = ROOM * self.tracked.thickness
         near = np.abs(np.array(lowest) - centre) < room
-        return len(own) > 0 and len(near) > 1 and own.mean(axis=1).min() > centre + room and bool(near.mean() > 0.5)
+        return len(own) > 0 and len(near) > 1 and own.mean(axis=1).min() > centre + room and bool(near.mean() >= 0.5)
 
     def _paint_similarity(self, left: float, right: float, centre: float) -> float:
         """The similarity of the paint at a height between two posts to the tracked beams'; `NEITHER` where paint is not informative."""
@@ -383,12 +385,14 @@ class GridSearch:
 
     def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
         """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, 0.6 to 1.4 of the usual height
-        apart; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one."""
+        apart; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one.
+        What is painted alike and higher than two goes on into something else, such as a grey floor."""
         centre, usual = float(self.y[row]), self.tracked.thickness
         if self._paint_similarity(left, right, centre) >= SIMILAR:
             low, high = self.paint.extent(left, right, centre)
             half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
-            return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
+            if high - low < TWO * usual:
+                return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
         front = self._before_the_rear(cover, row, self._tracked_beside(left, right))
         return np.asarray(centre + 0.6 * usual / 2 * np.array([-1.0, 1.0])) if front is None else front
 
