@@ -46,6 +46,7 @@ from savmap.vision.evidence import (
     PackedView,
     depth_of,
     expected_detections,
+    floor_height,
     floor_tracks,
     gather,
     inner_part,
@@ -142,10 +143,12 @@ def not_followed(plugin: LoadedPlugin) -> Doubt:
 
 
 class PluginAlone:
-    """A plugin and where the camera was by what it alone tracked, worked out once for the same features."""
+    """A plugin and where the camera was by what it alone tracked, worked out once for the same features. `floor_share`: how high the camera is over the
+    floor, as a share of its distance from the plugin's upright plane, where the pictures told."""
 
     def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
         self.row, self.plugin = row, plugin
+        self.floor_share: float | None = None
         self._features: Sequence[Feature] | None = None
         self._located: graph.LocatedCamera | None = None
 
@@ -207,7 +210,7 @@ def expect(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasur
     )
     planes = plugin.planes(points)
     evidence = [gather(patch, plugin.classes, packed_views, views, located.path) for patch in planes]
-    objects = plugin.expect(points, evidence) if evidence else []
+    objects = plugin.expect(points, evidence, floor_before(alone, measured, located.path, planes)) if evidence else []
     return Expectation(objects, located.path, points, planes) if objects else None
 
 
@@ -263,14 +266,32 @@ def depths_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMea
             yield depth
 
 
+def floor_before(
+    alone: PluginAlone, measured: MeasuredPasses, path: Trajectory, planes: Sequence[PlanePatch]
+) -> float | None:
+    """The floor's y before the first upright plane of a plugin's, where the pictures tell."""
+    face = first_upright(planes)
+    if face is None:
+        return None
+    floor = floor_height(face, measured.floor, measured.floor_views, path, alone.floor_share)
+    if floor is None:
+        return None
+    alone.floor_share = floor.share
+    return floor.y
+
+
 def floor_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
     """Points of the floor before the plugin's first upright plane, where the pictures tell."""
     located, plugin = alone.located(measurements), alone.plugin
-    planes = plugin.planes(located.points[plugin.name]) if located is not None else []
-    face = next((plane for plane in planes if plane.up[1] > UPRIGHT), None)
+    face = first_upright(plugin.planes(located.points[plugin.name])) if located is not None else None
     if located is None or face is None:
         return FloorTracks()
-    return floor_tracks(face, measured.floor, measured.floor_views, located.path)
+    return floor_tracks(face, measured.floor, measured.floor_views, located.path, alone.floor_share)
+
+
+def first_upright(planes: Sequence[PlanePatch]) -> PlanePatch | None:
+    """The first of the planes that stands upright."""
+    return next((plane for plane in planes if plane.up[1] > UPRIGHT), None)
 
 
 @contextmanager

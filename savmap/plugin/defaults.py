@@ -38,7 +38,7 @@ def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
 
 
 @hookimpl(trylast=True)
-def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None) -> list[Expected]:
     """What was tracked is right."""
     return []
 

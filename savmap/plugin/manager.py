@@ -244,7 +244,9 @@ class LoadedPlugin:
         """The planes that the structure lies in, by the first positions of its landmarks."""
         return self._ask_list("planes", PlanePatch, checks.check_patches, points=points)
 
-    def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+    def expect(
+        self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None = None
+    ) -> list[Expected]:
         """The objects that the evidence shows, where that is not what was tracked."""
         return self._ask_list(
             "expect",
@@ -252,6 +254,7 @@ class LoadedPlugin:
             lambda expected: checks.check_expected(expected, self.classes),
             points=points,
             evidence=evidence,
+            floor=floor,
         )
 
     def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:

@@ -14,7 +14,7 @@ from savmap.graph import References
 from savmap.pipeline import second_look
 from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.second_look import Expectation, look_again, unexplained
+from savmap.pipeline.second_look import Expectation, PluginAlone, look_again, unexplained
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -32,6 +32,7 @@ from savmap.types import (
 )
 from savmap.types.progress import NoteCollector
 from savmap.video.reader import Clip
+from savmap.vision.evidence.floor import FloorHeight
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
 
@@ -210,6 +211,26 @@ def test_where_nothing_else_is_expected_nothing_changes(
     measured, notes = looked(walked, watcher(), [None], monkeypatch)
     assert measured is walked.measurements
     assert notes == []
+
+
+def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[float | None] = []
+
+    def height(
+        face: PlanePatch, packed_views: object, views: object, path: Trajectory, about: float | None
+    ) -> FloorHeight | None:
+        asked.append(about)
+        return FloorHeight(-1.5, 0.7, 0.01) if len(asked) < 3 else None
+
+    monkeypatch.setattr(second_look, "floor_height", height)
+    alone = PluginAlone(RowRequest("A", (), [], References()), watcher())
+    lying = PlanePatch("floor", np.zeros(3), np.eye(3)[0], -np.eye(3)[2], np.ones(2), 0.1)
+    standing = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+    planes = [[lying, standing]] * 3 + [[lying]]
+    assert [second_look.floor_before(alone, walked, PATH, some) for some in planes] == [-1.5, -1.5, None, None]
+    assert asked == [None, 0.7, 0.7]
 
 
 def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: MeasuredPasses) -> None:

@@ -100,7 +100,7 @@ def ask_expect() -> dict[str, Any]:
     expected = Expected("thing", np.eye(3))
     seen = PlaneEvidence(PATCH, ("thing",), np.zeros((1, 10, 10)), np.zeros((10, 10)), np.zeros((10, 10, 3), np.uint8))
     plugin, given = asked("expect", [expected])
-    assert plugin.expect({"thing 1": np.zeros(3)}, [seen]) == [expected]
+    assert plugin.expect({"thing 1": np.zeros(3)}, [seen], 0.0) == [expected]
     return given
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from savmap.geometry import pinhole
 from savmap.types import Floats, PlanePatch, Trajectory, ViewSpec
-from savmap.vision.evidence import FloorTracks, PackedView, floor_tracks
+from savmap.vision.evidence import FloorTracks, PackedView, floor_height, floor_tracks
+from savmap.vision.evidence.floor import Floor
 
 HEIGHT_M, AWAY_M, LENGTH_M = 1.9, 1.6, 7.0
 CELL_M = 0.005
@@ -104,6 +105,19 @@ def test_faint_stains_tell_where_the_floor_is(scale: float, zero: float) -> None
     assert heights(found) == pytest.approx(0.0, abs=3 * found.sigma * HEIGHT_M)
     assert 0.003 <= found.sigma < 0.006
     assert all(2 <= len(track.frames) <= 3 for track in found.tracks)
+
+
+def test_a_height_that_an_earlier_path_gave_saves_the_coarse_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed_views = packed_views_of(at_level(stains(np.random.default_rng(1), 1.5), 0.0), noise=1.5)
+    face = PlanePatch("face", np.array([0.0, 0.2, 0.0]), *np.eye(3)[:2], np.array([LENGTH_M, 4.0]), 0.01)
+    seen = face, packed_views, {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), poses())
+    first = floor_height(*seen)
+    assert first is not None
+    assert first.y == pytest.approx(0.0, abs=3 * first.sigma * HEIGHT_M + 0.002)
+    monkeypatch.setattr(Floor, "rough_height", lambda floor: pytest.fail("swept coarsely"))
+    again = floor_height(*seen, about=1.01 * first.share)
+    assert again is not None
+    assert again.share == pytest.approx(first.share, rel=0.002)
 
 
 def test_the_face_mirrored_in_the_floor_is_outvoted() -> None:

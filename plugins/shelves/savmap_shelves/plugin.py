@@ -107,11 +107,13 @@ class Shelves:
         return [patch] if patch else []
 
     @hookimpl
-    def expect(self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence]) -> list[Expected]:
+    def expect(
+        self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None
+    ) -> list[Expected]:
         from savmap_shelves.evidence import absent_beams, expected_grid, outlines, tracked_grid
 
         tracked = tracked_grid(points)
-        found = expected_grid(evidence[0], tracked) if tracked else None
+        found = expected_grid(evidence[0], tracked, floor=floor) if tracked else None
         return [*outlines(found), *absent_beams(tracked, found)] if tracked and found else []
 
     @hookimpl

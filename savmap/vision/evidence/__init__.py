@@ -2,7 +2,7 @@
 
 from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of
-from savmap.vision.evidence.floor import FloorTracks, floor_tracks
+from savmap.vision.evidence.floor import FloorTracks, floor_height, floor_tracks
 from savmap.vision.evidence.planes import DetectionSettings, PackedView, expected_detections, gather, outline_in
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "PackedView",
     "depth_of",
     "expected_detections",
+    "floor_height",
     "floor_tracks",
     "gather",
     "inner_part",

@@ -89,23 +89,45 @@ class FloorShot(Shot):
         return np.asarray(self.pixels_from_part @ moved)
 
 
-def floor_tracks(
-    face: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
-) -> FloorTracks:
-    """Points of the floor in front of a face; none where the pictures do not determine its height.
+@dataclass(frozen=True)
+class FloorHeight:
+    """Where the floor is: its `y` in the path's frame and unit; `share`: how high the camera is over it, as a share of its distance from the face, which
+    no path's scale changes; `sigma`: the standard deviation of that height, as a share of it."""
 
-    face: an upright plane in the row's frame (y up). packed_views: pictures of the floor, in `views`. path: the camera's poses, in any unit.
+    y: float
+    share: float
+    sigma: float
+
+
+def floor_height(
+    face: PlanePatch,
+    packed_views: Sequence[PackedView],
+    views: Mapping[str, ViewSpec],
+    path: Trajectory,
+    about: float | None = None,
+) -> FloorHeight | None:
+    """The height of the floor in front of a face; None where the pictures do not determine it.
+
+    face: an upright plane in the row's frame (y up). packed_views: pictures of the floor, in `views`. path: the camera's poses, in any unit. about: the
+    `share` that an earlier path gave, which saves the coarse sweep.
     """
-    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
-    if not known:
+    floor = Floor.before(face, packed_views, views, path)
+    return floor.measured(about) if floor else None
+
+
+def floor_tracks(
+    face: PlanePatch,
+    packed_views: Sequence[PackedView],
+    views: Mapping[str, ViewSpec],
+    path: Trajectory,
+    about: float | None = None,
+) -> FloorTracks:
+    """Points of the floor in front of a face; none where the pictures do not determine its height. As `floor_height`."""
+    floor = Floor.before(face, packed_views, views, path)
+    measured = floor.measured(about) if floor else None
+    if floor is None or measured is None:
         return FloorTracks()
-    floor = Floor(face, known, views, poses)
-    rough = floor.rough_height() if floor.away > 0 else None
-    measured = None if rough is None else floor.height(rough)
-    if measured is None or measured[1] > MOST_SIGMA:
-        return FloorTracks()
-    return FloorTracks(tuple(floor.tracks(measured[0])), dict(views), float(np.hypot(measured[1], FLATNESS)))
+    return FloorTracks(tuple(floor.tracks(measured.share)), dict(views), float(np.hypot(measured.sigma, FLATNESS)))
 
 
 class Floor:
@@ -124,6 +146,24 @@ class Floor:
         self.away = float(np.median((self.places - face.origin) @ self.forward))
         self.level = float(np.median(self.places[:, 1]))
         self._detail = lru_cache(4 * MOST_SHOTS)(_detail)
+
+    @classmethod
+    def before(
+        cls, face: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
+    ) -> "Floor | None":
+        """The floor before a face, in pictures whose pose is known; None where there are none, or where they are of the other side."""
+        poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+        known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+        floor = cls(face, known, views, poses) if known else None
+        return floor if floor and floor.away > 0 else None
+
+    def measured(self, about: float | None = None) -> FloorHeight | None:
+        """Where the floor is, near a height or wherever. None where the pictures do not tell."""
+        rough = self.rough_height() if about is None else about
+        found = None if rough is None else self.height(rough)
+        if found is None or found[1] > MOST_SIGMA:
+            return None
+        return FloorHeight(self.level - found[0] * self.away, *found)
 
     def rough_height(self) -> float | None:
         """The height of the camera over the floor, to a step of the coarse sweep. None without a clear peak."""

@@ -244,6 +244,17 @@ def test_a_level_below_guarded_feet_is_believed_where_the_other_sections_have_th
     assert is_whole(found) if believed else found is None
 
 
+@pytest.mark.parametrize(("floor", "believed"), [(0.0, True), (0.5, False), (None, False)])
+def test_lowest_levels_that_guarded_feet_put_below_the_floor_are_found_above_the_measured_one(
+    floor: float | None, believed: bool
+) -> None:
+    """No section has its lowest level: each one that shows in part tells that the others are no markings."""
+    hidden = [(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()]
+    faint = [(1, (left + 1.9, left + 2.7), (0.4, 0.52), 0.0) for left in POSTS[:-1, 0].tolist()]
+    found = expected_grid(seen(*hidden, *faint), Grid(POSTS, [LEVELS[1:]] * 3), floor=floor)
+    assert is_whole(found) if believed else found is None
+
+
 def test_a_floor_painted_like_the_beams_does_not_move_the_lowest_one() -> None:
     evidence = painted(seen(), ((-1.0, 0.52), RED))
     assert is_whole(expected_grid(evidence, Grid(POSTS, [LEVELS, LEVELS[1:], LEVELS])))

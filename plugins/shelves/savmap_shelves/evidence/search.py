@@ -75,9 +75,11 @@ class EvidenceSettings:
     painted: float = 0.4
 
 
-def expected_grid(evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None) -> Grid | None:
-    """The grid by the evidence. None where it is the tracked one."""
-    expected = GridSearch(evidence, grid, settings or EvidenceSettings()).grid()
+def expected_grid(
+    evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None, floor: float | None = None
+) -> Grid | None:
+    """The grid by the evidence. None where it is the tracked one. `floor`: its y by the pictures of the floor, where these tell."""
+    expected = GridSearch(evidence, grid, settings or EvidenceSettings(), floor).grid()
     same_posts = len(expected.posts) == len(grid.posts) and np.allclose(expected.posts, grid.posts)
     is_same = same_posts and all(
         len(a) == len(b) and np.allclose(a, b) for a, b in zip(expected.sections, grid.sections, strict=True)
@@ -88,8 +90,11 @@ def expected_grid(evidence: PlaneEvidence, grid: Grid, settings: EvidenceSetting
 class GridSearch:
     """The search for posts and levels in a face's evidence."""
 
-    def __init__(self, evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings) -> None:
+    def __init__(
+        self, evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings, floor: float | None = None
+    ) -> None:
         self.evidence, self.tracked, self.settings, self.cell = evidence, grid, settings, evidence.patch.cell
+        self.measured_floor = floor
         self.x, self.y = across_of(evidence), heights_of(evidence)
         self.upright, self.beam, self.weight = evidence.of("upright"), evidence.of("beam"), evidence.weight
         self.usual_post = self._usual([self._post_strength(*post) for post in grid.posts])
@@ -147,9 +152,24 @@ class GridSearch:
         return RearFace(self.evidence, self.covers, self.tracked.sections, self.tracked.thickness)
 
     @cached_property
-    def floor(self) -> float:
-        """y of the posts' feet: goods and markings below may look like a level. A quantile, because a guard hides some feet."""
+    def feet(self) -> float:
+        """y of the posts' feet. A quantile, because a guard hides some feet."""
         return float(np.quantile([self._reach(*post)[0] for post in self.tracked.posts], 0.25, method="lower"))
+
+    @property
+    def floor(self) -> float:
+        """y of the floor: goods and markings below may look like a level. Guards may hide all feet."""
+        return self.feet if self.measured_floor is None else min(self.feet, self.measured_floor)
+
+    @cached_property
+    def lowest(self) -> list[float]:
+        """y of the lowest level of each tracked section, inf for one without any. Where guards hide the feet, what shows between these and the floor is one."""
+        found = [float(levels.mean(axis=1).min()) if len(levels) else np.inf for levels in self.tracked.sections]
+        hidden = (self.y > self.floor + self.tracked.thickness) & (self.y < self.feet)
+        for section, cover in enumerate(self.covers):
+            peaks = [float(self.y[row]) for row in _peaks(cover, self.settings.lowest) if hidden[row]]
+            found[section] = min([found[section], *peaks])
+        return found
 
     @cached_property
     def ceiling(self) -> float:
@@ -332,13 +352,13 @@ class GridSearch:
 
     def _lacks_lowest(self, left: float, right: float, centre: float) -> bool:
         """Whether a level between two posts would be the lowest of its section, where the other sections have theirs."""
-        own = self._tracked_beside(left, right)
-        lowest = [
-            float(levels.mean(axis=1).min()) for levels in self.tracked.sections if len(levels) and levels is not own
-        ]
-        room = ROOM * self.tracked.thickness
-        near = np.abs(np.array(lowest) - centre) < room
-        return len(own) > 0 and len(near) > 1 and own.mean(axis=1).min() > centre + room and bool(near.mean() >= 0.5)
+        own, section = self._tracked_beside(left, right), self._section_at(left, right)
+        if not len(own):
+            return False
+        others = np.array([y for number, y in enumerate(self.lowest) if number != section and np.isfinite(y)])
+        step, room = float(own.mean(axis=1).min()) - centre, ROOM * self.tracked.thickness
+        near = np.abs(others - centre) < max(room, QUARTER * step)
+        return len(near) > 1 and step > room and bool(near.mean() >= 0.5)
 
     def _paint_similarity(self, left: float, right: float, centre: float) -> float:
         """The similarity of the paint at a height between two posts to the tracked beams'; `NEITHER` where paint is not informative."""
@@ -409,9 +429,13 @@ class GridSearch:
 
     def _tracked_beside(self, left: float, right: float) -> Floats:
         """The levels of the tracked section in which the middle between two posts lies; none beyond the ends."""
-        section = int(np.searchsorted(self.tracked.posts.mean(axis=1), (left + right) / 2)) - 1
+        section = self._section_at(left, right)
         inside = 0 <= section < len(self.tracked.sections)
         return self.tracked.sections[section] if inside else np.zeros((0, 2))
+
+    def _section_at(self, left: float, right: float) -> int:
+        """The number of the tracked section in which the middle between two posts lies, beyond the range of these outside of the row."""
+        return int(np.searchsorted(self.tracked.posts.mean(axis=1), (left + right) / 2)) - 1
 
     def _tracked_between(self, left: Floats, right: Floats) -> Floats:
         for posts, levels in zip(pairwise(self.tracked.posts), self.tracked.sections, strict=True):
