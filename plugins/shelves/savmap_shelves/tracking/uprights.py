@@ -56,7 +56,8 @@ def find_uprights(
         which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
         support, sized, count = _support(sightings, centres, which, states, frames)
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
-        kept = _strong(support, sized, count, least, _clash(centres, width, 2 * reach, group, which))
+        clash, expected = _clash(centres, width, 2 * reach, group, which), _expected(sightings, which, len(centres))
+        kept = _strong(support, sized, count, least, clash, expected)
         if kept.all():
             shares = _beams_at_ends(Uprights(x, which), sightings, beams, centres)
             along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
@@ -106,10 +107,16 @@ def _clash(x: Floats, width: Floats, apart: float, group: Ints, which: Ints) -> 
     return np.asarray((distance < apart) & ~both)
 
 
-def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bools) -> Bools:
-    """Which clusters stay: of those that clash (k, k) the stronger; when none do, those with enough support."""
+def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bools, expected: Bools) -> Bools:
+    """Which clusters stay: of those that clash (k, k) the stronger; when none do, those with enough support. As in `supported`."""
     kept = strongest(np.lexsort((count, support))[::-1], clash)
-    return supported(support, shown, count, least) if kept.all() else kept
+    return supported(support, shown, count, least, expected) if kept.all() else kept
+
+
+def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
+    """Which clusters (k,) all frames together show: frames were measured again where they do."""
+    sighted = sightings.points.expected[sightings.uprights[:, 0, 0]]
+    return np.array([bool((which == k).any() and sighted[which == k].mean() > 0.5) for k in range(count)], np.bool_)
 
 
 def _at_ends(which: Ints, x: Floats) -> list[Bools]:

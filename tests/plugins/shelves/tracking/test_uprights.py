@@ -1,5 +1,7 @@
 """Which uprights at the ends of a row are of this row, and which come into view behind its end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synth
@@ -44,3 +46,29 @@ def test_two_racks_end_to_end_keep_both_their_uprights(gap: float) -> None:
         6,
         [4, 4, 0, 4, 4],
     )
+
+
+@pytest.mark.parametrize(("expected", "uprights"), [(False, 4), (True, 5)])
+def test_an_upright_that_few_frames_show_is_one_where_all_frames_together_show_it(
+    expected: bool, uprights: int
+) -> None:
+    footage = synth.footage(row(1.0, 1.0, 0.0), np.random.default_rng(3), (SHORT,), CLEAN)
+    tracks = track_structures(footage.features, footage.facts, attitudes=footage.attitudes)
+    (third,) = (track for track in tracks if track.name == "upright 3 / left / top")
+    shown = len(third.frames)
+    few = round(0.3 * shown)
+    lost = {
+        (feature.frame, feature.instance)
+        for frame, pixel in list(zip(third.frames.tolist(), third.pixels, strict=True))[few:]
+        for feature in footage.features
+        if (feature.label, feature.part, feature.frame) == ("upright", "left", frame)
+        and np.allclose(feature.pixels[0], pixel)
+    }
+    assert few >= 3
+    assert len(lost) == shown - few
+    features = [
+        replace(feature, expected=expected)
+        for feature in footage.features
+        if feature.label != "upright" or (feature.frame, feature.instance) not in lost
+    ]
+    assert counted(track_structures(features, footage.facts, attitudes=footage.attitudes))[0] == uprights
