@@ -225,7 +225,8 @@ def _unlike(
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
     lowest one of a section may be hidden from below in all of them, but it is above the floor; others may be beams that are
     hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, or are their section's lowest. Thick ones are
-    girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames.
+    girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames. The lowest one of a section, which goods on
+    the floor adjoin in all of them, is kept where it is `expected`.
     """
     leanest, usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.25, 0.5, 0.75))
     sure = support >= 0.8 * np.median(support)
@@ -235,8 +236,8 @@ def _unlike(
         peers = float(np.median(usual[sure_here if sure_here.sum() > 1 else sure])) if sure.any() else usual[k]
         thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
         thick[k] = leanest[k] > THICK * peers and not sure[k]
-    near = np.where(expected, LOW, NEAR_FLOOR)
-    return thick | (thin & ~(expected & trusting) & ~_low(levels, levels[:, 1] - usual / 2, floor, near))
+    low = _low(levels, levels[:, 1] - usual / 2, floor, np.where(expected, LOW, NEAR_FLOOR))
+    return (thick & ~(expected & low)) | (thin & ~(expected & trusting) & ~low)
 
 
 def _low(levels: Floats, lower: Floats, floor: float, near: float | Floats) -> Bools:

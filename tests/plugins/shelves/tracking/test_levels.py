@@ -166,3 +166,19 @@ def test_chance_does_not_count_against_what_all_frames_show() -> None:
 def test_one_beam_that_is_taken_for_two_is_crowded() -> None:
     levels = np.array([[0, 0.0], [0, 0.2], [0, 1.0], [1, 0.1]])
     assert _crowded(levels, np.array([1.0, 0.4, 0.4, 0.4]), 0.1).tolist() == [False, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("number", "expected", "kept"),
+    [(0, True, True), (0, False, False), (1, True, False)],
+    ids=["all frames together show it", "single frames show it", "it is not the lowest"],
+)
+def test_a_thick_level_is_a_beam_that_goods_on_the_floor_adjoin(number: int, expected: bool, kept: bool) -> None:
+    levels = np.column_stack([np.zeros(3), [0.3, 1.6, 2.9]])
+    half = np.full(3, 0.06)
+    half[number] = 0.14
+    which = np.repeat(np.arange(3), 5)
+    edges = levels[which, 1:] + half[which, None] * np.array([-1.0, 1.0])
+    support = np.where(np.arange(3) == number, 0.6, 1.0)
+    unlike = _unlike(levels, edges, which, support, 0.0, np.full(3, expected), trusting=True)
+    assert unlike.tolist() == [k == number and not kept for k in range(3)]
