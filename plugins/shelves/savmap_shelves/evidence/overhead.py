@@ -1,9 +1,10 @@
 """What runs along the row above a rack and was tracked as the highest beams: a pipe, a cable tray, a girder.
 
-No post reaches beyond it, and it goes on beyond the row's ends, where the beams below it end.
+No post reaches it; or it goes on beyond the row's ends, where the beams below it end.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,20 +20,63 @@ GOES_ON, ENDS = 0.15, 0.1
 """A level goes on if its evidence beyond each end is at least this share of the usual level's. Others end: at most the other share."""
 LEAST_BELOW = 2
 """How many levels below the posts' tops must tell that the row ends."""
+POST_SHOWN = 0.4
+"""A post shows at heights where it has at least this share of its usual evidence."""
+HELD = 0.3
+"""A post reaches a level if it shows so large a share of its usual evidence there."""
 POSTS_TOP = 0.75
 """The quantile of the posts' tops that stands for all: goods hide some."""
 
 
-def overhead_levels(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float) -> Floats:
-    """The levels y (n, 2) of a grid that run overhead, or along the posts' tops. `usual_level`: the usual evidence of a level. A post shows where its own is at
-    least `post_shown`.
+def overhead_levels(
+    evidence: PlaneEvidence, grid: Grid, usual_level: float, usual_post: float, tracked: Grid | None = None
+) -> Floats:
+    """The levels y (n, 2) of a grid that run overhead, or along the posts' tops, by the usual evidence of a level and of a post. Below the highest of a section
+    there may be another one. Where `tracked` is given, levels of the grid that are not in it were found in the evidence alone."""
+    known = np.concatenate((tracked or grid).sections)
+    found, left = [np.zeros((0, 2))], grid
+    while any(len(own) for own in left.sections):
+        along = _along_the_row(evidence, left, usual_level, POST_SHOWN * usual_post, known)
+        overhead = np.concatenate([along, _unheld(evidence, left, usual_post)])
+        if not len(overhead):
+            break
+        found.append(overhead)
+        left = without_overhead(left, overhead)
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _unheld(evidence: PlaneEvidence, grid: Grid, usual_post: float) -> Floats:
+    """The highest levels y (n, 2) of sections that neither of their posts reaches."""
+    highest = [own[own[:, 1].argmax()] if len(own) else None for own in grid.sections]
+    found = [
+        level
+        for posts, level in zip(pairwise(grid.posts), highest, strict=True)
+        if level is not None
+        and max(_post_at(evidence, post, level, grid.thickness) for post in posts) < HELD * usual_post
+    ]
+    return np.array(found).reshape(-1, 2)
+
+
+def _post_at(evidence: PlaneEvidence, post: Floats, level: Floats, thickness: float) -> float:
+    """The evidence of a post, x (2,), at the height of a level, y (2,), and right above it; infinite where these are not in sight."""
+    x, y = across_of(evidence), heights_of(evidence)
+    cells = np.ix_((y > level[0]) & (y < level[1] + thickness), (x > post[0]) & (x < post[1]))
+    seen = evidence.weight[cells].size > 0 and float((evidence.weight[cells] > 0).mean()) > SEEN
+    return float(evidence.of("upright")[cells].max(axis=1).mean()) if seen else np.inf
+
+
+def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float, known: Floats) -> Floats:
+    """The levels y (n, 2) that go on beyond the row's ends, and that no post reaches beyond or that are their section's highest and not `known`. A post shows
+    where its own evidence is at least `post_shown`.
 
     There are none where the row's ends do not tell: where neither is in sight, or where the beams below go on, too, for instance into a
     bay that was not tracked.
     """
     tops = [float(post_heights(evidence, post, post_shown).max(initial=-np.inf)) for post in grid.posts]
     top, levels = float(np.quantile(tops, POSTS_TOP)), np.concatenate(grid.sections)
-    above, beyond = levels[:, 1] >= top, _strengths_beyond(evidence, grid, levels) / usual_level
+    highest = np.concatenate([own[:, 1] == own[:, 1].max(initial=-np.inf) for own in grid.sections])
+    highest &= ~np.isin(levels[:, 0], known[:, 0])
+    above, beyond = highest | (levels[:, 1] >= top), _strengths_beyond(evidence, grid, levels) / usual_level
     below = beyond[~above & np.isfinite(beyond)]
     end_with_row = len(below) >= LEAST_BELOW and np.median(below) <= ENDS
     return np.asarray(levels[above & (beyond >= GOES_ON) & end_with_row])

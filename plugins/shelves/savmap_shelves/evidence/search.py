@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import BEYOND, Grid
-from savmap_shelves.evidence.overhead import overhead_levels, without_overhead
+from savmap_shelves.evidence.overhead import POST_SHOWN, overhead_levels, without_overhead
 from savmap_shelves.evidence.paint import Paint
 from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.rear import RearFace
@@ -29,7 +29,7 @@ from savmap_shelves.evidence.strength import (
 from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
 
 BODY = (0.12, 0.92)
-APART, FOOT, FAINT, SUNK, THIN, TWO = 1.5, 0.4, 0.52, 0.25, 0.8, 1.6
+APART, FAINT, SUNK, THIN, TWO = 1.5, 0.52, 0.25, 0.8, 1.6
 SIMILAR, NEITHER, STRONG, WHOLE, SURE = 0.95, 0.8, 0.6, 0.9, 0.95
 SIMILAR_BELOW = 0.85
 GAP = 0.3
@@ -105,13 +105,15 @@ class GridSearch:
                 for level in levels
             ]
         )
-        self.overhead = overhead_levels(evidence, grid, self.usual_level, FOOT * self.usual_post)
+        self.overhead = overhead_levels(evidence, grid, self.usual_level, self.usual_post)
         self.tracked = without_overhead(grid, self.overhead)
 
     def grid(self) -> Grid:
         """The grid by the evidence."""
         posts = self._with_ends(self._posts())
-        return self._with_pieces(Grid(posts, [self._levels(pair) for pair in pairwise(posts)]))
+        found = Grid(posts, [self._levels(pair) for pair in pairwise(posts)])
+        overhead = overhead_levels(self.evidence, found, self.usual_level, self.usual_post, self.tracked)
+        return self._with_pieces(without_overhead(found, overhead))
 
     def _with_pieces(self, grid: Grid) -> Grid:
         """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
@@ -178,7 +180,7 @@ class GridSearch:
 
     def _reach(self, low: float, high: float) -> tuple[float, float]:
         """Lowest and highest y at which a post shows. The highest is at least the top of the tracked levels."""
-        shown = post_heights(self.evidence, np.array([low, high]), FOOT * self.usual_post)
+        shown = post_heights(self.evidence, np.array([low, high]), POST_SHOWN * self.usual_post)
         return float(shown.min(initial=self.tracked.top)), float(shown.max(initial=self.tracked.top))
 
     def _usual(self, strengths: Sequence[float]) -> float:
