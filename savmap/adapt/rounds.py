@@ -142,17 +142,14 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     For `TEACHING` of the time the map teaches another network, which completes the map's labels. By these the network is trained. The other one is
     shown few pictures of other places: it may forget them, and sees the site's style the better for it.
     """
-    measured = [sets.held_out, *([work.others] if work.others else [])]
-    minutes, steps = minutes_of(work.options.minutes, fine_tunes=True), work.options.steps
-    teaching = round(TEACHING * steps) if steps else None
+    (minutes, steps), rest = (_budget(work.options, share) for share in (TEACHING, 1 - TEACHING))
     teacher = TrainingPlan(
         trained_classes(work.classes, work.classes, start.trainable),
         [sets.views],
         folder / f"{TEACHER}.onnx",
-        TEACHING * minutes,
+        minutes,
         init=start.trainable,
-        held_out=measured,
-        steps=teaching,
+        steps=steps,
         choose_by=[sets.choice],
         replay=work.replay,
         replay_every=FORGETFUL,
@@ -164,13 +161,15 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
             one: distilled(teacher.output, one, folder / f"{DISTILLED}{one.name}", teacher.classes, progress)
             for one in (sets.views, sets.choice)
         }
+    measured = [sets.held_out, *([work.others] if work.others else [])]
     student = replace(
         teacher,
         data=[completed[sets.views]],
         choose_by=[completed[sets.choice]],
         output=folder / f"{work.plugin}.onnx",
-        minutes=(1 - TEACHING) * minutes,
-        steps=steps - teaching if steps and teaching is not None else None,
+        held_out=measured,
+        minutes=rest[0],
+        steps=rest[1],
         replay_every=1,
         int8=True,
     )
@@ -181,6 +180,12 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
         }
         for one in measured
     }
+
+
+def _budget(options: AdaptOptions, share: float) -> tuple[float, int | None]:
+    """The minutes, and the steps if these are given, of a share of a round's training."""
+    steps = max(round(share * options.steps), 1) if options.steps else None
+    return share * minutes_of(options.minutes, fine_tunes=True), steps
 
 
 def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Mapping[str, Any]:

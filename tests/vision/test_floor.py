@@ -114,6 +114,7 @@ def test_a_height_that_an_earlier_path_gave_saves_the_coarse_sweep(monkeypatch: 
     first = floor_height(*seen)
     assert first is not None
     assert first.y == pytest.approx(0.0, abs=3 * first.sigma * HEIGHT_M + 0.002)
+    assert floor_height(*seen, about=1.2 * first.share) == first
     monkeypatch.setattr(Floor, "rough_height", lambda floor: pytest.fail("swept coarsely"))
     again = floor_height(*seen, about=1.01 * first.share)
     assert again is not None

@@ -158,8 +158,10 @@ class Floor:
         return floor if floor and floor.away > 0 else None
 
     def measured(self, about: float | None = None) -> FloorHeight | None:
-        """Where the floor is, near a height or wherever. None where the pictures do not tell."""
-        rough = self.rough_height() if about is None else about
+        """Where the floor is: near a height that is given, or else wherever. None where the pictures do not tell."""
+        return (self._near(about) if about is not None else None) or self._near(self.rough_height())
+
+    def _near(self, rough: float | None) -> FloorHeight | None:
         found = None if rough is None else self.height(rough)
         if found is None or found[1] > MOST_SIGMA:
             return None
