@@ -408,12 +408,12 @@ class GridSearch:
     def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
         """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, 0.6 to 1.4 of the usual height
         apart; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one.
-        What is painted alike and higher than two goes on into something else, such as a grey floor."""
+        What is painted alike and higher than three goes on into something else, such as a grey floor."""
         centre, usual = float(self.y[row]), self.tracked.thickness
         if self._paint_similarity(left, right, centre) >= SIMILAR:
             low, high = self.paint.extent(left, right, centre)
             half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
-            if high - low < TWO * usual:
+            if high - low < ROOM * usual:
                 return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
         front = self._before_the_rear(cover, row, self._tracked_beside(left, right))
         return np.asarray(centre + 0.6 * usual / 2 * np.array([-1.0, 1.0])) if front is None else front
