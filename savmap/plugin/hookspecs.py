@@ -99,8 +99,8 @@ def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
 @hookspec(firstresult=True)
 def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None) -> list[Expected]:
     """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then every frame is
-    measured again, with these in mind. `floor`: its y before the first upright plane, by the pictures, where these tell. Default: none, what was tracked
-    is right."""
+    measured again, with these in mind. `floor`: the y of the floor before the first upright plane; None where the pictures do not tell it. Default: none,
+    what was tracked is right."""
 
 
 @hookspec(firstresult=True)

@@ -10,12 +10,12 @@ import numpy as np
 
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import Grid
-from savmap_shelves.evidence.strength import across_of, heights_of, level_strength, post_heights
+from savmap_shelves.evidence.strength import Singles, across_of, heights_of, level_strength, post_heights
 
 BESIDE = 0.5
 """How much of a bay is looked at beyond each end of the row."""
 SEEN = 0.5
-"""An end tells something of a level if this share of what lies beyond it, at the level's height, was seen."""
+"""Some cells tell something if more than this share of them was seen."""
 GOES_ON, ENDS = 0.15, 0.1
 """A level goes on if its evidence beyond each end is at least this share of the usual level's. Others end: at most the other share."""
 LEAST_BELOW = 2
@@ -31,8 +31,11 @@ POSTS_TOP = 0.75
 def overhead_levels(
     evidence: PlaneEvidence, grid: Grid, usual_level: float, usual_post: float, tracked: Grid | None = None
 ) -> Floats:
-    """The levels y (n, 2) of a grid that run overhead, or along the posts' tops, by the usual evidence of a level and of a post. Below the highest of a section
-    there may be another one. Where `tracked` is given, levels of the grid that are not in it were found in the evidence alone."""
+    """The levels y (n, 2) of a grid that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
+
+    usual_level, usual_post: the usual evidence of a level and of a post. tracked: a level of the grid that is not in this one was found in the evidence
+    alone; all were tracked where it is not given.
+    """
     known = np.concatenate((tracked or grid).sections)
     found, left = [np.zeros((0, 2))], grid
     while any(len(own) for own in left.sections):
@@ -61,8 +64,12 @@ def _post_at(evidence: PlaneEvidence, post: Floats, level: Floats, thickness: fl
     """The evidence of a post, x (2,), at the height of a level, y (2,), and right above it; infinite where these are not in sight."""
     x, y = across_of(evidence), heights_of(evidence)
     cells = np.ix_((y > level[0]) & (y < level[1] + thickness), (x > post[0]) & (x < post[1]))
-    seen = evidence.weight[cells].size > 0 and float((evidence.weight[cells] > 0).mean()) > SEEN
-    return float(evidence.of("upright")[cells].max(axis=1).mean()) if seen else np.inf
+    return float(evidence.of("upright")[cells].max(axis=1).mean()) if _is_seen(evidence.weight[cells]) else np.inf
+
+
+def _is_seen(weight: Singles) -> bool:
+    """Whether enough of some cells is in sight, by their weights."""
+    return weight.size > 0 and float((weight > 0).mean()) > SEEN
 
 
 def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float, known: Floats) -> Floats:
@@ -109,5 +116,4 @@ def _strength(evidence: PlaneEvidence, columns: Bools, level: Floats, thickness:
     low, high = float(level[0]) - thickness / 4, float(level[1]) + thickness / 4
     y = heights_of(evidence)
     weight = evidence.weight[np.ix_((y > low) & (y < high), columns)]
-    seen = weight.size > 0 and float((weight > 0).mean()) > SEEN
-    return level_strength(evidence, columns, low, high) if seen else np.nan
+    return level_strength(evidence, columns, low, high) if _is_seen(weight) else np.nan

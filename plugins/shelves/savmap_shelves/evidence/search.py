@@ -78,7 +78,7 @@ class EvidenceSettings:
 def expected_grid(
     evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None, floor: float | None = None
 ) -> Grid | None:
-    """The grid by the evidence. None where it is the tracked one. `floor`: its y by the pictures of the floor, where these tell."""
+    """The grid by the evidence. None where it is the tracked one. `floor`: the y of the floor; None where the pictures do not tell it."""
     expected = GridSearch(evidence, grid, settings or EvidenceSettings(), floor).grid()
     same_posts = len(expected.posts) == len(grid.posts) and np.allclose(expected.posts, grid.posts)
     is_same = same_posts and all(

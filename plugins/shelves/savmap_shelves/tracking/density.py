@@ -52,6 +52,11 @@ def medians(values: Floats, which: Ints, count: int) -> Floats:
     return np.array(middle, dtype=np.float64).reshape(count, *values.shape[1:])
 
 
+def mostly(true: Bools, which: Ints, count: int) -> Bools:
+    """Which clusters (count,) have a value that is true for more than half of their members, by the values and the cluster of each member (n,)."""
+    return np.array([bool((which == k).any() and true[which == k].mean() > 0.5) for k in range(count)], np.bool_)
+
+
 def strongest(order: Ints, clash: Bools) -> Bools:
     """Which clusters (k,) stay, taken in `order` (k,), if none may clash (k, k) with one that stays."""
     kept = np.zeros(len(order), dtype=np.bool_)

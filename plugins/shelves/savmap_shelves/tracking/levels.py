@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.types import Bools, Floats, Ints
 from savmap_shelves.evidence.search import ROOM
-from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, mostly, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
 
@@ -131,8 +131,7 @@ def find_levels(
 def expected_levels(sightings: FaceSightings, which: Ints, count: int) -> Bools:
     """Which levels (k,) all frames together show: the evidence has told them from what lies on the floor, by more than a thickness."""
     corner = sightings.corners.reshape(len(which), -1).max(axis=1)
-    expected = sightings.points.expected[corner] & (corner >= 0)
-    return np.array([bool((which == k).any() and expected[which == k].mean() > 0.5) for k in range(count)], np.bool_)
+    return mostly(sightings.points.expected[corner] & (corner >= 0), which, count)
 
 
 def edges_of(y: Floats) -> Floats:

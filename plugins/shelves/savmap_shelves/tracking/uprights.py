@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, mostly, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 
 LEAST_AT_END = 0.3
@@ -115,8 +115,7 @@ def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bool
 
 def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
     """Which clusters (k,) all frames together show: frames were measured again where they do."""
-    sighted = sightings.points.expected[sightings.uprights[:, 0, 0]]
-    return np.array([bool((which == k).any() and sighted[which == k].mean() > 0.5) for k in range(count)], np.bool_)
+    return mostly(sightings.points.expected[sightings.uprights[:, 0, 0]], which, count)
 
 
 def _at_ends(which: Ints, x: Floats) -> list[Bools]:
