@@ -6,7 +6,6 @@ Calibration of Modern Neural Networks, 2017). That changes no decision between c
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from torch.nn import functional
 
 from savmap.errors import OutputError
 from savmap.train.checkpoint import SUFFIX, ResumeFile, run_key, save_checkpoint
-from savmap.train.data.dataset import IGNORE, Dataset, Sample, held_out, set_name
+from savmap.train.data.dataset import IGNORE, Sample, held_out, set_name
 from savmap.train.data.sets import read_sets, samples_of
 from savmap.train.export import export, load_onnx, with_recipe
 from savmap.train.loop import described, fit, resumed, source_of
@@ -43,7 +42,7 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     """
     assert plan.init is not None
     torch.manual_seed(plan.seed)
-    replay = replay_sets(plan)
+    replay = read_sets(plan.replay, plan.classes, plan.mapping, plan.replay_every)
     datasets = [*read_sets(plan.data, plan.classes, plan.mapping), *replay]
     samples = samples_of(datasets)
     tests = named_tests(plan, samples)
@@ -86,12 +85,6 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
         with_recipe(file, recipe | {"earlier": history})
     kept.done()
     return TrainedNetwork(plan, files, recipe)
-
-
-def replay_sets(plan: TrainingPlan) -> list[Dataset]:
-    """The sets against forgetting, with as many of their pictures as the plan wants. Raises OutputError."""
-    sets = read_sets(plan.replay, plan.classes, plan.mapping)
-    return [replace(one, samples=one.samples[:: plan.replay_every]) for one in sets]
 
 
 def measured(plan: TrainingPlan, sets: Mapping[str, Sequence[Sample]], progress: Progress) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from savmap.cli.commands.training import network_lines
 from savmap.errors import ModelError, OutputError, SiteError
 from savmap.train import train
 from savmap.train.data.dataset import MaskFile, Sample, held_out
+from savmap.train.data.sets import read_sets
 from savmap.train.measure import Reliability, score_file, score_network
 from savmap.train.plan import TrainingPlan, float_model, mapping_of, minutes_of
 
@@ -43,12 +44,8 @@ def test_whole_scenes_are_held_out() -> None:
 
 
 def test_of_pictures_against_forgetting_every_so_many_are_shown(four_pictures: Path) -> None:
-    from savmap.train.finetune import replay_sets
-
-    plan = TrainingPlan(["column", "crossbar"], [], four_pictures / "a.onnx", 1.0, replay=[four_pictures])
-    whole = replay_sets(plan)[0].samples
+    whole, thinned = (read_sets([four_pictures], ["column", "crossbar"], every=every)[0].samples for every in (1, 3))
     assert len(whole) == 4
-    thinned = replay_sets(replace(plan, replay_every=3))[0].samples
     assert [one.image for one in thinned] == [whole[0].image, whole[3].image]
 
 

@@ -23,11 +23,12 @@ Reader = Callable[[Sequence[str], Mapping[str, str]], Dataset]
 
 
 def read_sets(
-    sources: Sequence[Path], classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING
+    sources: Sequence[Path], classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING, every: int = 1
 ) -> list[Dataset]:
-    """Data sets with the network's classes; `mapping` gives their classes other names. Raises OutputError for one that cannot be
-    read, or is of no known kind."""
-    return [read_set(source, classes, mapping) for source in sources]
+    """Data sets with the network's classes, thinned to one picture of `every`; `mapping` gives their classes other
+    names. Raises OutputError for one that cannot be read, or is of no known kind."""
+    sets = [read_set(source, classes, mapping) for source in sources]
+    return [replace(one, samples=one.samples[::every]) for one in sets]
 
 
 def samples_of(datasets: Sequence[Dataset]) -> list[Sample]:
