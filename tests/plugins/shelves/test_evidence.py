@@ -169,6 +169,17 @@ def painted(evidence: PlaneEvidence, *stripes: tuple[tuple[float, float], tuple[
     return replace(evidence, picture=picture)
 
 
+def covered(
+    evidence: PlaneEvidence, height: tuple[float, float], colour: tuple[int, int, int], *spans: tuple[float, float]
+) -> PlaneEvidence:
+    """The same evidence with a colour between two heights, along spans of the face."""
+    picture, patch = evidence.picture.copy(), evidence.patch
+    x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+    for low, high in spans:
+        picture[np.ix_((y > height[0]) & (y < height[1]), (x > low) & (x < high))] = colour
+    return replace(evidence, picture=picture)
+
+
 def test_paint_tells_beams_from_what_is_painted_otherwise() -> None:
     paint = Paint(painted(seen(), ((2.6, 2.72), GREY)), WHOLE)
     assert paint.is_informative
@@ -207,12 +218,8 @@ def test_a_tracked_level_is_judged_by_the_paint_of_what_shows_of_it() -> None:
     """Goods hide most of each bay's level, in the evidence and in the picture."""
     hidden = [(left, left + 1.5) for left in (0.1, 2.8, 5.5)]
     evidence = painted(seen(*[(1, span, (1.9, 2.02), 0.0) for span in hidden]))
-    picture, patch = evidence.picture.copy(), evidence.patch
-    x, y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
-    for low, high in hidden:
-        picture[np.ix_((y > 1.9) & (y < 2.02), (x > low) & (x < high))] = WOOD
-    evidence = replace(evidence, picture=picture)
-    paint = Paint(evidence, WHOLE)
+    evidence = covered(evidence, (1.9, 2.02), WOOD, *hidden)
+    paint, x = Paint(evidence, WHOLE), evidence.patch.origin[0] + evidence.patch.across
     assert paint.similarity(0.1, 2.7, 1.96) < 0.6
     assert paint.similarity(0.1, 2.7, 1.96, (x > 1.7).astype(float)) > 0.9
     assert expected_grid(evidence, WHOLE) is None
@@ -258,6 +265,23 @@ def test_lowest_levels_that_guarded_feet_put_below_the_floor_are_found_above_the
 def test_a_floor_painted_like_the_beams_does_not_move_the_lowest_one() -> None:
     evidence = painted(seen(), ((-1.0, 0.52), RED))
     assert is_whole(expected_grid(evidence, Grid(POSTS, [LEVELS, LEVELS[1:], LEVELS])))
+
+
+@pytest.mark.parametrize("tracked", [np.array([[1.8, 1.9], *LEVELS[[0, 2]].tolist()]), LEVELS[[0, 2]]])
+def test_a_beam_is_where_its_paint_is_not_where_the_network_sees_what_adjoins(tracked: Floats) -> None:
+    """The network takes what lies right below a beam for it, in one section: it was tracked there, or not at all. A part of the beam is in the shade."""
+    evidence = painted(seen((1, (2.9, 5.3), (1.9, 2.02), 0.2), (1, (2.9, 5.3), (1.8, 1.9), 0.9)))
+    found = expected_grid(
+        covered(evidence, (1.9, 2.02), DARK, (2.8, 3.4)), Grid(POSTS, [LEVELS, np.sort(tracked, axis=0), LEVELS])
+    )
+    assert found is not None
+    assert found.sections[1] == pytest.approx(LEVELS, abs=0.03)
+
+
+def test_a_level_stays_where_the_paint_beside_it_is_higher_than_a_beam() -> None:
+    evidence = painted(seen((1, (2.9, 5.3), (1.8, 1.9), 0.9)), ((1.5, 1.8), RED))
+    search = GridSearch(evidence, WHOLE, EvidenceSettings())
+    assert search._at_its_paint(2.8, 5.4, np.array([1.38, 1.48])) == pytest.approx([1.38, 1.48])
 
 
 @pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])

@@ -17,7 +17,7 @@ from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import Grid
 
 BIN, BINS = 8, 32
-CORE, BESIDE, SAME_STOREY = 0.6, 1.0, 1.5
+CORE, SAME_STOREY = 0.6, 1.5
 LEAST_STOREYS, LEAST_DIFFERENCE = 2, 0.5
 
 ALL_STOREYS, LEAST_DENSITY = -1, 1e-7
@@ -65,25 +65,32 @@ class Paint:
         """Whether the paint of beams differs from the rest of the face, in `LEAST_STOREYS` storeys or more."""
         return len(self.tables) > LEAST_STOREYS and self.usual_probability - self.face_probability > LEAST_DIFFERENCE
 
-    def similarity(self, left: float, right: float, centre: float, column_weights: Floats | None = None) -> float:
+    def similarity(
+        self, left: float, right: float, centre: float, column_weights: Floats | None = None, reach: float | None = None
+    ) -> float:
         """The similarity of the paint at a height between two posts to that of the beams: about 1 for a beam, 0 for the rest of the face.
-        column_weights (columns,): equal if not given."""
-        probability = self.beam_probability(left, right, centre, column_weights)
+        column_weights (columns,): equal if not given. reach: how far from that height; a beam's thickness if not given."""
+        probability = self.beam_probability(left, right, centre, column_weights, reach)
         return (probability - self.face_probability) / (self.usual_probability - self.face_probability)
 
-    def beam_probability(self, left: float, right: float, centre: float, column_weights: Floats | None = None) -> float:
+    def beam_probability(
+        self, left: float, right: float, centre: float, column_weights: Floats | None = None, reach: float | None = None
+    ) -> float:
         """The greatest mean probability of beams' paint in the rows around a height, by the paint of the other storeys."""
         rows = self._rows((left, right), self._table_at(centre), column_weights)
-        return float(rows[np.abs(self.y - centre) < BESIDE * self.thickness].max(initial=0.0))
+        return float(rows[self._around(centre, reach)].max(initial=0.0))
 
-    def extent(self, left: float, right: float, centre: float) -> Floats:
+    def extent(self, left: float, right: float, centre: float, reach: float | None = None) -> Floats:
         """y (2,) of the edges of the stripe of beams' paint around a height: where the probability falls to half of its maximum."""
         rows = self._rows((left, right), self._table_at(centre))
-        beside = np.abs(self.y - centre) < BESIDE * self.thickness
-        best = int(np.where(beside, rows, -1.0).argmax())
+        best = int(np.where(self._around(centre, reach), rows, -1.0).argmax())
         below = np.flatnonzero(rows < rows[best] / 2)
         first, last = below[below < best].max(initial=-1) + 1, below[below > best].min(initial=len(rows)) - 1
         return np.array([self.y[last] - self.cell / 2, self.y[first] + self.cell / 2])
+
+    def _around(self, centre: float, reach: float | None) -> Bools:
+        """The rows within `reach` of a height, or a beam's thickness."""
+        return np.asarray(np.abs(self.y - centre) < (self.thickness if reach is None else reach))
 
     def _table_at(self, centre: float) -> Table:
         """The probabilities by the paint of all storeys but that which a height is in."""

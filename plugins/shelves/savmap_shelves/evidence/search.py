@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import BEYOND, Grid
 from savmap_shelves.evidence.overhead import POST_SHOWN, overhead_levels, without_overhead
-from savmap_shelves.evidence.paint import Paint
+from savmap_shelves.evidence.paint import CORE, Paint
 from savmap_shelves.evidence.pieces import Pieces
 from savmap_shelves.evidence.rear import RearFace
 from savmap_shelves.evidence.strength import (
@@ -36,6 +36,8 @@ GAP = 0.3
 ROOM = 3.0
 """Two beams of a section are at least so many thicknesses apart: nothing fits between nearer ones."""
 QUARTER = 0.25
+UNEVEN = 0.4
+"""The height of a stripe of paint may differ by this share from that of the beams."""
 
 
 @dataclass(frozen=True)
@@ -290,7 +292,7 @@ class GridSearch:
         cover, tracked = self._level_cover(left, right), self._tracked_between(*posts)
         if not len(tracked) and right - left < GAP * _usual_bay(self.tracked.posts):
             return tracked
-        kept = [level for level in tracked if self._stays(cover, left, right, level)]
+        kept = [self._at_its_paint(left, right, level) for level in tracked if self._stays(cover, left, right, level)]
         kept = [level for level in kept if not self._is_double(cover, left, right, level, kept)]
         taken = [*tracked.mean(axis=1).tolist(), *self.overhead.mean(axis=1).tolist()]
         for row in _peaks(cover, self.settings.painted / 4):
@@ -313,6 +315,24 @@ class GridSearch:
         strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
         behind = strength < FAINT and self._is_behind(left, right, level)
         return shown >= self.settings.lost and not sunk and not behind and (sure or not strange)
+
+    def _at_its_paint(self, left: float, right: float, level: Floats) -> Floats:
+        """y (2,) of a level that was tracked between two posts: where none of its own rows has the paint of beams, and a stripe of this paint as high as
+        a beam adjoins, that stripe. What lies right below or above a beam, such as a wall in its shade, was tracked instead."""
+        if not self.paint.is_informative:
+            return level
+        centre, height = float(level.mean()), float(np.ptp(level))
+        if self.paint.similarity(left, right, centre, reach=CORE / 2 * height) >= self.settings.strange:
+            return level
+        stripe = self._stripe(left, right, centre, height / 2 + self.tracked.thickness)
+        return level if stripe is None else stripe
+
+    def _stripe(self, left: float, right: float, centre: float, reach: float) -> Floats | None:
+        """y (2,) of the stripe of beams' paint within `reach` of a height between two posts; None where there is none, or it is not as high as a beam."""
+        if self.paint.similarity(left, right, centre, reach=reach) < self.settings.doubted:
+            return None
+        stripe = self.paint.extent(left, right, centre, reach)
+        return stripe if np.abs(np.ptp(stripe) / self.tracked.thickness - 1) < UNEVEN else None
 
     def _is_behind(self, left: float, right: float, level: Floats) -> bool:
         """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its section appears."""
@@ -407,14 +427,16 @@ class GridSearch:
 
     def _edges(self, cover: Floats, row: int, left: float, right: float) -> Floats:
         """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, 0.6 to 1.4 of the usual height
-        apart; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one.
+        apart, or as high as a beam; else around the row, 0.6 of it apart, which is surely of the level. What shows as high as two, one of which lies behind, is the other one.
         What is painted alike and higher than three goes on into something else, such as a grey floor."""
         centre, usual = float(self.y[row]), self.tracked.thickness
         if self._paint_similarity(left, right, centre) >= SIMILAR:
             low, high = self.paint.extent(left, right, centre)
-            half = float(np.clip(high - low, 0.6 * usual, 1.4 * usual)) / 2
+            half = float(np.clip(high - low, (1 - UNEVEN) * usual, (1 + UNEVEN) * usual)) / 2
             if high - low < ROOM * usual:
                 return np.asarray((low + high) / 2 + half * np.array([-1.0, 1.0]))
+        elif self.paint.is_informative and (stripe := self._stripe(left, right, centre, usual)) is not None:
+            return stripe
         front = self._before_the_rear(cover, row, self._tracked_beside(left, right))
         return np.asarray(centre + 0.6 * usual / 2 * np.array([-1.0, 1.0])) if front is None else front
 
