@@ -24,6 +24,13 @@ def test_a_girder_that_no_post_reaches_is_no_beam_though_it_ends_with_the_row() 
     assert is_whole(expected_grid(seen(ALONG, (1, (-9.0, 0.0), (4.1, 4.4), 0.0)), TRACKED))
 
 
+def test_a_beam_that_posts_reach_stays_beside_a_girder_at_the_very_same_height() -> None:
+    ends, reached = (1, (-9.0, 0.0), (4.1, 4.4), 0.0), (0, (5.4, 8.2), (4.0, 4.5), 0.9)
+    found = expected_grid(seen(ALONG, ends, reached), TRACKED)
+    assert found is not None
+    assert [len(levels) for levels in found.sections] == [3, 3, 4]
+
+
 def test_a_pipe_before_the_posts_tops_is_no_beam() -> None:
     assert is_whole(expected_grid(seen(ALONG, (0, (-0.1, 8.3), (3.9, 4.26), 0.9)), TRACKED))
 

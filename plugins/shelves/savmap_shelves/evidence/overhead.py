@@ -30,34 +30,40 @@ POSTS_TOP = 0.75
 
 def overhead_levels(
     evidence: PlaneEvidence, grid: Grid, usual_level: float, usual_post: float, tracked: Grid | None = None
-) -> Floats:
-    """The levels y (n, 2) of a grid that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
+) -> list[Floats]:
+    """The levels y (n, 2) of each section that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
 
     usual_level, usual_post: the usual evidence of a level and of a post. tracked: a level of the grid that is not in this one was found in the evidence
     alone; all were tracked where it is not given.
     """
     known = np.concatenate((tracked or grid).sections)
-    found, left = [np.zeros((0, 2))], grid
+    found, left = [np.zeros((0, 2)) for _ in grid.sections], grid
     while any(len(own) for own in left.sections):
         along = _along_the_row(evidence, left, usual_level, POST_SHOWN * usual_post, known)
-        overhead = np.concatenate([along, _unheld(evidence, left, usual_post)])
-        if not len(overhead):
+        ends = np.cumsum([len(own) for own in left.sections])[:-1]
+        overhead = [
+            own[is_along | is_unheld]
+            for own, is_along, is_unheld in zip(
+                left.sections, np.split(along, ends), _unheld(evidence, left, usual_post), strict=True
+            )
+        ]
+        if not any(len(own) for own in overhead):
             break
-        found.append(overhead)
+        found = [np.concatenate(both) for both in zip(found, overhead, strict=True)]
         left = without_overhead(left, overhead)
-    return np.unique(np.concatenate(found), axis=0)
+    return found
 
 
-def _unheld(evidence: PlaneEvidence, grid: Grid, usual_post: float) -> Floats:
-    """The highest levels y (n, 2) of sections that neither of their posts reaches."""
-    highest = [own[own[:, 1].argmax()] if len(own) else None for own in grid.sections]
-    found = [
-        level
-        for posts, level in zip(pairwise(grid.posts), highest, strict=True)
-        if level is not None
-        and max(_post_at(evidence, post, level, grid.thickness) for post in posts) < HELD * usual_post
+def _unheld(evidence: PlaneEvidence, grid: Grid, usual_post: float) -> list[Bools]:
+    """Which level of each section is its highest, and reached by neither of its posts."""
+
+    def is_unheld(posts: Sequence[Floats], level: Floats) -> bool:
+        return max(_post_at(evidence, post, level, grid.thickness) for post in posts) < HELD * usual_post
+
+    return [
+        np.array([level[1] == own[:, 1].max() and is_unheld(posts, level) for level in own], np.bool_)
+        for posts, own in zip(pairwise(grid.posts), grid.sections, strict=True)
     ]
-    return np.array(found).reshape(-1, 2)
 
 
 def _post_at(evidence: PlaneEvidence, post: Floats, level: Floats, thickness: float) -> float:
@@ -72,11 +78,11 @@ def _is_seen(weight: Singles) -> bool:
     return weight.size > 0 and float((weight > 0).mean()) > SEEN
 
 
-def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float, known: Floats) -> Floats:
-    """The levels y (n, 2) that go on beyond the row's ends, and that no post reaches beyond or that are their section's highest and not `known`. A post shows
-    where its own evidence is at least `post_shown`.
+def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float, known: Floats) -> Bools:
+    """Which levels (n,), section after section, go on beyond the row's ends, and either no post reaches beyond them, or they are their section's highest and
+    not `known`. A post shows where its own evidence is at least `post_shown`.
 
-    There are none where the row's ends do not tell: where neither is in sight, or where the beams below go on, too, for instance into a
+    None do where the row's ends do not tell: where neither is in sight, or where the beams below go on, too, for instance into a
     bay that was not tracked.
     """
     tops = [float(post_heights(evidence, post, post_shown).max(initial=-np.inf)) for post in grid.posts]
@@ -86,12 +92,13 @@ def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post
     above, beyond = highest | (levels[:, 1] >= top), _strengths_beyond(evidence, grid, levels) / usual_level
     below = beyond[~above & np.isfinite(beyond)]
     end_with_row = len(below) >= LEAST_BELOW and np.median(below) <= ENDS
-    return np.asarray(levels[above & (beyond >= GOES_ON) & end_with_row])
+    return np.asarray(above & (beyond >= GOES_ON) & end_with_row)
 
 
-def without_overhead(grid: Grid, overhead: Floats) -> Grid:
-    """The grid without levels (n, 2)."""
-    return Grid(grid.posts, [own[~np.isin(own[:, 0], overhead[:, 0])] for own in grid.sections], grid.pieces)
+def without_overhead(grid: Grid, overhead: Sequence[Floats]) -> Grid:
+    """The grid without levels (n, 2) of each section."""
+    sections = [own[~np.isin(own[:, 0], others[:, 0])] for own, others in zip(grid.sections, overhead, strict=True)]
+    return Grid(grid.posts, sections, grid.pieces)
 
 
 def _strengths_beyond(evidence: PlaneEvidence, grid: Grid, levels: Floats) -> Floats:

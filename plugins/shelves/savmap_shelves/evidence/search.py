@@ -294,7 +294,7 @@ class GridSearch:
             return tracked
         kept = [self._at_its_paint(left, right, level) for level in tracked if self._stays(cover, left, right, level)]
         kept = [level for level in kept if not self._is_double(cover, left, right, level, kept)]
-        taken = [*tracked.mean(axis=1).tolist(), *self.overhead.mean(axis=1).tolist()]
+        taken = [*tracked.mean(axis=1).tolist(), *np.concatenate(self.overhead).mean(axis=1).tolist()]
         for row in _peaks(cover, self.settings.painted / 4):
             centre = float(self.y[row])
             near = min((abs(centre - other) for other in taken), default=np.inf) <= APART * self.tracked.thickness
