@@ -10,9 +10,12 @@ from seen_faces import LEVELS, POSTS, WHOLE, is_whole, seen
 
 from savmap.types import Floats, PlaneEvidence
 from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
-from savmap_shelves.evidence.paint import Paint
-from savmap_shelves.evidence.pieces import Pieces
-from savmap_shelves.evidence.search import EvidenceSettings, GridSearch
+from savmap_shelves.evidence.search import EvidenceSettings
+from savmap_shelves.evidence.search.face import Face
+from savmap_shelves.evidence.search.grid import searched
+from savmap_shelves.evidence.search.paint import Paint
+from savmap_shelves.evidence.search.pieces import Pieces
+from savmap_shelves.evidence.search.section import Section
 
 
 def test_a_grid_that_makes_no_sense_has_no_patch() -> None:
@@ -280,8 +283,8 @@ def test_a_beam_is_where_its_paint_is_not_where_the_network_sees_what_adjoins(tr
 
 def test_a_level_stays_where_the_paint_beside_it_is_higher_than_a_beam() -> None:
     evidence = painted(seen((1, (2.9, 5.3), (1.8, 1.9), 0.9)), ((1.5, 1.8), RED))
-    search = GridSearch(evidence, WHOLE, EvidenceSettings())
-    assert search._at_its_paint(2.8, 5.4, np.array([1.38, 1.48])) == pytest.approx([1.38, 1.48])
+    section = Section(Face(evidence, WHOLE, EvidenceSettings()), (POSTS[1], POSTS[2]))
+    assert section._at_its_paint(np.array([1.38, 1.48])) == pytest.approx([1.38, 1.48])
 
 
 @pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])
@@ -325,11 +328,12 @@ def test_a_beam_of_the_rear_face_that_was_tracked_is_dropped(thickness: float, d
     ids=["a rear beam below", "no rear beam", "rear beams all over", "no higher than one"],
 )
 def test_of_a_stripe_as_high_as_two_the_rear_beam_is_not_the_level(top: float, rear_below: float, found: bool) -> None:
-    search = GridSearch(seen(), WHOLE, EvidenceSettings())
-    vars(search)["rear"] = SimpleNamespace(shows=lambda levels, height: height < rear_below)
-    cover = ((search.y > 2.1) & (search.y < top)).astype(float)
-    level = search._before_the_rear(cover, int(np.abs(search.y - 2.2).argmin()), LEVELS)
-    assert level == pytest.approx([top - search.tracked.thickness, top], abs=0.03) if found else level is None
+    face = Face(seen(), WHOLE, EvidenceSettings())
+    vars(face)["rear"] = SimpleNamespace(shows=lambda levels, height: height < rear_below)
+    section = Section(face, (POSTS[0], POSTS[1]))
+    section.cover = ((face.y > 2.1) & (face.y < top)).astype(float)
+    level = section._before_the_rear(int(np.abs(face.y - 2.2).argmin()))
+    assert level == pytest.approx([top - section.thickness, top], abs=0.03) if found else level is None
 
 
 def test_one_faint_level_is_not_taken_for_the_rear_face() -> None:
@@ -380,7 +384,7 @@ def test_a_level_that_shows_in_pieces_is_found_by_its_colours() -> None:
 def test_a_level_that_was_tracked_by_its_pieces_stays_where_it_is_and_is_known_as_such() -> None:
     moved = MORE + 0.005 * (np.arange(6) == HIDDEN)[:, None]
     evidence = in_pieces((3.0, 3.2), (4.6, 4.8), probability=0.9)
-    found = GridSearch(evidence, Grid(POSTS, [MORE, moved, MORE]), EvidenceSettings()).grid()
+    found = searched(Face(evidence, Grid(POSTS, [MORE, moved, MORE]), EvidenceSettings()))
     assert found.pieces == {(1, HIDDEN)}
     np.testing.assert_allclose(found.sections[1][HIDDEN], moved[HIDDEN])
 

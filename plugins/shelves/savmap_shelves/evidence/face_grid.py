@@ -11,6 +11,8 @@ from savmap.types import Expected, Floats, PlanePatch
 FACE = "face"
 CELLS_ACROSS = 5.0
 BEYOND = 1.3
+ROOM = 3.0
+"""Two beams of a section are at least so many thicknesses apart: nothing fits between nearer ones."""
 MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 """What OpenCV samples at once, and what memory holds."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.evidence.search import ROOM
+from savmap_shelves.evidence.face_grid import ROOM
 from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, mostly, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights

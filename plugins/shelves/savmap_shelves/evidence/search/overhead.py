@@ -10,7 +10,7 @@ import numpy as np
 
 from savmap.types import Bools, Floats, PlaneEvidence
 from savmap_shelves.evidence.face_grid import Grid
-from savmap_shelves.evidence.strength import Singles, across_of, heights_of, level_strength, post_heights
+from savmap_shelves.evidence.search.strength import Singles, across_of, heights_of, level_strength, post_heights
 
 BESIDE = 0.5
 """How much of a bay is looked at beyond each end of the row."""

@@ -1,0 +1,67 @@
+"""Uprights and beams in the evidence of all frames: columns of the face are searched for posts, rows between posts for levels.
+
+This is the published density estimate (paper, III.D), over every pixel of every frame instead of over edges of single frames. The evidence
+of the tracked posts and levels sets the scale.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.types import Floats, PlaneEvidence
+from savmap_shelves.evidence.face_grid import Grid
+from savmap_shelves.evidence.search.covers import greatest
+from savmap_shelves.evidence.search.face import Face, Span, span_of
+from savmap_shelves.evidence.search.overhead import overhead_levels, without_overhead
+from savmap_shelves.evidence.search.posts import expected_posts
+from savmap_shelves.evidence.search.section import Section
+from savmap_shelves.evidence.search.settings import EvidenceSettings
+from savmap_shelves.evidence.wide_steps import EVEN, wide_steps
+
+VISIBLE = 0.25
+"""The least cover of a level that goods do not hide for the most part."""
+
+
+def expected_grid(
+    evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None, floor: float | None = None
+) -> Grid | None:
+    """The grid by the evidence. None where it is the tracked one. `floor`: the y of the floor; None where the pictures do not tell it."""
+    expected = searched(Face(evidence, grid, settings or EvidenceSettings(), floor))
+    same_posts = len(expected.posts) == len(grid.posts) and np.allclose(expected.posts, grid.posts)
+    is_same = same_posts and all(
+        len(a) == len(b) and np.allclose(a, b) for a, b in zip(expected.sections, grid.sections, strict=True)
+    )
+    return None if is_same else expected
+
+
+def searched(face: Face) -> Grid:
+    """The grid by a face's evidence."""
+    posts = expected_posts(face)
+    found = Grid(posts, [Section(face, pair).expected_levels() for pair in pairwise(posts)])
+    overhead = overhead_levels(face.evidence, found, face.usual_level, face.usual_post, face.tracked)
+    return _with_pieces(face, without_overhead(found, overhead))
+
+
+def _with_pieces(face: Face, grid: Grid) -> Grid:
+    """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
+    spans = [span_of(posts) for posts in pairwise(grid.posts)]
+    visible = [_visible_levels(face, span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
+    sections, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
+    for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
+        below, above = visible[section][lower : lower + 2]
+        level = face.pieces.level_between(spans[section], below, above, room=usual / EVEN)
+        if level is None or face.rear.may_show(visible[section], float(level.mean())):
+            continue
+        levels = sections[section]
+        coincident = levels[np.abs(levels.mean(axis=1) - level.mean()) < face.tracked.thickness]
+        level = coincident[0] if len(coincident) else level
+        if not len(coincident):
+            sections[section] = np.sort(np.concatenate([levels, level[None]]), axis=0)
+        in_pieces.append((section, level))
+    pieces = frozenset((k, int(np.abs(sections[k][:, 0] - level[0]).argmin())) for k, level in in_pieces)
+    return Grid(grid.posts, sections, pieces)
+
+
+def _visible_levels(face: Face, span: Span, levels: Floats) -> Floats:
+    """Those of levels (m, 2) between two posts that have a cover of `VISIBLE` or more."""
+    return np.asarray(levels[greatest(face.level_cover(span), face.y, levels) >= VISIBLE])

@@ -1,0 +1,40 @@
+"""Thresholds of the search in a face's evidence."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class EvidenceSettings:
+    """Thresholds of the evidence.
+
+    The cover of a post or level is the share of its length along which the evidence exceeds that of its surroundings by `clear` times the
+    usual strength of the tracked ones. A faint object along the whole length has full cover. A strong but shorter one has not.
+
+    - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
+    - `lowest`: that of a new level where its section has none as low as those of the other sections are.
+    - `lost`: a tracked post or level with less cover is dropped.
+    - `faint`: the least strength that counts as usual.
+    - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
+
+    The others apply where paint is informative (`Paint.is_informative`). Similarity is 1 for the paint of beams, 0 for the rest of the face.
+
+    - `strange`: below this similarity there is no level.
+    - `doubted`: below this one there is none, unless it has cover along the whole length, or cover times strength above `plain`.
+    - `painted`: the cover, in its own section or in half of the sections, that suffices for a level with the paint of the beams.
+
+    Paint does not count where the network is sure along the whole length: the lowest beams stand in the shade.
+    """
+
+    clear: float = 0.2
+    post: float = 0.7
+    post_in_gap: float = 0.45
+    level: float = 0.8
+    lowest: float = 0.5
+    lost: float = 0.1
+    faint: float = 0.05
+    wide: float = 1.6
+    narrow: float = 0.3
+    strange: float = 0.3
+    doubted: float = 0.6
+    plain: float = 0.3
+    painted: float = 0.4
