@@ -37,11 +37,6 @@ MOST_KEYS = 8
 """Keys of a section that a line names."""
 
 
-def text_of(problem: "ErrorDetails") -> str:
-    """The problem in pydantic's words."""
-    return problem["msg"].removeprefix("Value error, ")
-
-
 def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
     """The problem in a user's words."""
     kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
@@ -52,7 +47,7 @@ def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
         number = problem["ctx"][limit]
         return f"{least} {number} {'entry is' if number == 1 else 'entries are'} expected"
     if kind is None:
-        text = text_of(problem)
+        text = problem["msg"].removeprefix("Value error, ")
         return text[:1].lower() + text[1:]
     comma = COMMA.fullmatch(given) if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS else None
     if comma:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ValidationError
 
 from savmap.errors import OutputError, SiteError
-from savmap.files.mistakes import OF_KEY, meant, text_of, words
+from savmap.files.mistakes import OF_KEY, meant, words
 from savmap.files.mistakes import Location as Location
 
 if TYPE_CHECKING:
@@ -30,11 +30,11 @@ ClassNames = Annotated[Mapping[str, str], BeforeValidator(_with_text_keys)]
 
 
 def checked(model: type[Model], content: object, where: str) -> Model:
-    """`content` as `model`. Raises OutputError: `where`, the path inside it, and what is wrong there."""
+    """`content` as `model`. Raises OutputError with one line: `where`, the path inside it, and what is wrong there."""
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise OutputError(f"{where}: {one_line(error)}") from error
+        raise OutputError(one_line(error, model, where)) from error
 
 
 def path_of(location: Location) -> str:
@@ -43,20 +43,18 @@ def path_of(location: Location) -> str:
     return "".join(parts).lstrip(".")
 
 
-def one_line(error: ValidationError) -> str:
-    """The first problem as "path: problem", and how many more there are."""
-    problems = error.errors(include_url=False, include_context=False)
-    path, text = path_of(problems[0]["loc"]), text_of(problems[0])
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{path}: {text}{more}" if path else f"{text}{more}"
-
-
 def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
     """A model made from values. Raises SiteError with one line that says what is wrong, and where."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise SiteError(next(iter(explained(error, model, lambda *_: where).values()))) from None
+        raise SiteError(one_line(error, model, where)) from None
+
+
+def one_line(error: ValidationError, model: type[BaseModel], where: str) -> str:
+    """The first problem of a validation error, in a user's words, and how many more there are."""
+    first, *others = explained(error, model, lambda *_: where).values()
+    return f"{first} (and {len(others)} more)" if others else first
 
 
 def explained(

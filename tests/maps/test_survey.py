@@ -31,12 +31,12 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ({"format": ["savmap-map"]}, "is not a survey"),
         ({"format": None}, "is not a survey"),
         ({"version": 2}, "version 2; this program reads version 1"),
-        ({"units": "ft"}, "units: Input should be 'm'"),
-        ({"units": None}, "units: Field required"),
-        ({"rows": {}}, "rows: Dictionary should have at least 1 item"),
-        ({"rows": {"A": [1]}}, r"rows\.A: Input should be a valid dictionary"),
-        ({"rows": {"A": {"things": [1, {"far": [-1e7]}]}}}, r"rows: -1e\+07 is too large"),
-        ({"colour": "red"}, "colour: Extra inputs"),
+        ({"units": "ft"}, r"`units`: input should be 'm' \(it is 'ft'\)"),
+        ({"units": None}, "`units` is missing"),
+        ({"rows": {}}, "`rows`: at least 1 entry is expected"),
+        ({"rows": {"A": [1]}}, r"`rows\.A`: a section with keys is expected"),
+        ({"rows": {"A": {"things": [1, {"far": [-1e7]}]}}}, r"`rows`: -1e\+07 is too large"),
+        ({"colour": "red"}, "unknown key `colour`: allowed here are format"),
     ],
 )
 def test_wrong_surveys_are_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:

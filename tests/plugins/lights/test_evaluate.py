@@ -113,7 +113,7 @@ def test_a_row_without_uprights_has_no_end(surveyed: Row) -> None:
 
 
 def test_a_wrong_survey_is_one_line(surveyed: Row) -> None:
-    with pytest.raises(OutputError, match=r"survey: lights\[0\]\.ends\[1\]: Field required"):
+    with pytest.raises(OutputError, match=r"survey: `lights\[0\]\.ends\[1\]` is missing"):
         evaluate([], {"lights": [{"ends": [[0, 1, 2]]}]})
 
 

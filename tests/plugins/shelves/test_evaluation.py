@@ -206,11 +206,11 @@ def test_noise_of_two_centimetres_is_matched_and_measured(surveyed: Row) -> None
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("uprights", [[0, 0.1]], "uprights: List should have at least 2 items"),
-        ("uprights", [[0, 0.1], [3.8, 3.7]], r"uprights\[1\]: \[3.8, 3.7\] should be \[smaller, larger\]"),
-        ("uprights", [[0, 0.1], [9, 9.1], [5, 5.1]], r"uprights: \[5.0, 5.1\] should lie beyond \[9.0, 9.1\]"),
+        ("uprights", [[0, 0.1]], "`uprights`: at least 2 entries are expected"),
+        ("uprights", [[0, 0.1], [3.8, 3.7]], r"`uprights\[1\]`: \[3.8, 3.7\] should be \[smaller, larger\]"),
+        ("uprights", [[0, 0.1], [9, 9.1], [5, 5.1]], r"`uprights`: \[5.0, 5.1\] should lie beyond \[9.0, 9.1\]"),
         ("sections", [], "5 uprights bound 4 sections, not 0"),
-        ("sections", [{"beam": []}] * 4, r"sections\[0\]\.beams: Field required"),
+        ("sections", [{"beam": []}] * 4, r"unknown key `sections\[0\]\.beam`: did you mean `beams`\?"),
     ],
 )
 def test_a_wrong_survey_is_one_line(surveyed: Row, key: str, value: Any, message: str) -> None:
