@@ -2,7 +2,7 @@
 
 The map judges about half of a view's pixels. Members' ends, what goods hide in part, and what lies beside the row have no label. The teacher
 labels them by the mean of what it sees in the view and in its mirror image, at several magnifications: thin members are seen better magnified.
-Where the map judges, its label stays, unless the teacher is sure of another one. Source: Radosavovic et al., Data Distillation: Towards
+Where the map judges, its label stays, unless the teacher sees next to nothing of it. Source: Radosavovic et al., Data Distillation: Towards
 Omni-Supervised Learning (CVPR 2018).
 """
 

@@ -287,6 +287,22 @@ def test_a_level_stays_where_the_paint_beside_it_is_higher_than_a_beam() -> None
     assert section._at_its_paint(np.array([1.38, 1.48])) == pytest.approx([1.38, 1.48])
 
 
+@pytest.mark.parametrize(("value", "above"), [(1.0, 0.6), (0.8, 0.0)], ids=["sure", "nothing seen of the stripe"])
+def test_a_beam_in_the_shade_does_not_move_to_a_stripe_beside_it(value: float, above: float) -> None:
+    shaded = seen_as(seen_as(seen(), (0.4, 0.52), value), (0.54, 0.66), above)
+    section = Section(
+        Face(painted(shaded, ((0.4, 0.52), DARK), ((0.54, 0.66), RED)), WHOLE, EvidenceSettings()), (POSTS[0], POSTS[1])
+    )
+    assert section._at_its_paint(LEVELS[0]) == pytest.approx(LEVELS[0])
+
+
+def test_a_level_that_would_move_onto_another_one_is_dropped() -> None:
+    evidence = painted(seen((1, (2.9, 5.3), (1.76, 1.88), 0.9)))
+    double = np.sort(np.vstack([LEVELS, [1.76, 1.88]]), axis=0)
+    section = Section(Face(evidence, Grid(POSTS, [LEVELS, double, LEVELS]), EvidenceSettings()), (POSTS[1], POSTS[2]))
+    assert section._at_their_paint([*double]) == pytest.approx(LEVELS)
+
+
 @pytest.mark.parametrize(("value", "believed"), [(1.0, True), (0.8, False)])
 def test_paint_says_nothing_where_the_network_is_sure(value: float, believed: bool) -> None:
     evidence = painted(seen_as(seen(), (0.4, 0.52), value), ((0.4, 0.52), DARK))

@@ -31,6 +31,12 @@ def test_a_beam_that_posts_reach_stays_beside_a_girder_at_the_very_same_height()
     assert [len(levels) for levels in found.sections] == [3, 3, 4]
 
 
+def test_where_a_pipe_alone_was_tracked_the_beams_are_found() -> None:
+    found = expected_grid(seen(ALONG), Grid(POSTS, [PIPE[None]] * 3))
+    assert found is not None
+    assert all(len(levels) >= 3 for levels in found.sections)
+
+
 def test_a_pipe_before_the_posts_tops_is_no_beam() -> None:
     assert is_whole(expected_grid(seen(ALONG, (0, (-0.1, 8.3), (3.9, 4.26), 0.9)), TRACKED))
 

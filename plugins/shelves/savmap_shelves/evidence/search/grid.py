@@ -25,8 +25,10 @@ VISIBLE = 0.25
 def expected_grid(
     evidence: PlaneEvidence, grid: Grid, settings: EvidenceSettings | None = None, floor: float | None = None
 ) -> Grid | None:
-    """The grid by the evidence. None where it is the tracked one. `floor`: the y of the floor; None where the pictures do not tell it."""
+    """The grid by the evidence. None where it is the tracked one, or has no level. `floor`: the y of the floor; None where the pictures do not tell it."""
     expected = searched(Face(evidence, grid, settings or EvidenceSettings(), floor))
+    if not any(len(levels) for levels in expected.sections):
+        return None
     same_posts = len(expected.posts) == len(grid.posts) and np.allclose(expected.posts, grid.posts)
     is_same = same_posts and all(
         len(a) == len(b) and np.allclose(a, b) for a, b in zip(expected.sections, grid.sections, strict=True)

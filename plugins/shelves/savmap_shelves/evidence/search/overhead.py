@@ -34,7 +34,7 @@ def overhead_levels(
     """The levels y (n, 2) of each section that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
 
     usual_level, usual_post: the usual evidence of a level and of a post. tracked: a level of the grid that is not in this one was found in the evidence
-    alone; all were tracked where it is not given.
+    alone; all were tracked where it is not given. Where nothing would be left, the last ones stay.
     """
     known = np.concatenate((tracked or grid).sections)
     found, left = [np.zeros((0, 2)) for _ in grid.sections], grid
@@ -47,7 +47,8 @@ def overhead_levels(
                 left.sections, np.split(along, ends), _unheld(evidence, left, usual_post), strict=True
             )
         ]
-        if not any(len(own) for own in overhead):
+        count = sum(len(own) for own in overhead)
+        if count in (0, sum(len(own) for own in left.sections)):
             break
         found = [np.concatenate(both) for both in zip(found, overhead, strict=True)]
         left = without_overhead(left, overhead)
@@ -88,7 +89,7 @@ def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post
     tops = [float(post_heights(evidence, post, post_shown).max(initial=-np.inf)) for post in grid.posts]
     top, levels = float(np.quantile(tops, POSTS_TOP)), np.concatenate(grid.sections)
     highest = np.concatenate([own[:, 1] == own[:, 1].max(initial=-np.inf) for own in grid.sections])
-    highest &= ~np.isin(levels[:, 0], known[:, 0])
+    highest &= np.abs(levels.mean(axis=1)[:, None] - known.mean(axis=1)).min(axis=1, initial=np.inf) > grid.thickness
     above, beyond = highest | (levels[:, 1] >= top), _strengths_beyond(evidence, grid, levels) / usual_level
     below = beyond[~above & np.isfinite(beyond)]
     end_with_row = len(below) >= LEAST_BELOW and np.median(below) <= ENDS

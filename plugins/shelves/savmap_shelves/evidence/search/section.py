@@ -22,7 +22,10 @@ SIMILAR, SIMILAR_BELOW = 0.95, 0.85
 """The similarity of paint that tells of a beam; below the posts' feet, over all sections."""
 STRONG, WHOLE, SURE = 0.6, 0.9, 0.95
 """The share of the usual strength that is a strong one; the cover that is one along the whole length; the evidence that makes sure."""
-QUARTER = 0.25
+STEP_SHARE = 0.25
+"""A level is where the other sections have theirs within such a share of the step to the next one above."""
+FEW = 0.25
+"""The network sees something of a stripe where its rows have so much cover."""
 UNEVEN = 0.4
 """The height of a stripe of paint may differ by this share from that of the beams."""
 
@@ -43,13 +46,13 @@ class Section:
 
     def expected_levels(self) -> Floats:
         """y (m, 2) of the section's beams: those tracked between the same posts that are not lost, and new ones. None in the gap between two racks
-        that stand end to end."""
+        that stand end to end, and no new ones where something runs overhead in any section."""
         left, right = self.span
         if not len(self.tracked) and right - left < GAP * usual_bay(self.face.tracked.posts):
             return self.tracked
-        kept = [self._at_its_paint(level) for level in self.tracked if self._stays(level)]
-        kept = [level for level in kept if not self._is_double(level, kept)]
-        taken = [*self.tracked.mean(axis=1).tolist(), *np.concatenate(self.face.overhead).mean(axis=1).tolist()]
+        kept = [level for level in self.tracked if self._stays(level)]
+        kept = self._at_their_paint([level for level in kept if not self._is_double(level, kept)])
+        taken = [float(level.mean()) for level in (*self.tracked, *np.concatenate(self.face.overhead), *kept)]
         for row in peaks(self.cover, self.settings.painted / 4):
             centre = float(self.face.y[row])
             near = min((abs(centre - other) for other in taken), default=np.inf) <= APART * self.thickness
@@ -61,14 +64,17 @@ class Section:
 
     def _stays(self, level: Floats) -> bool:
         """Whether a level that was tracked is kept."""
-        shown, beam_strength = self._cover_at(level), self._strength(level)
-        strength, sure = beam_strength / self.face.usual_level, shown > WHOLE and beam_strength > SURE
+        shown, strength = self._cover_at(level), self._strength(level) / self.face.usual_level
         sunk = strength < FAINT and level.mean() < self.face.floor + SUNK * self.thickness
         similarity = self.face.storey_similarity(self.span, level)
         plain = shown > WHOLE or shown * strength > self.settings.plain
         strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
         behind = strength < FAINT and self._is_behind(level)
-        return shown >= self.settings.lost and not sunk and not behind and (sure or not strange)
+        return shown >= self.settings.lost and not sunk and not behind and (self._is_sure(level) or not strange)
+
+    def _is_sure(self, level: Floats) -> bool:
+        """Whether the network is sure of a level along the whole length."""
+        return self._cover_at(level) > WHOLE and self._strength(level) > SURE
 
     def _is_behind(self, level: Floats) -> bool:
         """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its section appears."""
@@ -84,16 +90,31 @@ class Section:
             return False
         return max(self._strength(other) for other in near) > self._strength(level)
 
+    def _at_their_paint(self, levels: Sequence[Floats]) -> list[Floats]:
+        """Levels (2,) that were tracked, each where its paint is, without those that come to lie on another one."""
+        moved = [self._at_its_paint(level) for level in levels]
+        return [
+            level
+            for number, level in enumerate(moved)
+            if level is levels[number]
+            or min(
+                (abs(level.mean() - other.mean()) for other in (*levels[:number], *levels[number + 1 :])),
+                default=np.inf,
+            )
+            > APART * self.thickness
+        ]
+
     def _at_its_paint(self, level: Floats) -> Floats:
-        """y (2,) of a level that was tracked: where none of its own rows has the paint of beams, and a stripe of this paint as high as a beam adjoins,
-        that stripe. What lies right below or above a beam, such as a wall in its shade, was tracked instead."""
+        """y (2,) of a level that was tracked: where none of its own rows has the paint of beams, and a stripe of this paint as high as a beam adjoins
+        which the network sees, too, that stripe. What lies right below or above a beam, such as a wall in its shade, was tracked instead. A level that
+        the network is sure of stays."""
         paint, centre, height = self.face.paint, float(level.mean()), float(np.ptp(level))
-        if not paint.is_informative:
+        if not paint.is_informative or self._is_sure(level):
             return level
         if paint.similarity(*self.span, centre, reach=CORE / 2 * height) >= self.settings.strange:
             return level
         stripe = self._stripe(centre, height / 2 + self.thickness)
-        return level if stripe is None else stripe
+        return level if stripe is None or self._cover_in(stripe) < FEW else stripe
 
     def _stripe(self, centre: float, reach: float) -> Floats | None:
         """y (2,) of the stripe of beams' paint within `reach` of a height; None where there is none, or it is not as high as a beam."""
@@ -127,12 +148,12 @@ class Section:
         return similarity >= SIMILAR and max(cover, face.usual_cover(centre)) >= settings.painted
 
     def _lacks_lowest(self, centre: float) -> bool:
-        """Whether a level would be the lowest of its section, where the other sections have theirs."""
+        """Whether a level would be the lowest of its section, where half of the other sections, and two at least, have theirs."""
         if not len(self.beside):
             return False
         others = [y for number, y in enumerate(self.face.lowest) if number != self.number and np.isfinite(y)]
         step, room = float(self.beside.mean(axis=1).min()) - centre, ROOM * self.thickness
-        near = np.abs(np.array(others) - centre) < max(room, QUARTER * step)
+        near = np.abs(np.array(others) - centre) < max(room, STEP_SHARE * step)
         return len(near) > 1 and step > room and bool(near.mean() >= 0.5)
 
     def _edges(self, row: int) -> Floats:
@@ -162,6 +183,10 @@ class Section:
         rear = self.face.rear
         front = [level for level in (low + size, high - size[::-1]) if not rear.shows(self.beside, float(level.mean()))]
         return front[0] if len(front) == 1 else None
+
+    def _cover_in(self, stripe: Floats) -> float:
+        """The mean cover of the rows of a stripe (2,)."""
+        return float(self.cover[(self.face.y > stripe[0]) & (self.face.y < stripe[1])].mean())
 
     def _cover_at(self, level: Floats) -> float:
         """The greatest cover at a level (2,)."""

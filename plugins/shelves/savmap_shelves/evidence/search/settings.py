@@ -8,21 +8,23 @@ class EvidenceSettings:
     """Thresholds of the evidence.
 
     The cover of a post or level is the share of its length along which the evidence exceeds that of its surroundings by `clear` times the
-    usual strength of the tracked ones. A faint object along the whole length has full cover. A strong but shorter one has not.
+    usual strength of the tracked ones, or by `faint`. A faint object along the whole length has full cover. A strong but shorter one has not.
 
     - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
     - `lowest`: that of a new level where its section has none as low as those of the other sections are.
     - `lost`: a tracked post or level with less cover is dropped.
-    - `faint`: the least strength that counts as usual.
+    - `faint`: the least strength that counts as usual, and the least that anything stands out by.
     - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
 
-    The others apply where paint is informative (`Paint.is_informative`). Similarity is 1 for the paint of beams, 0 for the rest of the face.
+    Similarity is that of paint, 1 for the paint of beams, 0 for the rest of the face. It counts where paint is informative (`Paint.is_informative`).
 
     - `strange`: below this similarity there is no level.
-    - `doubted`: below this one there is none, unless it has cover along the whole length, or cover times strength above `plain`.
-    - `painted`: the cover, in its own section or in half of the sections, that suffices for a level with the paint of the beams.
+    - `doubted`: below this one there is none, unless it has cover along the whole length, or cover times strength above `plain`. Where paint is
+      not informative, a new level needs one of the two.
+    - `painted`: the cover, in its own section or in half of the sections, that suffices for a level with the paint of the beams. What has less than
+      a quarter of it is not looked at.
 
-    Paint does not count where the network is sure along the whole length: the lowest beams stand in the shade.
+    Nor does paint count where the network is sure of a tracked level along the whole length: the lowest beams stand in the shade.
     """
 
     clear: float = 0.2
