@@ -22,6 +22,8 @@ from savmap.train.data.sets import read_set
 from savmap.train.plan import float_model, minutes_of, trained_classes
 from savmap.types.progress import Monitor
 
+RECIPE = 2
+"""Rounds that another recipe began are begun anew."""
 KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
 TEACHER, DISTILLED = "teacher", "distilled-"
 TEACHING = 0.4
@@ -117,6 +119,7 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
     options = work.options
     replay = [str(path.resolve()) for path in work.replay]
     parts = [
+        RECIPE,
         start.digest,
         options.minutes,
         options.steps,

@@ -7,6 +7,7 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -75,6 +76,16 @@ def annotations_at(model: Any, location: Location) -> list[Any]:
     return [choice for one in found for choice in _choices(one)]
 
 
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """A model's fields by the keys that a file has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def location_of(problem: "ErrorDetails", model: type[BaseModel]) -> Location:
+    """A problem's location without pydantic's names of kinds."""
+    return _own(problem["loc"], model)[0]
+
+
 def _own(location: Location, model: type[BaseModel]) -> tuple[Location, Location, str | None]:
     """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the name."""
     own: Location = ()
@@ -104,8 +115,8 @@ def _distance(found: list[Found]) -> tuple[int, bool, int]:
 
 
 def _keys_of_section(problem: "ErrorDetails", model: type[BaseModel]) -> str:
-    sections = [one for one in annotations_at(model, _own(problem["loc"], model)[0]) if _is_model(one)]
-    fields = sections[0].model_fields if sections else {}
+    sections = [one for one in annotations_at(model, location_of(problem, model)) if _is_model(one)]
+    fields = fields_of(sections[0]) if sections else {}
     needed = [name for name, field in fields.items() if field.is_required()]
     number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
     if number and len(needed) == 1 and float in annotations_at(sections[0], (needed[0],)):
@@ -117,7 +128,7 @@ def _inside(annotation: Any, part: int | str) -> Iterator[Any]:
     """The types of a key, or entry, of what an annotation says."""
     for one in _choices(annotation):
         if _is_model(one):
-            yield from (field.annotation for name, field in one.model_fields.items() if name == part)
+            yield from (field.annotation for name, field in fields_of(one).items() if name == part)
         elif isinstance(part, int):
             yield from (inner for inner in get_args(one) if inner is not Ellipsis)
         elif isinstance(get_origin(one), type) and issubclass(get_origin(one), Mapping):

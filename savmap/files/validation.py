@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ValidationError
 
 from savmap.errors import OutputError, SiteError
-from savmap.files.mistakes import OF_KEY, meant, words
+from savmap.files.mistakes import OF_KEY, annotations_at, fields_of, location_of, meant, words
 from savmap.files.mistakes import Location as Location
 
 if TYPE_CHECKING:
@@ -95,8 +95,10 @@ def _explained(
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
     number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
-    number = number and problem["loc"][-1:] != (OF_KEY,)
-    units = "; lengths are metres, times seconds" if number else ""
+    measured = (
+        number and problem["loc"][-1:] != (OF_KEY,) and float in annotations_at(model, location_of(problem, model))
+    )
+    units = "; lengths are metres, times seconds" if measured else ""
     return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
 
 
@@ -105,10 +107,10 @@ def _keys(model: Any, location: Location) -> list[str]:
     current = model
     for part in location:
         inner = _models_in(current)
-        fields = inner.model_fields if inner else {}
+        fields = fields_of(inner) if inner else {}
         current = fields[part].annotation if isinstance(part, str) and part in fields else current
     inner = _models_in(current)
-    return list(inner.model_fields) if inner else []
+    return list(fields_of(inner)) if inner else []
 
 
 def _models_in(annotation: Any) -> type[BaseModel] | None:

@@ -2,8 +2,8 @@
 
 Once the camera's path is roughly known, the network's probabilities of all frames are added up on these planes
 (savmap.vision.evidence). Where a plugin finds other objects in them than were tracked, every frame is measured again with these in
-mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over. In the end the
-frames' pictures tell how deep flat parts of it lie, where a plugin asks for that, and where the floor is.
+mind: faint ones are followed that no threshold finds, and what only looks like one in a few frames is passed over. The frames'
+pictures tell where the floor is before each look, and in the end how deep flat parts lie, where a plugin asks for that.
 """
 
 import logging

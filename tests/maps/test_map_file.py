@@ -218,6 +218,11 @@ def _far_away(content: dict[str, Any]) -> None:
     content["rows"]["A"]["structures"]["things"][0]["vertices"][0]["position_m"][1] = 1e300
 
 
+def _pass_by_its_name_here(content: dict[str, Any]) -> None:
+    pose = content["rows"]["A"]["trajectory"][0]
+    pose["pass_name"] = pose.pop("pass")
+
+
 def _no_picture(content: dict[str, Any]) -> None:
     content["rows"]["A"]["views"]["face"]["width"] = 0
 
@@ -262,11 +267,15 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
         (_zero_quaternion, r"trajectory\[1\]\.orientation_xyzw`: it is no unit quaternion"),
         (_sigma_of_nothing, r"references\[0\]\.sigma`: input should be greater than 0"),
         (_negative_variance, r"vertices\[0\]\.covariance_m2`: a variance is negative"),
-        (_far_away, r"vertices\[0\]\.position_m\[1\]`: input should be less than or equal to 1000000"),
+        (
+            _far_away,
+            r"vertices\[0\]\.position_m\[1\]`: input should be less than or equal to 1000000 .*lengths are metres",
+        ),
         (_joint_without_its_end, "joint: covariance_m2 is not the finite upper triangle of 11 lines"),
         (_joint_of_another, "joint: things: thing 2 is none of the structures"),
         (_joint_out_of_bounds, "joint: things: thing 1: a coordinate is not among the 11"),
-        (_no_picture, r"views\.face\.width`: input should be greater than or equal to 1"),
+        (_no_picture, r"views\.face\.width`: input should be greater than or equal to 1 \(it is 0\)"),
+        (_pass_by_its_name_here, r"unknown key `rows\.A\.trajectory\[0\]\.pass_name`: did you mean `pass`\?"),
     ],
 )
 def test_wrong_maps_are_one_line(tmp_path: Path, spoil: Callable[[dict[str, Any]], None], message: str) -> None:

@@ -3,6 +3,7 @@
 import logging
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -296,3 +297,24 @@ def test_what_meets_only_what_lies_behind_lies_behind_itself(
     tracked = {f"thing 1 / {end}": np.array([-0.05, y, 0.0]) for end, y in (("top", 2.0), ("bottom", -1.0))}
     left = Expectation([*across, *along], PATH, tracked, [plane])
     assert len([*unexplained(left, [], {})]) == doubted
+
+
+def test_a_plugin_is_asked_with_the_floor_before_its_planes(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[float | None] = []
+    face = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+
+    def expect(self: object, points: object, evidence: object, floor: float | None) -> list[Expected]:
+        told.append(floor)
+        return []
+
+    monkeypatch.setattr(second_look, "floor_before", lambda alone, measured, path, planes: -1.5 if planes else None)
+    monkeypatch.setattr(
+        PluginAlone, "located", lambda self, measurements: SimpleNamespace(points={"one": {}}, path=PATH)
+    )
+    alone = PluginAlone(
+        RowRequest("A", (), [], References()), watcher(planes=lambda self, points: [face], expect=expect)
+    )
+    assert second_look.expect(alone, walked, walked.measurements) is None
+    assert told == [-1.5]

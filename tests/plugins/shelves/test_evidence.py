@@ -16,6 +16,8 @@ from savmap_shelves.evidence.search.grid import searched
 from savmap_shelves.evidence.search.paint import Paint
 from savmap_shelves.evidence.search.pieces import Pieces
 from savmap_shelves.evidence.search.section import Section
+from savmap_shelves.plugin import Shelves
+from savmap_shelves.settings import ShelvesSettings
 
 
 def test_a_grid_that_makes_no_sense_has_no_patch() -> None:
@@ -263,6 +265,15 @@ def test_lowest_levels_that_guarded_feet_put_below_the_floor_are_found_above_the
     faint = [(1, (left + 1.9, left + 2.7), (0.4, 0.52), 0.0) for left in POSTS[:-1, 0].tolist()]
     found = expected_grid(seen(*hidden, *faint), Grid(POSTS, [LEVELS[1:]] * 3), floor=floor)
     assert is_whole(found) if believed else found is None
+
+
+def test_the_plugin_expects_by_the_measured_floor() -> None:
+    tracked = points_of(Grid(POSTS, [LEVELS[1:]] * 3))
+    hidden = [(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()]
+    faint = [(1, (left + 1.9, left + 2.7), (0.4, 0.52), 0.0) for left in POSTS[:-1, 0].tolist()]
+    evidence, plugin = [seen(*hidden, *faint)], Shelves(ShelvesSettings())
+    assert plugin.expect(tracked, evidence, 0.5) == []
+    assert sum(thing.label == "beam" for thing in plugin.expect(tracked, evidence, 0.0)) == 9
 
 
 def test_a_floor_painted_like_the_beams_does_not_move_the_lowest_one() -> None:
