@@ -80,7 +80,7 @@ def test_check_finds_nothing_wrong_and_says_what_a_run_takes(tmp_path: Path) -> 
 
 
 def test_the_same_map_twice(tmp_path: Path) -> None:
-    path = site(tmp_path, fps=2.0)
+    path = site(tmp_path, fps=1.0)
     for name in ("one", "two"):
         savmap("map", path, "--plugins", "shelves", "-o", tmp_path / name)
     assert (tmp_path / "one" / "map.json").read_bytes() == (tmp_path / "two" / "map.json").read_bytes()

@@ -47,7 +47,7 @@ def site(folder: Path) -> Path:
     """Three rows that share no frames: the first half of the same face at different rates."""
     text = "plugins: {shelves: {}}\nreferences: {camera_height_m: {value: 3.055}}\nrows:\n"
     video = EXAMPLE / "aisle-dev.mp4"
-    for name, fps in (("A", 2.0), ("B", 2.2), ("C", 2.5)):
+    for name, fps in (("A", 1.0), ("B", 1.2), ("C", 1.4)):
         text += f"  {name}: {{passes: [{{video: {video}, side: left, end_s: 9, fps: {fps}}}]}}\n"
     write_text(folder / "site.yaml", text)
     return folder / "site.yaml"

@@ -28,7 +28,7 @@ def site(folder: Path, **more: Any) -> Path:
     video, copied = EXAMPLE / "aisle-dev.mp4", folder / "copy.mp4"
     if not copied.is_file():
         shutil.copy(video, copied)
-    for name, fps, clip in (("A", 2.0, video), ("C", 2.5, copied)):
+    for name, fps, clip in (("A", 1.0, video), ("C", 1.2, copied)):
         content["rows"][name] = {**row, "passes": [{**row["passes"][0], "video": str(clip), "fps": fps}]}
     content["rows"]["C"] |= more
     del content["survey"]
