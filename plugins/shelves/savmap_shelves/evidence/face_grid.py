@@ -10,11 +10,26 @@ from savmap.types import Expected, Floats, PlanePatch
 
 FACE = "face"
 CELLS_ACROSS = 5.0
+"""How many cells of the patch the thinnest members are wide."""
 BEYOND = 1.3
+"""How many usual bays the patch reaches beyond the outermost posts: one more bay fits."""
 ROOM = 3.0
 """Two beams of a section are at least so many thicknesses apart: nothing fits between nearer ones."""
 MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 """What OpenCV samples at once, and what memory holds."""
+
+Span = tuple[float, float]
+"""x of the inner edges of two posts."""
+
+
+def span_of(posts: Sequence[Floats]) -> Span:
+    """What lies between two posts (2,)."""
+    return float(posts[0][1]), float(posts[1][0])
+
+
+def usual_bay(posts: Floats) -> float:
+    """The usual distance from post to post, x (k, 2)."""
+    return float(np.median(np.diff(posts.mean(axis=1))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +54,12 @@ class Grid:
     @property
     def bay(self) -> float:
         """The usual distance from post to post."""
-        return float(np.median(np.diff(self.posts.mean(axis=1))))
+        return usual_bay(self.posts)
+
+    @property
+    def spans(self) -> list[Span]:
+        """What lies between the posts of each section."""
+        return [span_of(posts) for posts in pairwise(self.posts)]
 
     @property
     def top(self) -> float:

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from savmap.types import Bools, Floats, PlaneEvidence
-from savmap_shelves.evidence.face_grid import Grid
+from savmap_shelves.evidence.face_grid import Grid, Span
 from savmap_shelves.evidence.search.covers import cover_of, greatest, peaks, standing_out
-from savmap_shelves.evidence.search.overhead import POST_SHOWN, overhead_levels, without_overhead
+from savmap_shelves.evidence.search.overhead import POST_SHOWN, POSTS_TOP, overhead_levels, without_overhead
 from savmap_shelves.evidence.search.paint import Paint
 from savmap_shelves.evidence.search.pieces import Pieces
 from savmap_shelves.evidence.search.rear import RearFace
@@ -20,19 +19,6 @@ BODY = (0.12, 0.92)
 """The rows between the lowest and the highest beams that tell of posts, as shares."""
 NEITHER = 0.8
 """The similarity of any paint where paint does not tell."""
-
-Span = tuple[float, float]
-"""x of the inner edges of two posts."""
-
-
-def span_of(posts: tuple[Floats, Floats]) -> Span:
-    """What lies between two posts."""
-    return float(posts[0][1]), float(posts[1][0])
-
-
-def usual_bay(posts: Floats) -> float:
-    """The usual distance from post to post."""
-    return float(np.median(np.diff(posts.mean(axis=1))))
 
 
 class Face:
@@ -48,17 +34,12 @@ class Face:
         self.usual_post = self._usual([self._post_strength(*post) for post in grid.posts])
         strengths = [
             self.level_strength(span, *level)
-            for span, levels in zip(self.spans, grid.sections, strict=True)
+            for span, levels in zip(grid.spans, grid.sections, strict=True)
             for level in levels
         ]
         self.usual_level = self._usual(strengths)
         self.overhead = overhead_levels(evidence, grid, self.usual_level, self.usual_post)
         self.tracked = without_overhead(grid, self.overhead)
-
-    @property
-    def spans(self) -> list[Span]:
-        """The spans of the tracked sections."""
-        return [span_of(posts) for posts in pairwise(self.tracked.posts)]
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -88,7 +69,7 @@ class Face:
     @cached_property
     def ceiling(self) -> float:
         """y of the posts' tops: what lies above is of the roof. A quantile, because goods hide some tops."""
-        return float(np.quantile([self._reach(*post)[1] for post in self.tracked.posts], 0.75))
+        return float(np.quantile([self._reach(*post)[1] for post in self.tracked.posts], POSTS_TOP))
 
     @cached_property
     def lowest(self) -> list[float]:
@@ -103,7 +84,7 @@ class Face:
     @cached_property
     def covers(self) -> list[Floats]:
         """The covers (rows,) of levels in the tracked sections."""
-        return [self.level_cover(span) for span in self.spans]
+        return [self.level_cover(span) for span in self.tracked.spans]
 
     def post_cover(self) -> Floats:
         """The cover (columns,) of a post at each column."""
@@ -130,7 +111,7 @@ class Face:
 
     def usual_similarity(self, centre: float) -> float:
         """The median over the sections of the similarity of the paint at a height to the tracked beams'."""
-        return float(np.median([self.similarity(span, centre) for span in self.spans]))
+        return float(np.median([self.similarity(span, centre) for span in self.tracked.spans]))
 
     def storey_similarity(self, span: Span, level: Floats) -> float:
         """The similarity of a level's paint where it shows: the greater of that in its own section and the median of the sections with a tracked
@@ -138,7 +119,7 @@ class Face:
         centre, thickness = float(level.mean()), self.tracked.thickness
         similarities = [
             self._shown_similarity(other, level)
-            for other, levels in zip(self.spans, self.tracked.sections, strict=True)
+            for other, levels in zip(self.tracked.spans, self.tracked.sections, strict=True)
             if len(levels) and np.abs(levels.mean(axis=1) - centre).min() < thickness
         ]
         return max(self._shown_similarity(span, level), float(np.median(similarities)))

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Floats, PlaneEvidence
-from savmap_shelves.evidence.face_grid import Grid
+from savmap_shelves.evidence.face_grid import Grid, Span
 from savmap_shelves.evidence.search.covers import greatest
-from savmap_shelves.evidence.search.face import Face, Span, span_of
+from savmap_shelves.evidence.search.face import Face
 from savmap_shelves.evidence.search.overhead import overhead_levels, without_overhead
 from savmap_shelves.evidence.search.posts import expected_posts
 from savmap_shelves.evidence.search.section import Section
@@ -46,7 +46,7 @@ def searched(face: Face) -> Grid:
 
 def _with_pieces(face: Face, grid: Grid) -> Grid:
     """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
-    spans = [span_of(posts) for posts in pairwise(grid.posts)]
+    spans = grid.spans
     visible = [_visible_levels(face, span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
     sections, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
     for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):

@@ -6,7 +6,6 @@ wrongly tracked as a beam often runs through the whole row, and would confirm it
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -14,15 +13,21 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from savmap.types import Bools, Floats, PlaneEvidence
-from savmap_shelves.evidence.face_grid import Grid
+from savmap_shelves.evidence.face_grid import Grid, Span
+from savmap_shelves.evidence.search.strength import across_of, heights_of
 
 BIN, BINS = 8, 32
-CORE, SAME_STOREY = 0.6, 1.5
+"""The step of the histograms in each coordinate of the colour (L*a*b*, 0 to 255), and their number."""
+CORE = 0.6
+"""The share of a level's height, in its middle, that is surely of it."""
+SAME_STOREY = 1.5
+"""Levels farther apart than so many thicknesses are of different storeys."""
 LEAST_STOREYS, LEAST_DIFFERENCE = 2, 0.5
+"""Paint is informative where more storeys than that were tracked, and the probability of beams' paint differs so much between beams and the face."""
+ALL_STOREYS = -1
+LEAST_DENSITY = 1e-7
+"""Colours rarer than that are nobody's paint."""
 
-ALL_STOREYS, LEAST_DENSITY = -1, 1e-7
-
-Span = tuple[float, float]
 Table = NDArray[np.float64]
 
 
@@ -31,11 +36,10 @@ class Paint:
 
     def __init__(self, evidence: PlaneEvidence, grid: Grid) -> None:
         patch = evidence.patch
-        self.x, self.y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+        self.x, self.y = across_of(evidence), heights_of(evidence)
         self.colour = np.asarray(cv2.cvtColor(np.ascontiguousarray(evidence.picture), cv2.COLOR_RGB2LAB) // BIN)
         self.visible, self.thickness, self.cell = evidence.weight > 0, grid.thickness, patch.cell
-        spans = [(float(left[1]), float(right[0])) for left, right in pairwise(grid.posts)]
-        levels = np.concatenate(grid.sections)
+        spans, levels = grid.spans, np.concatenate(grid.sections)
         owners = [spans[k] for k, section in enumerate(grid.sections) for _ in section]
         self.centres = levels.mean(axis=1)
         self.storeys = _storeys(self.centres, SAME_STOREY * grid.thickness)

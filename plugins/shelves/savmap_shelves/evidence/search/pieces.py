@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints, PlaneEvidence
-from savmap_shelves.evidence.face_grid import Grid
+from savmap_shelves.evidence.face_grid import Grid, Span
+from savmap_shelves.evidence.search.strength import across_of, heights_of
 
 REACH = 0.8
 """Half the height of a profile, in thicknesses of a beam."""
@@ -28,12 +29,12 @@ class Pieces:
 
     def __init__(self, evidence: PlaneEvidence, grid: Grid) -> None:
         patch = evidence.patch
-        self.x, self.y = patch.origin[0] + patch.across, patch.origin[1] + patch.heights
+        self.x, self.y = across_of(evidence), heights_of(evidence)
         self.colour = cv2.cvtColor(np.ascontiguousarray(evidence.picture), cv2.COLOR_RGB2LAB).astype(np.float64)
         self.beam, self.known = evidence.of("beam"), evidence.weight > 0
         self.thickness, self.rows = grid.thickness, max(2, round(REACH * grid.thickness / patch.cell))
 
-    def level_between(self, span: tuple[float, float], below: Floats, above: Floats, room: float) -> Floats | None:
+    def level_between(self, span: Span, below: Floats, above: Floats, room: float) -> Floats | None:
         """y (2,) of a level that shows in pieces between two posts, between levels `below` and `above` (2,), and farther than `room` from both. None
         where there is none."""
         margin = min(self.thickness, 0.1 * (span[1] - span[0]))

@@ -5,9 +5,12 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.types import Bools, Floats
-from savmap_shelves.evidence.face_grid import BEYOND
+from savmap_shelves.evidence.face_grid import BEYOND, usual_bay
 from savmap_shelves.evidence.search.covers import greatest, peaks
-from savmap_shelves.evidence.search.face import Face, usual_bay
+from savmap_shelves.evidence.search.face import Face
+
+NEAREST = 0.4
+"""How many usual bays a post beyond the end is away, at least."""
 
 
 def expected_posts(face: Face) -> Floats:
@@ -38,7 +41,7 @@ def _with_ends(face: Face, cover: Floats, posts: Floats) -> Floats:
     for end, beyond in ((-1, face.x > posts[-1, 1]), (0, face.x < posts[0, 0])):
         bay, inner, levels = usual_bay(posts), float(posts[end].mean()), face.tracked.sections[end]
         for centre in _candidates(face, cover, beyond, face.settings.post):
-            near = 0.4 * bay < abs(centre - inner) < BEYOND * bay
+            near = NEAREST * bay < abs(centre - inner) < BEYOND * bay
             if near and len(levels) and _goes_on(face, levels, *sorted((float(centre), inner))):
                 posts = _joined(face, posts, np.array([centre]))
                 break

@@ -10,12 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.types import Floats, PlaneEvidence
+from savmap_shelves.evidence.search.strength import heights_of
 
 SHARES = np.arange(0.4, 0.9, 0.01)
+"""The shares that are tried, of a front beam's height over the camera at which its rear one appears."""
 SHOWN, LEAST_SHARE, LEAST_HEIGHTS = 0.25, 0.4, 3
+"""A rear beam shows where the cover is more than the first. The face is there if more than the second, a share of all, show, at so many heights."""
 NEAR = 1.5
+"""What is nearer to a front beam, in thicknesses, is hidden by it."""
 POSSIBLE = (0.45, 0.7)
-"""The range of that share for a camera 1 to 2.5 m in front of a rack 1.0 to 1.2 m deep."""
+"""The range of the share for a camera 1 to 2.5 m in front of a rack 1.0 to 1.2 m deep."""
 
 
 class RearFace:
@@ -25,7 +29,7 @@ class RearFace:
     def __init__(
         self, evidence: PlaneEvidence, covers: Sequence[Floats], sections: Sequence[Floats], size: float
     ) -> None:
-        self.y, self.size = evidence.patch.origin[1] + evidence.patch.heights, size
+        self.y, self.size = heights_of(evidence), size
         self.height = float(self.y[evidence.weight.sum(axis=1).argmax()])
         rear_levels = [self._rear_levels(share, covers, sections) for share in SHARES]
         best = int(np.argmax([cover.mean() if len(cover) else 0.0 for _, cover in rear_levels]))

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.types import Floats
-from savmap_shelves.evidence.face_grid import ROOM
+from savmap_shelves.evidence.face_grid import ROOM, span_of
 from savmap_shelves.evidence.search.covers import greatest, peaks
-from savmap_shelves.evidence.search.face import Face, span_of, usual_bay
+from savmap_shelves.evidence.search.face import Face
 from savmap_shelves.evidence.search.paint import CORE
 
 GAP = 0.3
@@ -48,7 +48,7 @@ class Section:
         """y (m, 2) of the section's beams: those tracked between the same posts that are not lost, and new ones. None in the gap between two racks
         that stand end to end, and no new ones where something runs overhead in any section."""
         left, right = self.span
-        if not len(self.tracked) and right - left < GAP * usual_bay(self.face.tracked.posts):
+        if not len(self.tracked) and right - left < GAP * self.face.tracked.bay:
             return self.tracked
         kept = [level for level in self.tracked if self._stays(level)]
         kept = self._at_their_paint([level for level in kept if not self._is_double(level, kept)])
