@@ -134,12 +134,12 @@ def put(key: str, value: object) -> Callable[[Any], None]:
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
-        (drop("image_id"), r"`annotations\.0\.image_id`: field required"),
+        (drop("image_id"), r"`annotations\[0\]\.image_id` is missing"),
         (put("image_id", 99), r"annotations\[0\]: there is no image 99"),
         (put("category_id", 99), r"annotations\[0\]: there is no category 99"),
         (put("segmentation", []), r"annotations\[0\]: has a box, but no outline"),
         (put("segmentation", [[1, 2, 3]]), r"annotations\[0\]: a polygon is three corners or more"),
-        (put("segmentation", "x"), r"`annotations\.0\.segmentation"),
+        (put("segmentation", "x"), r"`annotations\[0\]\.segmentation"),
         (
             put("segmentation", {"counts": [5], "size": [480, 640]}),
             r"annotations\[0\]: runs of 5 pixels in a picture of",

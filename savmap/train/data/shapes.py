@@ -15,6 +15,7 @@ from PIL import Image as Pillow
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import OutputError
+from savmap.files.validation import one_line
 from savmap.label.polygons import Mask, Polygon, filled
 from savmap.train.data.dataset import Sample, group_in
 from savmap.video.image_folder import picture_size
@@ -85,11 +86,7 @@ def checked(model: type[Model], path: Path, content: object) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(
-            str(part) for part in first["loc"] if not str(part)[:1].isupper() and part != "list[list[float]]"
-        )
-        raise OutputError(f"{path}: `{entry}`: {first['msg'].lower()}; save or export it again") from None
+        raise OutputError(f"{one_line(error, model, str(path))}; save or export it again") from None
 
 
 def shown_size(picture: Path) -> tuple[int, int] | None:
