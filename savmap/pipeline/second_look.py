@@ -58,6 +58,8 @@ from savmap.vision.views import Renderer
 LOOKS = 2
 LEAST_LANDMARKS = 2
 UPRIGHT = 0.99
+BEYOND = 0.1
+"""By so large a share of their extent may landmarks differ from look to look: the path's scale is an assumed one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +96,19 @@ class Expectation:
             if len(names) >= LEAST_LANDMARKS:
                 what = f"all frames together show no {thing.label} where {max(names, key=names.count)} was measured: is it one?"
                 yield Doubt("support", what)
+
+    def reaches_beyond(self, points: Mapping[str, Floats]) -> bool:
+        """Whether an object that is there and was tracked lies beyond landmarks (3,) that are tracked later, by more than `BEYOND` of their extent."""
+        if not points:
+            return False
+        places = np.array([*points.values()])
+        low, high = places.min(axis=0), places.max(axis=0)
+        room = BEYOND * float((high - low).max())
+        return any(
+            bool((thing.outline.min(axis=0) > high + room).any() or (thing.outline.max(axis=0) < low - room).any())
+            for thing in self.there
+            if len(self._tracked_at(thing)) >= LEAST_LANDMARKS
+        )
 
     def _tracked_at(self, thing: Expected) -> list[str]:
         """The structure of each landmark that was tracked at an object's outline."""
@@ -180,7 +195,8 @@ def best_measurements(
 ) -> RowMeasurements:
     """The measurements, of the first ones and those of up to `LOOKS` looks, after which the fewest of a plugin's expected objects are amiss.
 
-    A look may lose what an earlier one had. Each object that is still amiss is doubted.
+    A look may lose what an earlier one had; one that loses an end of what was tracked is not used, and is the last. Each object that is still amiss is
+    doubted.
     """
     row, plugin, doubts = alone.row.name, alone.plugin, list[Doubt]()
     states = [(measurements, expect(alone, measured, measurements))]
@@ -188,8 +204,11 @@ def best_measurements(
         monitor.note(f"row {row}: `{plugin.name}` looks again for {len(expectation.there)} objects")
         features = measure_again(row, plugin, measured, expectation, monitor)
         anew = replace(measurements, features={**measurements.features, plugin.name: features})
-        if alone.located(anew) is None:
+        located = alone.located(anew)
+        if located is None:
             doubts = [not_followed(plugin)]
+            break
+        if expectation.reaches_beyond(located.points[plugin.name]):
             break
         states.append((anew, expect(alone, measured, anew)))
     best, left = min(reversed(states), key=lambda state: state[1].amiss if state[1] is not None else 0)

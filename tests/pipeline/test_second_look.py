@@ -23,6 +23,7 @@ from savmap.types import (
     Detection,
     Expected,
     Feature,
+    Floats,
     FrameTable,
     PlanePatch,
     RowFacts,
@@ -94,15 +95,17 @@ def looked(
     expectations: list[Expectation | None],
     monkeypatch: pytest.MonkeyPatch,
     followed: bool = True,
+    tracked: dict[str, Floats] | None = None,
 ) -> tuple[RowMeasurements, list[str]]:
     """What was measured after looks with these expectations, one after the other, and the notes; `followed`: whether what is measured
-    anew can be tracked."""
+    anew can be tracked, and `tracked`: the landmarks then."""
 
     def asked(*arguments: object) -> Expectation | None:
         return expectations.pop(0)
 
+    located = SimpleNamespace(points={"one": tracked or {}}, path=PATH)
     monkeypatch.setattr(second_look, "expect", asked)
-    monkeypatch.setattr(second_look.PluginAlone, "located", lambda *arguments: PATH if followed else None)
+    monkeypatch.setattr(second_look.PluginAlone, "located", lambda *arguments: located if followed else None)
     notes = NoteCollector()
     row = RowRequest("A", (), [plugin], References())
     return look_again(row, walked, notes), notes.lines
@@ -199,6 +202,19 @@ def test_a_look_that_loses_more_than_it_finds_is_not_used(
     assert [doubt.what for doubt in measured.doubts] == [
         "all frames together show light near thing 1 that was not measured: is it missing?"
     ]
+
+
+@pytest.mark.parametrize(("end", "used"), [(0.8, True), (0.2, False)])
+def test_a_look_that_loses_an_end_of_what_was_tracked_is_not_used(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch, end: float, used: bool
+) -> None:
+    """Things at both ends were tracked; after the look the landmarks end at the one, or before it."""
+    before, after = (
+        {f"thing {x} / {y}": np.array([x, y, 0.0]) for x in (-0.8, last) for y in (0.5, -0.5)} for last in (0.8, end)
+    )
+    expectations = [Expectation([rectangle(-0.8), rectangle(0.8), rectangle(0.0)], PATH, before), None]
+    measured, _ = looked(walked, watcher(), [*expectations], monkeypatch, tracked=after)
+    assert (measured is not walked.measurements and bool(measured.features["one"])) == used
 
 
 def test_measured_again_is_told_from_seen(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:

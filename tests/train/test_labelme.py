@@ -59,7 +59,10 @@ def test_labelme_classes_by_other_names(both: Path) -> None:
     ("edit", "words"),
     [
         (lambda content: content["shapes"][0].pop("label"), r"`shapes\[0\]\.label` is missing"),
-        (lambda content: content["shapes"][0].update(points=[[1, 2], [3, "x"]]), r"`shapes\[0\]\.points\[1\]\[1\]`: a number is expected"),
+        (
+            lambda content: content["shapes"][0].update(points=[[1, 2], [3, "x"]]),
+            r"`shapes\[0\]\.points\[1\]\[1\]`: a number is expected",
+        ),
         (
             lambda content: content["shapes"][0].update(points=[[1, 2], [3, 4]]),
             r"shapes\[0\]: a polygon is three corners",
