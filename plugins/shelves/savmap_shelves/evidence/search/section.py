@@ -92,17 +92,13 @@ class Section:
 
     def _at_their_paint(self, levels: Sequence[Floats]) -> list[Floats]:
         """Levels (2,) that were tracked, each where its paint is, without those that come to lie on another one."""
-        moved = [self._at_its_paint(level) for level in levels]
-        return [
-            level
-            for number, level in enumerate(moved)
-            if level is levels[number]
-            or min(
-                (abs(level.mean() - other.mean()) for other in (*levels[:number], *levels[number + 1 :])),
-                default=np.inf,
-            )
-            > APART * self.thickness
-        ]
+        placed = list[Floats]()
+        for number, level in enumerate(levels):
+            moved = self._at_its_paint(level)
+            others = [float(other.mean()) for k, other in enumerate(levels) if k != number]
+            if moved is level or all(abs(moved.mean() - other) > APART * self.thickness for other in others):
+                placed.append(moved)
+        return placed
 
     def _at_its_paint(self, level: Floats) -> Floats:
         """y (2,) of a level that was tracked: where none of its own rows has the paint of beams, and a stripe of this paint as high as a beam adjoins
