@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from savmap.adapt.faces import Face, Outline
 from savmap.types import Bools, Floats, PlaneEvidence, ViewSpec
-from savmap.vision.evidence import PackedView, outline_in
+from savmap.vision.evidence import PackedView
+from savmap.vision.evidence.planes import outline_in
 
 IGNORE = 255
 BEHIND = -9.0

@@ -16,7 +16,8 @@ from savmap.site.model import Pass, pass_names
 from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
 from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
-from savmap.vision.evidence import PackedView, outline_in
+from savmap.vision.evidence import PackedView
+from savmap.vision.evidence.planes import outline_in
 from savmap.vision.views import Renderer
 
 TRIED = 12

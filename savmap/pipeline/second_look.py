@@ -26,7 +26,6 @@ from savmap.pipeline.records import RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import (
-    Detection,
     Doubt,
     Expected,
     Feature,
@@ -43,16 +42,19 @@ from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import (
     DetectionSettings,
     FloorTracks,
+    Outlined,
     PackedView,
     depth_of,
+    drift_of,
     expected_detections,
     floor_height,
     floor_tracks,
     gather,
     inner_part,
     lies_behind,
-    outline_in,
+    outlines_in,
 )
+from savmap.vision.networks.segmenter import Segmentation
 from savmap.vision.views import Renderer
 
 LOOKS = 2
@@ -366,30 +368,32 @@ class SecondLook:
 
     def features(self, panorama: Panorama, views: Sequence[View]) -> list[Feature]:
         """What the plugin extracts from the expected objects in a panorama's views, but for what is absent."""
-        return [
-            replace(feature, expected=True)
-            for view in views
-            for feature in self._of_objects(view, self.plugin.extract_features(view, self._detections(view), panorama))
-        ]
+        return [replace(feature, expected=True) for view in views for feature in self._in_view(view, panorama)]
 
-    def _of_objects(self, view: View, features: Sequence[Feature]) -> list[Feature]:
-        """The features of those instances of a view that do not lie at an absent object's outline, farther inside of it than of any other's."""
-        if len(self.expected.there) == len(self.expected.objects):
-            return [*features]
-        outlines = [
-            (thing, outline.astype(np.float32))
-            for thing in self.expected.objects
-            if (outline := outline_in(view.spec, self.poses[view.frame], thing.outline)) is not None
-        ]
-        pixels: dict[tuple[str, int], list[Floats]] = {}
-        for feature in features:
-            pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
-        absent = {key for key, own in pixels.items() if _is_absent(key[0], np.concatenate(own).mean(axis=0), outlines)}
-        return [feature for feature in features if (feature.label, feature.instance) not in absent]
-
-    def _detections(self, view: View) -> list[Detection]:
+    def _in_view(self, view: View, panorama: Panorama) -> list[Feature]:
         segmentation = self.segmenters.predict(self.plugin, view)
-        return expected_detections(view, segmentation, self.poses[view.frame], self.expected.there, self.settings)
+        outlines = self._outlines(view, segmentation)
+        there = [(thing, outline) for thing, outline in outlines if not thing.absent]
+        detections = expected_detections(view, segmentation, there, self.settings)
+        return _of_objects(self.plugin.extract_features(view, detections, panorama), outlines)
+
+    def _outlines(self, view: View, segmentation: Segmentation) -> list[Outlined]:
+        """The expected objects that a view shows, absent ones too, with their outlines where the network sees them."""
+        outlines = outlines_in(view.spec, self.poses[view.frame], self.expected.objects)
+        drift = drift_of(segmentation, [(thing, outline) for thing, outline in outlines if not thing.absent])
+        return [(thing, outline + drift) for thing, outline in outlines]
+
+
+def _of_objects(features: Sequence[Feature], outlines: Sequence[Outlined]) -> list[Feature]:
+    """The features of those instances of a view that do not lie at an absent object's outline, farther inside of it than of any other's."""
+    if not any(thing.absent for thing, _ in outlines):
+        return [*features]
+    exact = [(thing, outline.astype(np.float32)) for thing, outline in outlines]
+    pixels: dict[tuple[str, int], list[Floats]] = {}
+    for feature in features:
+        pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
+    absent = {key for key, own in pixels.items() if _is_absent(key[0], np.concatenate(own).mean(axis=0), exact)}
+    return [feature for feature in features if (feature.label, feature.instance) not in absent]
 
 
 def _is_absent(label: str, place: Floats, outlines: Sequence[tuple[Expected, NDArray[np.float32]]]) -> bool:

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.types import Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
-from savmap.vision.evidence import DetectionSettings, PackedView, expected_detections, gather, outline_in
-from savmap.vision.evidence.planes import within_picture
+from savmap.types import Detection, Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
+from savmap.vision.evidence import DetectionSettings, PackedView, expected_detections, gather, outlines_in
+from savmap.vision.evidence.expected import within_picture
+from savmap.vision.evidence.planes import outline_in
 from savmap.vision.networks.segmenter import Segmentation
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)
@@ -98,7 +99,7 @@ def detected(probability: float, expected: list[Expected]) -> list[float]:
     image = np.zeros((SPEC.height, SPEC.width, 3), np.uint8)
     segmentation = drawn(pose(2.0), [post(1.0), post(3.0)], probability)
     view = View(SPEC, 0, 0.0, image)
-    found = expected_detections(view, segmentation, pose(2.0), expected, DetectionSettings())
+    found = expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), expected), DetectionSettings())
     return [float(np.nonzero(detection.mask)[1].mean()) for detection in found]
 
 
@@ -117,13 +118,16 @@ def test_an_object_in_pieces_is_found_by_the_colours_of_those_that_are_seen() ->
         cv2.fillPoly(image, [np.round(outline).astype(np.int32)], (200, 120, 30))
     segmentation, view = drawn(pose(2.0), [post(3.0)], 0.9), View(SPEC, 0, 0.0, image)
     hidden = Expected("post", post(1.0), in_pieces=True)
-    (found,) = expected_detections(view, segmentation, pose(2.0), [hidden], DetectionSettings())
+
+    def found_at(thing: Expected) -> list[Detection]:
+        return expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), [thing]), DetectionSettings())
+
+    (found,) = found_at(hidden)
     middle = outlines[1.0]
     assert middle is not None
     assert np.nonzero(found.mask)[1].mean() == pytest.approx(middle[:, 0].mean(), abs=1.0)
-    assert expected_detections(view, segmentation, pose(2.0), [Expected("post", post(1.0))], DetectionSettings()) == []
-    beside = Expected("post", post(2.0), in_pieces=True)
-    assert expected_detections(view, segmentation, pose(2.0), [beside], DetectionSettings()) == []
+    assert found_at(Expected("post", post(1.0))) == []
+    assert found_at(Expected("post", post(2.0), in_pieces=True)) == []
 
 
 def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
@@ -154,9 +158,8 @@ def test_a_post_that_leans_far_beyond_the_picture_is_found() -> None:
     cv2.fillPoly(maps[1], [np.round(shown).astype(np.int32)], 0.9)
     maps[0] = 1 - maps[1]
     view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
-    found = expected_detections(
-        view, Segmentation(("post",), maps), lean, [Expected("post", tall)], DetectionSettings()
-    )
+    outlines = outlines_in(SPEC, lean, [Expected("post", tall)])
+    found = expected_detections(view, Segmentation(("post",), maps), outlines, DetectionSettings())
     assert sum(int(detection.mask.sum()) for detection in found) == (maps[1] > 0).sum()
 
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
 from savmap.types import (
-    Detection,
-    Expected,
     Floats,
     PlaneEvidence,
     PlanePatch,
@@ -23,8 +21,6 @@ from savmap.types import (
     ViewSpec,
     array_record,
 )
-from savmap.vision.evidence.colours import colour_probability
-from savmap.vision.networks.adapter import regions
 from savmap.vision.networks.segmenter import Segmentation
 
 Bytes = NDArray[np.uint8]
@@ -36,8 +32,6 @@ JPEG_QUALITY = 80
 BORDER_PX = 2.0
 NEAR = 0.02
 REACH, OUTSIDE = 3.0, -9.0
-LIKELY_QUANTILE = 80.0
-AROUND_PX = 64.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,101 +152,6 @@ def _pixels_and_weights(
 
 def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
     return np.asarray(cv2.remap(values, pixels, None, cv2.INTER_LINEAR), np.float32)  # type: ignore[call-overload]
-
-
-@dataclass(frozen=True)
-class DetectionSettings:
-    """How expected objects are detected in a frame.
-
-    An object's pixels are those within `margin` of its outline, as a share of its lesser thickness (and `margin_px` more), whose probability
-    is above half of the object's usual one, the 80th percentile inside it. This must be at least `faintest`. Connected regions of fewer than
-    `least_px` pixels are left out.
-    """
-
-    margin: float = 0.35
-    margin_px: float = 2.0
-    faintest: float = 0.06
-    least_px: int = 12
-
-
-def expected_detections(
-    view: View,
-    segmentation: Segmentation,
-    world_from_rig: Floats,
-    expected: Sequence[Expected],
-    settings: DetectionSettings,
-) -> list[Detection]:
-    """The regions of a view in which a network sees one of the objects expected there, also faintly, and no other regions.
-
-    Probabilities are scaled so that half of an object's usual one becomes 0.5, the level of a mask's border. An object that is `in_pieces`,
-    and of which the network sees nothing, gets its probabilities from colours (`colour_probability`).
-    """
-    detections: list[Detection] = []
-    for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
-        raised = np.zeros_like(probability)
-        for target in expected:
-            outline = outline_in(view.spec, world_from_rig, target.outline) if target.label == label else None
-            if outline is not None:
-                scaled = _raised(probability, outline, settings)
-                if target.in_pieces and not scaled.any():
-                    scaled = _probability_by_colour(view, probability, outline)
-                np.maximum(raised, scaled, out=raised)
-        detections += regions(label, raised, 0.5, settings.least_px)
-    return detections
-
-
-def _raised(probability: Singles, outline: Floats, settings: DetectionSettings) -> Singles:
-    shown = within_picture(outline, probability.shape)
-    core = _filled(shown, probability.shape)
-    usual = float(np.percentile(probability[core], LIKELY_QUANTILE)) if core.any() else 0.0
-    if usual < settings.faintest:
-        return np.zeros_like(probability)
-    width = round(settings.margin * _thickness(shown) + settings.margin_px)
-    kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
-    near = np.asarray(cv2.dilate(core.view(np.uint8), kernel), np.bool_)
-    return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
-
-
-def _probability_by_colour(view: View, probability: Singles, outline: Floats) -> Singles:
-    """The probability by colour (height, width) of the pixels in an outline (n, 2), or within a pixel of it; 0 elsewhere."""
-    inside = _filled(within_picture(outline, probability.shape), probability.shape)
-    near = np.asarray(cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)), np.bool_)
-    return np.asarray(np.where(near, colour_probability(view.image, probability), 0.0), np.float32)
-
-
-def _thickness(outline: Floats) -> float:
-    """The lesser side, px, of the smallest rectangle around an outline (n, 2)."""
-    return float(min(cv2.minAreaRect(outline.astype(np.float32))[1]))
-
-
-def _filled(outline: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    mask = np.zeros(shape, np.uint8)
-    if len(outline):
-        cv2.fillPoly(mask, [np.round(16 * outline).astype(np.int32)], 1, shift=4)
-    return mask.view(np.bool_)
-
-
-def within_picture(outline: Floats, shape: tuple[int, ...]) -> Floats:
-    """The part (m, 2) of a convex outline (n, 2) px that lies in a picture (height, width) or `AROUND_PX` around it; none where (0, 2).
-
-    In a wide view the ends of what passes beside the camera lie thousands of pixels away: moved to the border they would bend it.
-    """
-    for axis, last in ((0, shape[1] - 1), (1, shape[0] - 1)):
-        for side, border in ((1.0, -AROUND_PX), (-1.0, -(last + AROUND_PX))):
-            outline = _cut(outline, side * outline[:, axis] - border)
-    return outline
-
-
-def _cut(outline: Floats, inside: Floats) -> Floats:
-    """The part (m, 2) of an outline (n, 2) where `inside` (n,), which is linear along its sides, is not negative."""
-    kept: list[Floats] = []
-    ends = zip(outline, np.roll(outline, -1, axis=0), inside, np.roll(inside, -1), strict=True)
-    for first, second, here, there in ends:
-        if here >= 0:
-            kept.append(first)
-        if (here >= 0) != (there >= 0):
-            kept.append(first + here / (here - there) * (second - first))
-    return np.array(kept).reshape(-1, 2)
 
 
 def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:

@@ -42,6 +42,19 @@ def test_a_strong_thing_that_is_short_is_no_level() -> None:
     assert expected_grid(seen((1, (3.0, 4.2), (2.6, 2.72), 0.95)), WHOLE) is None
 
 
+def test_a_level_that_is_thin_and_faint_all_along_is_of_another_rack() -> None:
+    """Through an open section a rack behind is seen, whose beams are farther away."""
+    evidence = seen((1, (2.8, 5.4), (2.6, 2.67), 0.4))
+    tracked = Grid(POSTS, [LEVELS, np.concatenate([LEVELS, [[2.6, 2.67]]]), LEVELS])
+    assert [len(levels) for levels in searched(Face(evidence, tracked, EvidenceSettings())).sections] == [3, 3, 3]
+
+
+def test_a_lowest_level_that_is_thin_and_faint_stands_in_the_shade() -> None:
+    evidence = seen((1, (2.8, 5.4), (0.4, 0.52), 0.4))
+    tracked = Grid(POSTS, [LEVELS, np.concatenate([[[0.42, 0.49]], LEVELS[1:]]), LEVELS])
+    assert expected_grid(evidence, tracked) is None
+
+
 @pytest.mark.parametrize("height", [-0.15, 4.3])
 def test_what_lies_below_or_above_the_posts_is_no_level(height: float) -> None:
     assert expected_grid(seen((1, (0.1, 8.1), (height, height + 0.12), 0.9)), WHOLE) is None

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.geometry.lines import Lines
+from savmap.geometry.lines import Lines, where
 from savmap.types import Floats, Panorama, ViewSpec
 from savmap.vision.edges.subpixel import Edges, measured
 from savmap_shelves.boundaries.second import SecondReadings, second_readings
@@ -12,6 +12,10 @@ from savmap_shelves.boundaries.strips import Strips
 
 ROUNDS = 3
 TOLERANCE = 0.01
+SAME = 0.4
+"""Edges that are nearer to each other than this share of their mask's thickness are one line."""
+WHOLE = 0.5
+"""What is thinner in its mask than this share of what is usual in the picture is hidden in part."""
 
 
 def measured_strips(
@@ -37,7 +41,18 @@ def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:
 
 
 def _with_edges(strips: Strips, lines: Lines) -> Strips:
-    return replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
+    """Strips with measured edges. Where both are the same line, as of a thin strip of which one edge has no contrast, the mask keeps that edge which
+    the line is farther from, unless goods hide a part of it. It weighs as measured ones do, so that all frames together tell which of the edges the line is."""
+    found = replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
+    middle = (strips.first + strips.last) / 2
+    off_upper, off_lower = (
+        np.abs(new.at(middle) - old.at(middle))
+        for new, old in ((found.upper, strips.upper), (found.lower, strips.lower))
+    )
+    whole = strips.thickness > WHOLE * np.median(strips.thickness) if len(strips) else np.zeros(0, dtype=np.bool_)
+    same, is_lower = whole & (found.thickness < SAME * strips.thickness), off_upper >= off_lower
+    upper = where(same & is_lower, strips.upper, found.upper)
+    return replace(found, upper=upper, lower=where(same & ~is_lower, strips.lower, found.lower))
 
 
 def _face_axes(spec: ViewSpec, uprights: Strips, beams: Strips) -> Floats:

@@ -6,7 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 class BoundarySettings(BaseModel):
     """How masks become edges and corners. Pixels refer to views of the default size, 640x480.
 
-    - `least_upright`: uprights shorter than this share of the rack's height in the picture are dropped (paper: 5/8 of the picture's).
+    - `least_upright`: uprights shorter than this share of the rack's height in the picture are dropped (paper: 5/8 of the
+      picture's; of thin dark uprights a network often sees less).
     - `plane_margin`: structures whose edges meet within the picture enlarged by this share are dropped (paper: 20 %).
     - `askew_sigmas`: how many standard deviations beyond their noise they must do so.
     - `overlap`: a mask that shares more than this part of its area with a longer one is a duplicate.
@@ -26,7 +27,7 @@ class BoundarySettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    least_upright: float = Field(default=5 / 8, gt=0, le=1)
+    least_upright: float = Field(default=1 / 2, gt=0, le=1)
     plane_margin: float = Field(default=0.2, ge=0)
     askew_sigmas: float = Field(default=3.0, ge=0)
     overlap: float = Field(default=0.25, ge=0, le=1)

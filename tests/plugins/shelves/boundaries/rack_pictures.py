@@ -123,10 +123,10 @@ class Picture:
         return min(offsets, key=lambda offset: float(np.linalg.norm(offset)))
 
     def measurable(self, x: tuple[float, float]) -> bool:
-        """Whether an upright is in the view from side to side, along 5/8 of the picture's height."""
+        """Whether an upright is in the view from side to side, along half of the picture's height."""
         quad = self.camera.quad(x, (0.0, self.rack.height))
         rows = np.clip(quad[:, 1], 0, HEIGHT - 1)
-        seen = np.isfinite(quad).all() and rows[2] - rows[1] > 0.63 * HEIGHT
+        seen = np.isfinite(quad).all() and rows[2] - rows[1] > 0.5 * HEIGHT
         return bool(seen and (quad[:, 0] > 1).all() and (quad[:, 0] < WIDTH - 2).all())
 
     @property

@@ -65,27 +65,27 @@ def test_beams_incomplete_in_length_are_extended_to_the_uprights() -> None:
     assert worst(picture, features) < 0.4
 
 
-def test_uprights_incomplete_in_length_are_kept_down_to_five_eighths_and_extended() -> None:
+def test_uprights_incomplete_in_length_are_kept_down_to_a_half_and_extended() -> None:
     picture = Picture(camera=FACING)
     rows = np.flatnonzero(picture.uprights.max(axis=1) > 0.5)
-    kept = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - 5 * HEIGHT // 8 - 4), slice(None)))
+    kept = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - HEIGHT // 2 - 4), slice(None)))
     assert counts(kept) == counts(found(picture))
     assert worst(picture, kept) < 0.3
     left = slice(0, WIDTH // 2)
-    half = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - 5 * HEIGHT // 8 + 8), left))
+    half = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - HEIGHT // 2 + 8), left))
     assert 0 < counts(half)[0] < counts(kept)[0]
     assert {feature.pixels[0, 0] < WIDTH // 2 for feature in of(half, "upright", "left")} == {False}
     assert counts(half)[1] == counts(found(picture))[1], "short uprights still separate sections"
 
 
-def test_five_eighths_are_of_the_rack_where_the_view_is_wider_than_its_height_needs() -> None:
-    """The whole rack is lower in the picture than 5/8 of it: its uprights count, half-high ones beside them do not."""
+def test_a_half_is_of_the_rack_where_the_view_is_wider_than_its_height_needs() -> None:
+    """The whole rack is lower in the picture than half of it: its uprights count, half-high ones beside them do not."""
     picture = Picture(camera=FACING)
     rows = np.flatnonzero(picture.uprights.max(axis=1) > 0.5)
-    cut = slice(0, rows[-1] - HEIGHT // 2)
+    cut = slice(0, rows[-1] - 2 * HEIGHT // 5)
     low = without(picture.uprights, cut, slice(None))
     assert counts(found(picture, upright=low))[0] == counts(found(picture))[0]
-    lower = without(low, slice(0, rows[-1] - HEIGHT // 4), slice(0, WIDTH // 2))
+    lower = without(low, slice(0, rows[-1] - HEIGHT // 6), slice(0, WIDTH // 2))
     assert 0 < counts(found(picture, upright=lower))[0] < counts(found(picture))[0]
 
 

@@ -1,5 +1,7 @@
 """Edges of racks measured in panoramas: masks that are too wide no longer matter."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from savmap.vision.edges.profiles import RADIANCE
 from savmap.vision.networks.segmenter import regions
 from savmap_shelves.boundaries import extract_features
 from savmap_shelves.boundaries.features import Extraction, _beams, _separators
-from savmap_shelves.boundaries.measuring import _face_axes
+from savmap_shelves.boundaries.measuring import _face_axes, _with_edges
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.plugin import Shelves
 from savmap_shelves.settings import ShelvesSettings
@@ -88,3 +90,24 @@ def test_the_faces_axes_follow_from_the_edges() -> None:
     assert np.abs(axes - truth).max() < 0.01
     none = uprights[np.zeros(len(uprights), dtype=np.bool_)]
     assert np.allclose(_face_axes(spec, none, none), np.eye(3))
+
+
+def test_two_edges_that_are_measured_at_one_line_are_not_both_that_line() -> None:
+    extraction = Extraction(FACING.view, BoundarySettings(), 0.3)
+    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()))
+    for line, both in ((beams.lower, "lower"), (beams.upper, "upper")):
+        found = _with_edges(beams, line.joined(line))
+        assert found.thickness == pytest.approx(beams.thickness), both
+    separate = _with_edges(beams, beams.upper.joined(replace(beams.lower, offset=beams.lower.offset - 1.0)))
+    assert separate.thickness == pytest.approx(beams.thickness - 1.0)
+
+
+def test_a_beam_that_goods_hide_in_part_has_the_one_line_that_is_seen() -> None:
+    extraction = Extraction(FACING.view, BoundarySettings(), 0.3)
+    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()))
+    hidden = np.arange(len(beams)) == 0
+    shift = np.where(hidden, 0.7 * beams.thickness, 0.0)
+    masks = replace(beams, upper=replace(beams.upper, offset=beams.upper.offset + shift))
+    found = _with_edges(masks, beams.lower.joined(beams.lower))
+    assert found.thickness[0] == pytest.approx(0.0, abs=0.01)
+    assert (found.thickness[1:] > 1).all()

@@ -22,6 +22,8 @@ SIMILAR, SIMILAR_BELOW = 0.95, 0.85
 """The similarity of paint that tells of a beam; below the posts' feet, over all sections."""
 STRONG, WHOLE, SURE = 0.6, 0.9, 0.95
 """The share of the usual strength that is a strong one; the cover that is one along the whole length; the evidence that makes sure."""
+HALF = 0.5
+"""Lowest levels are where the sections have them of which so many do."""
 STEP_SHARE = 0.25
 """A level is where the other sections have theirs within such a share of the step to the next one above."""
 FEW = 0.25
@@ -69,7 +71,7 @@ class Section:
         similarity = self.face.storey_similarity(self.span, level)
         plain = shown > WHOLE or shown * strength > self.settings.plain
         strange = similarity < self.settings.strange or (similarity < self.settings.doubted and not plain)
-        behind = strength < FAINT and self._is_behind(level)
+        behind = strength < FAINT and (self._is_behind(level) or self._is_far(level))
         return shown >= self.settings.lost and not sunk and not behind and (self._is_sure(level) or not strange)
 
     def _is_sure(self, level: Floats) -> bool:
@@ -79,8 +81,18 @@ class Section:
     def _is_behind(self, level: Floats) -> bool:
         """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its section appears."""
         others = self.beside[np.abs(self.beside.mean(axis=1) - level.mean()) > self.thickness]
-        thin = level[1] - level[0] < THIN * self.thickness
-        return bool(thin and self.face.rear.shows(others, float(level.mean())))
+        return self._is_thin(level) and self.face.rear.shows(others, float(level.mean()))
+
+    def _is_far(self, level: Floats) -> bool:
+        """Whether a level that was tracked is thin along the whole length, as a beam of another rack looks through an open section, and not where the lowest
+        ones are: these stand in the shade."""
+        room = ROOM * self.thickness
+        lowest = np.abs(self._others_lowest() - level.mean()) < room
+        return self._is_thin(level) and self._cover_at(level) > WHOLE and not (len(lowest) and lowest.mean() >= HALF)
+
+    def _is_thin(self, level: Floats) -> bool:
+        """Whether a level that was tracked is as thin as what is farther away looks."""
+        return bool(level[1] - level[0] < THIN * self.thickness)
 
     def _is_double(self, level: Floats, levels: Sequence[Floats]) -> bool:
         """Whether a level that shows in part is so near to a stronger one of its section that one beam was taken for two: goods hid a part of it,
@@ -147,10 +159,13 @@ class Section:
         """Whether a level would be the lowest of its section, where half of the other sections, and two at least, have theirs."""
         if not len(self.beside):
             return False
-        others = [y for number, y in enumerate(self.face.lowest) if number != self.number and np.isfinite(y)]
         step, room = float(self.beside.mean(axis=1).min()) - centre, ROOM * self.thickness
-        near = np.abs(np.array(others) - centre) < max(room, STEP_SHARE * step)
-        return len(near) > 1 and step > room and bool(near.mean() >= 0.5)
+        near = np.abs(self._others_lowest() - centre) < max(room, STEP_SHARE * step)
+        return len(near) > 1 and step > room and bool(near.mean() >= HALF)
+
+    def _others_lowest(self) -> Floats:
+        """y (n,) of the lowest level of each other section that has any."""
+        return np.array([y for number, y in enumerate(self.face.lowest) if number != self.number and np.isfinite(y)])
 
     def _edges(self, row: int) -> Floats:
         """y (2,) of the edges of a level whose cover has its maximum at a row: those of its paint where that is similar, 0.6 to 1.4 of the usual height
