@@ -125,6 +125,17 @@ def test_frames_are_measured_where_objects_are_expected(
     assert notes == ["row A: `one` looks again for 1 objects"]
 
 
+def test_what_is_expected_beside_what_is_seen_is_measured_where_it_is_seen(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The path was 42 cm off: 10 px. What is absent moves along."""
+    aside, elsewhere = rectangle(0.38), replace(rectangle(-1.22), absent=True)
+    monkeypatch.setattr(second_look, "drift_of", lambda segmentation, outlines: np.array([10.0 * len(outlines), 0]))
+    measured, _ = looked(walked, watcher(), [Expectation([aside, elsewhere], PATH), None], monkeypatch)
+    middles = [feature.pixels[0, 0] for feature in measured.features["one"]]
+    assert middles == pytest.approx([66.5] * COUNT, abs=1)
+
+
 def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubted(
     walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
 ) -> None:
