@@ -55,18 +55,6 @@ def test_a_lowest_level_that_is_thin_and_faint_stands_in_the_shade() -> None:
     assert expected_grid(evidence, tracked) is None
 
 
-@pytest.mark.parametrize(("count", "posts"), [(3, 4), (2, 3)])
-def test_a_post_at_the_end_is_found_by_the_levels_of_its_own_section(count: int, posts: int) -> None:
-    """None of them is at the height of those of the section beside."""
-    heights = [(0.9, 1.02), (2.4, 2.52), (2.9, 3.02)][:count]
-    own = [(1, (5.5, 8.1), levels, 0.9) for levels in heights]
-    evidence = seen((1, (5.5, 8.1), (0.0, 4.0), 0.0), *own)
-    tracked = Grid(POSTS[:3], [LEVELS] * 2)
-    expected = searched(Face(evidence, tracked, EvidenceSettings()))
-    assert len(expected.posts) == posts
-    assert [len(levels) for levels in expected.sections] == [3, 3, 3][: posts - 1]
-
-
 @pytest.mark.parametrize("height", [-0.15, 4.3])
 def test_what_lies_below_or_above_the_posts_is_no_level(height: float) -> None:
     assert expected_grid(seen((1, (0.1, 8.1), (height, height + 0.12), 0.9)), WHOLE) is None

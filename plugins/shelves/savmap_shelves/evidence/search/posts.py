@@ -11,14 +11,11 @@ from savmap_shelves.evidence.search.face import Face
 
 NEAREST = 0.4
 """How many usual bays a post beyond the end is away, at least."""
-MOST = 0.5
-LEAST_LEVELS = 3
-"""So many levels between a post beyond the end and the last one are those of a section, also where none of them is at the height of those beside."""
 
 
 def expected_posts(face: Face) -> Floats:
     """x (k, 2) of a face's posts: tracked ones that are not lost, new ones between them, less certain ones in bays so wide that a post is missing, and one
-    more at either end if most levels of the outermost section continue to it, or enough other ones reach it."""
+    more at either end if most levels of the outermost section continue to it."""
     cover = face.post_cover()
     return _with_ends(face, cover, _between(face, cover))
 
@@ -40,7 +37,7 @@ def _between(face: Face, cover: Floats) -> Floats:
 
 
 def _with_ends(face: Face, cover: Floats, posts: Floats) -> Floats:
-    """Posts, and one more at either end, if most levels of the outermost section continue to it, or enough other ones reach it."""
+    """Posts, and one more at either end, if most levels of the outermost section continue to it."""
     for end, beyond in ((-1, face.x > posts[-1, 1]), (0, face.x < posts[0, 0])):
         bay, inner, levels = usual_bay(posts), float(posts[end].mean()), face.tracked.sections[end]
         for centre in _candidates(face, cover, beyond, face.settings.post):
@@ -68,11 +65,6 @@ def _joined(face: Face, posts: Floats, centres: Floats) -> Floats:
 
 
 def _goes_on(face: Face, levels: Floats, left: float, right: float) -> bool:
-    """Whether most of levels (m, 2) show between two places, or as many levels of its own, none of which runs overhead."""
-    cover = face.level_cover((left, right))
-    covered = greatest(cover, face.y, levels) > face.settings.level
-    if float(covered.mean()) > MOST:
-        return True
-    found = [float(face.y[row]) for row in peaks(cover, face.settings.level)]
-    own = [y for y in found if face.floor < y < face.ceiling]
-    return len(own) >= max(LEAST_LEVELS, MOST * len(levels))
+    """Whether most of levels (m, 2) show between two places."""
+    covered = greatest(face.level_cover((left, right)), face.y, levels) > face.settings.level
+    return float(covered.mean()) > 0.5
