@@ -41,6 +41,7 @@ from savmap.types.progress import Monitor
 from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import (
     DetectionSettings,
+    FloorHeight,
     FloorTracks,
     Outlined,
     PackedView,
@@ -60,6 +61,8 @@ from savmap.vision.views import Renderer
 LOOKS = 2
 LEAST_LANDMARKS = 2
 UPRIGHT = 0.99
+STANDS_ON_FLOOR = 0.25
+"""Not so large a share of what was tracked lies below the floor."""
 BEYOND = 0.1
 """By so large a share of their extent may landmarks differ from look to look: the path's scale is an assumed one."""
 
@@ -231,7 +234,8 @@ def expect(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasur
     )
     planes = plugin.planes(points)
     evidence = [gather(patch, plugin.classes, packed_views, views, located.path) for patch in planes]
-    objects = plugin.expect(points, evidence, floor_before(alone, measured, located.path, planes)) if evidence else []
+    floor = floor_before(alone, measured, located.path, planes, points) if evidence else None
+    objects = plugin.expect(points, evidence, floor.y if floor else None) if evidence else []
     return Expectation(objects, located.path, points, planes) if objects else None
 
 
@@ -288,26 +292,35 @@ def depths_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMea
 
 
 def floor_before(
-    alone: PluginAlone, measured: MeasuredPasses, path: Trajectory, planes: Sequence[PlanePatch]
-) -> float | None:
-    """The floor's y before the first upright plane of a plugin's, where the pictures tell."""
+    alone: PluginAlone,
+    measured: MeasuredPasses,
+    path: Trajectory,
+    planes: Sequence[PlanePatch],
+    points: Mapping[str, Floats],
+) -> FloorHeight | None:
+    """The floor before the first upright plane of a plugin's, where the pictures tell. What lies higher than much of what was tracked, points (3,), is
+    something else."""
     face = first_upright(planes)
     if face is None:
         return None
     floor = floor_height(face, measured.floor, measured.floor_views, path, alone.floor_share)
-    if floor is None:
+    if floor is None or floor.y > np.quantile([place[1] for place in points.values()], STANDS_ON_FLOOR):
         return None
     alone.floor_share = floor.share
-    return floor.y
+    return floor
 
 
 def floor_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
     """Points of the floor before the plugin's first upright plane, where the pictures tell."""
-    located, plugin = alone.located(measurements), alone.plugin
-    face = first_upright(plugin.planes(located.points[plugin.name])) if located is not None else None
-    if located is None or face is None:
+    located = alone.located(measurements)
+    if located is None:
         return FloorTracks()
-    return floor_tracks(face, measured.floor, measured.floor_views, located.path, alone.floor_share)
+    points = located.points[alone.plugin.name]
+    planes = alone.plugin.planes(points)
+    face, floor = first_upright(planes), floor_before(alone, measured, located.path, planes, points)
+    if face is None or floor is None:
+        return FloorTracks()
+    return floor_tracks(face, measured.floor, measured.floor_views, located.path, floor.share)
 
 
 def first_upright(planes: Sequence[PlanePatch]) -> PlanePatch | None:

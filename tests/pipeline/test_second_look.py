@@ -257,8 +257,22 @@ def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
     lying = PlanePatch("floor", np.zeros(3), np.eye(3)[0], -np.eye(3)[2], np.ones(2), 0.1)
     standing = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
     planes = [[lying, standing]] * 3 + [[lying]]
-    assert [second_look.floor_before(alone, walked, PATH, some) for some in planes] == [-1.5, -1.5, None, None]
+    found = [second_look.floor_before(alone, walked, PATH, some, {"beam / a": np.zeros(3)}) for some in planes]
+    assert [floor.y if floor else None for floor in found] == [-1.5, -1.5, None, None]
     assert asked == [None, 0.7, 0.7]
+
+
+@pytest.mark.parametrize(("height", "is_floor"), [(-0.3, True), (0.4, True), (1.1, False)])
+def test_what_lies_higher_than_much_of_what_was_tracked_is_not_the_floor(
+    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch, height: float, is_floor: bool
+) -> None:
+    """A single thing below the floor may be its mirror image."""
+    monkeypatch.setattr(second_look, "floor_height", lambda *_: FloorHeight(height, 0.7, 0.01))
+    alone = PluginAlone(RowRequest("A", (), [], References()), watcher())
+    face = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+    points = {f"beam {y} / a": np.array([0.0, y, 0.0]) for y in (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)}
+    found = second_look.floor_before(alone, walked, PATH, [face], points)
+    assert (found is not None, alone.floor_share) == ((True, 0.7) if is_floor else (False, None))
 
 
 def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: MeasuredPasses) -> None:
@@ -336,7 +350,8 @@ def test_a_plugin_is_asked_with_the_floor_before_its_planes(
         told.append(floor)
         return []
 
-    monkeypatch.setattr(second_look, "floor_before", lambda alone, measured, path, planes: -1.5 if planes else None)
+    floor = FloorHeight(-1.5, 0.7, 0.01)
+    monkeypatch.setattr(second_look, "floor_before", lambda *given: floor if given[3] else None)
     monkeypatch.setattr(
         PluginAlone, "located", lambda self, measurements: SimpleNamespace(points={"one": {}}, path=PATH)
     )

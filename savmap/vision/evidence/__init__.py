@@ -4,11 +4,12 @@ from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.drift import drift_of
 from savmap.vision.evidence.expected import DetectionSettings, Outlined, expected_detections, outlines_in
-from savmap.vision.evidence.floor import FloorTracks, floor_height, floor_tracks
+from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_height, floor_tracks
 from savmap.vision.evidence.planes import PackedView, gather
 
 __all__ = [
     "DetectionSettings",
+    "FloorHeight",
     "FloorTracks",
     "Outlined",
     "PackedView",
