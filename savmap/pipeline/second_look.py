@@ -61,8 +61,8 @@ from savmap.vision.views import Renderer
 LOOKS = 2
 LEAST_LANDMARKS = 2
 UPRIGHT = 0.99
-STANDS_ON_FLOOR = 0.25
-"""Not so large a share of what was tracked lies below the floor."""
+BELOW_FLOOR = 0.4
+"""The floor is not higher than so large a share of what was tracked: edges of uprights alone are followed to below it, a third of all points at most."""
 BEYOND = 0.1
 """By so large a share of their extent may landmarks differ from look to look: the path's scale is an assumed one."""
 
@@ -304,7 +304,7 @@ def floor_before(
     if face is None:
         return None
     floor = floor_height(face, measured.floor, measured.floor_views, path, alone.floor_share)
-    if floor is None or floor.y > np.quantile([place[1] for place in points.values()], STANDS_ON_FLOOR):
+    if floor is None or floor.y > np.quantile([place[1] for place in points.values()], BELOW_FLOOR):
         return None
     alone.floor_share = floor.share
     return floor

@@ -262,7 +262,7 @@ def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
     assert asked == [None, 0.7, 0.7]
 
 
-@pytest.mark.parametrize(("height", "is_floor"), [(-0.3, True), (0.4, True), (1.1, False)])
+@pytest.mark.parametrize(("height", "is_floor"), [(-0.3, True), (0.4, True), (1.6, False)])
 def test_what_lies_higher_than_much_of_what_was_tracked_is_not_the_floor(
     walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch, height: float, is_floor: bool
 ) -> None:
