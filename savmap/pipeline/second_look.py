@@ -62,7 +62,8 @@ LOOKS = 2
 LEAST_LANDMARKS = 2
 UPRIGHT = 0.99
 BELOW_FLOOR = 0.4
-"""The floor is not higher than so large a share of what was tracked: edges of uprights alone are followed to below it, a third of all points at most."""
+"""The floor is never higher than this share of the tracked points. Some true points lie below it: uprights' edges are extended to the picture's border.
+These are a third of all points at most."""
 BEYOND = 0.1
 """By so large a share of their extent may landmarks differ from look to look: the path's scale is an assumed one."""
 
