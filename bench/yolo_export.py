@@ -99,14 +99,15 @@ def train(data: Path, start: str, minutes: float, size: int, output: Path) -> No
 
 def in_few_bits(trainer: Any) -> None:
     """Let a training network compute in bfloat16 where the processor can; what it returns, and so the loss, stays in 32 bits."""
+    import torch
     from torch.utils._pytree import tree_map
 
-    from savmap.train.trainer import fast_arithmetic
+    from savmap.train.device import fast_arithmetic
 
     plain = trainer.model.predict
 
     def predict(*given: Any, **named: Any) -> Any:
-        with fast_arithmetic():
+        with fast_arithmetic(torch.device("cpu")):
             outputs = plain(*given, **named)
         return tree_map(lambda value: value.float() if hasattr(value, "float") else value, outputs)
 

@@ -39,10 +39,11 @@ def distilled(network: Path, source: Path, folder: Path, classes: Sequence[str],
 def _labelled(
     network: Path, samples: Sequence[Sample], classes: Sequence[str], progress: Progress
 ) -> Iterator[Labelled]:
-    from savmap.train.export import load_onnx  # torch, an extra, is imported when it is needed
+    from savmap.train.device import compute_device  # torch, an extra, is imported when it is needed
+    from savmap.train.export import load_onnx
     from savmap.train.trainer import predictor
 
-    predict = magnified(predictor(load_onnx(network, classes)[0]))
+    predict = magnified(predictor(load_onnx(network, classes)[0].to(compute_device())))
     for number, sample in enumerate(samples):
         progress(number / len(samples), f"labelling {sample.image.name}")
         image, labels = sample.load()

@@ -1,12 +1,13 @@
 """Random variation of labelled pictures, so that a network learns shapes and not the colours of one renderer.
 
-Endless batches of them are prepared by a thread while the network computes.
+Endless batches of them are prepared by threads while the network computes.
 """
 
-import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from queue import Full, Queue
+from itertools import count, islice
 
 import cv2
 import numpy as np
@@ -281,8 +282,8 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 @dataclass(frozen=True, eq=False)
 class BatchSource:
-    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes, seed, and how pictures are varied. A run that
-    goes on after `start` batches draws others than it began with."""
+    """What is drawn from: samples with their probabilities (n,), the network's number of classes, sizes, seed, and how pictures are varied. A batch
+    follows from the seed and its number; a run that goes on begins with number `start`."""
 
     samples: Sequence[Sample]
     weights: NDArray[np.float64]
@@ -293,40 +294,24 @@ class BatchSource:
     start: int = 0
     variation: Variation = VARIATIONS[ANY_PLACE]
 
-    def __iter__(self) -> Iterator[Batch]:
-        rng = np.random.default_rng([self.seed, self.start] if self.start else self.seed)
-        while True:
-            drawn = rng.choice(len(self.samples), self.size, p=self.weights)
-            variants = []
-            for index in drawn:
-                image, mask = self.samples[index].load()
-                variants.append(augment(rng, image, mask, self.crop, self.classes, self.variation))
-            yield np.stack([image for image, _ in variants]), np.stack([mask for _, mask in variants])
+    def batch(self, number: int) -> Batch:
+        """The batch of a number."""
+        rng = np.random.default_rng([self.seed, number])
+        variants = []
+        for index in rng.choice(len(self.samples), self.size, p=self.weights):
+            image, mask = self.samples[index].load()
+            variants.append(augment(rng, image, mask, self.crop, self.classes, self.variation))
+        return np.stack([image for image, _ in variants]), np.stack([mask for _, mask in variants])
 
 
-def prefetched(source: BatchSource, stop: threading.Event, depth: int = 4) -> Iterator[Batch]:
-    """The batches of `source` in order, made ahead by a thread until `stop` is set; its errors are raised here."""
-    queue: Queue[Batch | Exception] = Queue(depth)
-
-    def put(item: Batch | Exception) -> None:
-        while not stop.is_set():
-            try:
-                return queue.put(item, timeout=0.2)
-            except Full:
-                continue
-
-    def work() -> None:
+def prefetched(source: BatchSource, threads: int = 1, ahead: int = 4) -> Iterator[Batch]:
+    """The batches of `source` in order, without end; threads make some `ahead`. Their errors are raised here."""
+    with ThreadPoolExecutor(threads) as pool:
+        numbers = count(source.start)
+        waiting = deque(pool.submit(source.batch, number) for number in islice(numbers, threads + ahead))
         try:
-            for batch in source:
-                put(batch)
-                if stop.is_set():
-                    return
-        except Exception as error:
-            put(error)
-
-    threading.Thread(target=work, daemon=True).start()
-    while True:
-        item = queue.get()
-        if isinstance(item, Exception):
-            raise item
-        yield item
+            for number in numbers:
+                yield waiting.popleft().result()
+                waiting.append(pool.submit(source.batch, number))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)

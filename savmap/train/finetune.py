@@ -51,6 +51,7 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
     network, history = load_onnx(plan.init, plan.classes)
     progress(0.0, f"{len(training)} pictures to train on, {len(validation)} to choose and to calibrate by")
     trainer = Trainer(network, settings)
+    progress(0.0, f"computing on {trainer.device.type}")
     replayed = {sample.origin for dataset in replay for sample in dataset.samples}
     key = run_key(plan.classes, samples, plan.seed, plan.init, settings, replayed)
     kept = ResumeFile(plan.output.with_suffix(SUFFIX), key)
@@ -66,7 +67,7 @@ def fine_tune(plan: TrainingPlan, progress: Progress, settings: Hyperparameters)
         kept.save(trainer, state)
 
     fit(trainer, source, state, plan, progress, lambda: kept.save(trainer, state), validate)
-    chosen = trainer.average.network
+    chosen = trainer.average.network.cpu()
     if state.best is not None:
         chosen.load_state_dict(state.best)
     recipe |= {"steps": state.steps, "minutes": round(state.spent_s / 60, 1)}

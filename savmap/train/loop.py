@@ -1,6 +1,5 @@
 """From data sets to an ONNX file within a budget of minutes."""
 
-import threading
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
@@ -16,6 +15,7 @@ from savmap.train.augment import VARIATIONS, BatchSource, prefetched
 from savmap.train.checkpoint import SUFFIX, Recipe, ResumeFile, TrainingState, load_checkpoint, run_key, save_checkpoint
 from savmap.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.train.data.sets import read_sets, samples_of
+from savmap.train.device import threads_beside
 from savmap.train.export import export, load_onnx
 from savmap.train.measure import measure
 from savmap.train.network import SegmentationNetwork, build
@@ -44,9 +44,9 @@ def fit(
     """Train until the plan's minutes are spent or its steps made, those of `state` included, and at least LEAST_STEPS; `save` is called now and then, and
     when it is interrupted, `validate` as often as the settings say and at the end."""
     began = time.monotonic() - state.spent_s
-    saved, stop = time.monotonic(), threading.Event()
+    saved = time.monotonic()
     try:
-        for batch in prefetched(source, stop):
+        for batch in prefetched(source, threads_beside(trainer.device)):
             state.spent_s = time.monotonic() - began
             done = plan.done(state.steps, state.spent_s)
             if len(state.scores) <= done * trainer.settings.validations:
@@ -63,8 +63,6 @@ def fit(
     except KeyboardInterrupt:
         save()
         raise
-    finally:
-        stop.set()
 
 
 def start(classes: Sequence[str], init: Path | None) -> tuple[SegmentationNetwork, list[Recipe]]:
@@ -113,6 +111,7 @@ def run(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> Tr
     state = resumed(kept, trainer, progress)
     recipe = described(datasets, plan.seed, plan.minutes, settings)
     averaged = trainer.average.network
+    progress(0.0, f"computing on {trainer.device.type}")
 
     def save() -> None:
         save_checkpoint(plan.checkpoint, averaged, plan.classes, [*history, recipe])
@@ -121,6 +120,7 @@ def run(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> Tr
     fit(trainer, source_of(plan, training, settings, state), state, plan, progress, save)
     recipe["steps"] = state.steps
     progress(1.0, "measuring")
+    averaged.cpu()
     recipe["validation"] = scores = validation_scores(averaged, validation, plan.classes, settings.validation_limit)
     known = [figures["iou"] for figures in scores.values() if "iou" in figures]
     recipe |= warning_of(plan, float(np.mean(known)) if known else 0.0, state.steps)

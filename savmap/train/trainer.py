@@ -2,7 +2,6 @@
 
 import copy
 import math
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,6 +13,7 @@ from torch.nn import functional
 
 from savmap.train.augment import ANY_PLACE, ONE_SITE, Batch, Crop
 from savmap.train.data.dataset import IGNORE
+from savmap.train.device import compute_device, device_of, fast_arithmetic
 from savmap.train.measure import Predictor
 from savmap.train.network import FIXED_BLOCKS, SegmentationNetwork
 
@@ -108,15 +108,6 @@ def learning_rate_factor(done: float, warm_up: float) -> float:
     return 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * (done - warm_up) / (1 - warm_up)))
 
 
-def fast_arithmetic() -> AbstractContextManager[object]:
-    """bfloat16 where the processor computes with it, else nothing."""
-    capable = torch.cpu.get_capabilities()
-    if capable.get("avx512_bf16") or capable.get("amx_bf16"):
-        context: AbstractContextManager[object] = torch.autocast("cpu", dtype=torch.bfloat16)
-        return context
-    return nullcontext()
-
-
 class Average:
     """Exponential moving average of a network's weights; it settles faster at the beginning."""
 
@@ -138,10 +129,11 @@ class Average:
 
 
 class Trainer:
-    """A network in training: `step` improves it by one batch."""
+    """A network in training, moved to where torch computes: `step` improves it by one batch."""
 
     def __init__(self, network: SegmentationNetwork, settings: Hyperparameters) -> None:
-        self.network = network.to(memory_format=torch.channels_last).train()
+        self.device = compute_device()
+        self.network = network.to(self.device, memory_format=torch.channels_last).train()
         network.encoder.blocks[: settings.frozen_blocks].requires_grad_(False)
         if settings.frozen_statistics:
             for module in network.modules():
@@ -178,8 +170,8 @@ class Trainer:
         factor = learning_rate_factor(done, self.settings.warm_up)
         for group in self._optimizer.param_groups:
             group["lr"] = group["most"] * factor
-        images, labels = as_tensors(batch)
-        with fast_arithmetic():
+        images, labels = (tensor.to(self.device) for tensor in as_tensors(batch))
+        with fast_arithmetic(self.device):
             logits = self.network(images)
         loss = segmentation_loss(logits.float(), labels)
         self._optimizer.zero_grad(set_to_none=True)
@@ -197,11 +189,12 @@ def as_tensors(batch: Batch) -> tuple[Tensor, Tensor]:
 
 
 def predictor(network: SegmentationNetwork) -> Predictor:
-    """The network as a function from a picture (H, W, 3) uint8 to probabilities (C, H, W)."""
+    """The network, where its weights are, as a function from a picture (H, W, 3) uint8 to probabilities (C, H, W)."""
+    device = device_of(network)
 
     def predict(image: NDArray[np.uint8]) -> NDArray[np.float32]:
         images, _ = as_tensors((image[None], np.zeros((1, 1, 1), np.uint8)))
         with torch.inference_mode():
-            return np.asarray(torch.softmax(network.eval()(images), dim=1)[0].numpy(), np.float32)
+            return np.asarray(torch.softmax(network.eval()(images.to(device)), dim=1)[0].cpu().numpy(), np.float32)
 
     return predict

@@ -1,12 +1,19 @@
+import time
+from itertools import islice
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from savmap.errors import OutputError
 from savmap.train.augment import (
     ANY_PLACE,
     ONE_SITE,
     VARIATIONS,
+    BatchSource,
     Crop,
     augment,
+    prefetched,
     random_homography,
     recolour,
     turned_hue,
@@ -99,3 +106,38 @@ def test_one_site_keeps_its_colours() -> None:
         means = [augment(rng, image, mask, CROP, 1, VARIATIONS[name])[0].mean(axis=(0, 1)) for _ in range(200)]
         share[name] = np.mean([mean.argmax() == 0 for mean in means])
     assert share[ONE_SITE] > 0.9 > share[ANY_PLACE]
+
+
+class Numbered:
+    """A source whose batches are their numbers; that of 13 fails."""
+
+    start = 10
+
+    def __init__(self) -> None:
+        self.made: list[int] = []
+
+    def batch(self, number: int) -> int:
+        self.made.append(number)
+        if number == 13:
+            raise OutputError("picture 13 cannot be read")
+        time.sleep(0.02 if number % 2 == 0 else 0.0)
+        return number
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_batches_come_in_order_from_any_number_of_threads(threads: int) -> None:
+    source = Numbered()
+    batches = prefetched(source, threads)  # type: ignore[arg-type]
+    assert list(islice(batches, 3)) == [10, 11, 12]
+    with pytest.raises(OutputError, match="picture 13"):
+        next(batches)
+    assert len(source.made) < 20
+
+
+def test_a_run_that_goes_on_sees_the_batches_that_were_to_come() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    sample = SimpleNamespace(load=lambda: (image, mask))
+    first, later = (BatchSource([sample], np.ones(1), 2, 2, 5, Crop(64, 64), start) for start in (0, 2))  # type: ignore[list-item]
+    third = list(islice(prefetched(first), 3))[2]
+    assert all(np.array_equal(a, b) for a, b in zip(third, next(prefetched(later)), strict=True))
+    assert not np.array_equal(third[0], first.batch(0)[0])

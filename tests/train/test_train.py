@@ -13,6 +13,8 @@ from savmap.errors import OutputError, SavmapError
 from savmap.train import check_extra, train
 from savmap.train.plan import TrainedNetwork, TrainingPlan, warning_of
 
+from .conftest import bars
+
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.train.NEEDED", ("numpy", "no_such_package"))
@@ -73,6 +75,22 @@ class TestWithTorch:
         network = build(2, None).eval()
         with torch.inference_mode():
             assert network(torch.zeros(1, 3, 64, 96)).shape == (1, 3, 64, 96)
+
+    def test_where_torch_computes_gives_the_processor_s_network(self) -> None:
+        torch = pytest.importorskip("torch")
+        from savmap.train.device import compute_device, device_of, threads_beside
+        from savmap.train.network import build
+        from savmap.train.trainer import FINE_TUNING, Trainer, predictor
+
+        image, mask = bars(np.random.default_rng(0))
+        trainer = Trainer(build(2, None), FINE_TUNING)
+        assert device_of(trainer.network) == device_of(trainer.average.network)
+        assert trainer.device.type == compute_device().type == ("cuda" if torch.cuda.is_available() else "cpu")
+        assert threads_beside(torch.device("cpu")) == 1 <= threads_beside(torch.device("cuda"))
+        assert np.isfinite(trainer.step((image[None, :288, :384], mask[None, :288, :384]), 0.5))
+        there = predictor(trainer.average.network)(image)
+        here = predictor(trainer.average.network.cpu())(image)
+        assert np.allclose(there, here, atol=0.02)
 
     def test_loss_does_not_prefer_wide_or_narrow_masks(self) -> None:
         import torch
