@@ -11,8 +11,8 @@ import numpy as np
 import onnx
 import torch
 
-from savmap.train.augment import VARIATIONS, BatchSource, prefetched
 from savmap.train.checkpoint import SUFFIX, Recipe, ResumeFile, TrainingState, load_checkpoint, run_key, save_checkpoint
+from savmap.train.data.augment import VARIATIONS, BatchSource, prefetched
 from savmap.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.train.data.sets import read_sets, samples_of
 from savmap.train.device import threads_beside

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from savmap.train.augment import ANY_PLACE, ONE_SITE, Batch, Crop
+from savmap.train.data.augment import ANY_PLACE, ONE_SITE, Batch, Crop
 from savmap.train.data.dataset import IGNORE
 from savmap.train.device import compute_device, device_of, fast_arithmetic
 from savmap.train.measure import Predictor

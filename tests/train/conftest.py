@@ -71,7 +71,7 @@ def edited(path: Path, edit: Callable[[Any], None]) -> Path:
 def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainingPlan:
     """Two steps from the shipped network on four pictures, in small crops."""
     from savmap.train import trainer
-    from savmap.train.augment import Crop
+    from savmap.train.data.augment import Crop
 
     quick = replace(trainer.FINE_TUNING, batch=2, crop=Crop(64, 64), validations=1, validation_limit=1)
     monkeypatch.setattr(trainer, "FINE_TUNING", quick)

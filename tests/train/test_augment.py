@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.train.augment import (
+from savmap.train.data.augment import (
     ANY_PLACE,
     ONE_SITE,
     VARIATIONS,
