@@ -321,7 +321,7 @@ def floor_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeas
     face, floor = first_upright(planes), floor_before(alone, measured, located.path, planes, points)
     if face is None or floor is None:
         return FloorTracks()
-    return floor_tracks(face, measured.floor, measured.floor_views, located.path, floor.share)
+    return floor_tracks(face, measured.floor, measured.floor_views, located.path, floor)
 
 
 def first_upright(planes: Sequence[PlanePatch]) -> PlanePatch | None:

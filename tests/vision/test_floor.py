@@ -8,7 +8,7 @@ import pytest
 
 from savmap.geometry import pinhole
 from savmap.types import Floats, PlanePatch, Trajectory, ViewSpec
-from savmap.vision.evidence import FloorTracks, PackedView, floor_height, floor_tracks
+from savmap.vision.evidence import FloorHeight, FloorTracks, PackedView, floor_height, floor_tracks
 from savmap.vision.evidence.floor import Floor
 
 HEIGHT_M, AWAY_M, LENGTH_M = 1.9, 1.6, 7.0
@@ -79,7 +79,9 @@ def measured(packed_views: list[PackedView], scale: float = 1.0, zero: float = 0
     matrices[:, :3, 3] = scale * (matrices[:, :3, 3] - [0.0, zero, 0.0])
     size = scale * np.array([LENGTH_M, 4.0])
     face = PlanePatch("face", scale * np.array([0.0, 0.2 - zero, 0.0]), *np.eye(3)[:2], size, 0.01)
-    return floor_tracks(face, packed_views, {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), matrices))
+    seen = face, packed_views, {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), matrices)
+    height = floor_height(*seen)
+    return floor_tracks(*seen, height) if height else FloorTracks()
 
 
 def heights(found: FloorTracks) -> Floats:
@@ -150,4 +152,6 @@ def test_a_floor_of_two_levels_tells_nothing() -> None:
 def test_pictures_of_unknown_place_tell_nothing() -> None:
     face = PlanePatch("face", np.zeros(3), *np.eye(3)[:2], np.ones(2), 0.01)
     packed_view = PackedView(99, SPEC.name, (), b"")
-    assert not floor_tracks(face, [packed_view], {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), poses())).tracks
+    seen = face, [packed_view], {SPEC.name: SPEC}, Trajectory(np.arange(len(XS)), poses())
+    assert floor_height(*seen) is None
+    assert not floor_tracks(*seen, FloorHeight(0.0, 1.0, 0.01)).tracks

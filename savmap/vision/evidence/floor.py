@@ -120,14 +120,12 @@ def floor_tracks(
     packed_views: Sequence[PackedView],
     views: Mapping[str, ViewSpec],
     path: Trajectory,
-    about: float | None = None,
+    height: FloorHeight,
 ) -> FloorTracks:
-    """Points of the floor in front of a face; none where the pictures do not determine its height. As `floor_height`."""
+    """Points of the floor in front of a face, at the `height` that `floor_height` gave for the same pictures and path."""
     floor = Floor.before(face, packed_views, views, path)
-    measured = floor.measured(about) if floor else None
-    if floor is None or measured is None:
-        return FloorTracks()
-    return FloorTracks(tuple(floor.tracks(measured.share)), dict(views), float(np.hypot(measured.sigma, FLATNESS)))
+    tracks = tuple(floor.tracks(height.share)) if floor else ()
+    return FloorTracks(tracks, dict(views), float(np.hypot(height.sigma, FLATNESS))) if tracks else FloorTracks()
 
 
 class Floor:
