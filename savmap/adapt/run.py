@@ -7,6 +7,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from savmap.adapt.faces import outlines_of
 from savmap.adapt.labels import HELD_OUT
 from savmap.adapt.practice import OTHER_SEED, OTHERS, practice_set
@@ -31,6 +33,8 @@ FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", 
 SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png", "view.html")
 VIEWED = ("face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
 """What of the new map is copied beside the network; the viewer keeps its scripts in folders."""
+MOST_LOOKED_AT = 6
+"""How many of a site's rows tell which network sees more."""
 
 
 @contextmanager
@@ -112,12 +116,14 @@ def require_one_network(job: Job, plugin: str) -> None:
 
 def used_network(job: Job, name: str, monitor: Monitor) -> Path:
     """The network that first looks at most rows: the one that is configured, or, of those that a plugin comes with, the one that sees more.
-    A row whose footage cannot be looked at counts for none. Raises ModelError, PluginError."""
+    Of a large site a few rows tell. A row whose footage cannot be looked at counts for none. Raises ModelError, PluginError."""
     chosen: Counter[Path] = Counter()
-    for row, loaded in ((row, job.opened(row, name)) for row in job.site.rows):
+    rows = [*job.site.rows]
+    own = job.opened(rows[0], name).model
+    few = np.linspace(0, len(rows) - 1, min(len(rows), MOST_LOOKED_AT)).round().astype(int)
+    for row in (rows[number] for number in few.tolist()):
         with suppress(VideoError, StructureError):
-            chosen[best_for_pass(job.site.rows[row].passes[0], loaded, Renderer()).model] += 1
-    own = job.opened(next(iter(job.site.rows)), name).model
+            chosen[best_for_pass(job.site.rows[row].passes[0], job.opened(row, name), Renderer()).model] += 1
     most = max(chosen, key=lambda model: (chosen[model], model == own), default=own)
     if most != own:
         monitor.note(f"`{name}` first looks with {most.name}, which sees more here")

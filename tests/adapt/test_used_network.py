@@ -43,3 +43,9 @@ def test_most_rows_decide(monkeypatch: pytest.MonkeyPatch, best: dict[str, Path 
     model, notes = chosen(monkeypatch, best)
     assert model == expected
     assert bool(notes) is (expected == OTHER)
+
+
+def test_a_few_rows_of_a_large_site_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    best: dict[str, Path | None] = {f"{number}": OWN for number in range(31)}
+    best |= dict.fromkeys(("0", "6", "12", "18", "24", "30"), OTHER)
+    assert chosen(monkeypatch, best)[0] == OTHER
