@@ -266,3 +266,24 @@ def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
     assert "height of the lowest edge of section 2 is given as" in doubt.what
     assert any("section 3: the lowest beam at" in note for note in solution.warnings)
     assert largest_error(world, solution) < 0.05
+
+
+@pytest.mark.parametrize("hidden", [(0.9, 0.0, 0.7, 0.0, 0.0, 1.2), (0.9, 0.0, 0.7, -0.05, 0.0, 1.2)])
+def test_lowest_beams_that_goods_hide_in_half_of_the_sections_are_told(hidden: tuple[float, ...]) -> None:
+    """The next ones up were seen. Another height is wrong beside them, or none: of eight references only four or five are right."""
+    world = made.world(11, sections=6, frames=60, bridge=None)
+    heights = [seen - below for seen, below in zip(world.rack.lowest, hidden, strict=True)]
+    solution = solve(problem(world, heights, made.references(world)))
+    notes = [line for line in solution.warnings if "was not seen; its height is not used" in line]
+    assert [line.split(":")[0] for line in notes] == ["section 1", "section 3", "section 6"]
+    assert any("section 4" in line for line in solution.warnings) is (min(hidden) < 0)
+    assert solution.doubts
+    assert largest_error(world, solution) < 0.03
+
+
+def test_where_too_little_is_left_hidden_beams_are_no_excuse(four: made.World) -> None:
+    """A camera's height and two heights: either of them may be wrong."""
+    heights = [four.rack.lowest[0] - 0.9, None, four.rack.lowest[2], None]
+    given = made.references(four, length=False)
+    with pytest.raises(SolveError, match="camera height"):
+        solve(problem(four, heights, given))  # type: ignore[arg-type]

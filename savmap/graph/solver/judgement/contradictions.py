@@ -15,7 +15,7 @@ from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
 from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import SCALE_LIMIT
-from savmap.graph.initial.outlier_references import REFUTED_M, contradiction, is_gross, line_of
+from savmap.graph.initial.outlier_references import REFUTED_M, REFUTED_SIGMA, contradiction, is_gross, line_of
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
 from savmap.graph.solver.judgement.lookalikes import Span, spans_of
@@ -32,6 +32,8 @@ ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 NOTHING_SIGMA = 3.0
 """A distance that is no more standard deviations than these may be nothing."""
+LEAST_LEFT = 4
+"""So many references check one another: two of them give scale and place."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 MIDDLE = (0.1, 0.9)
@@ -85,7 +87,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     wrong, or at all where the user wants that.
     """
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
-    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans)
+    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans) | _passed_over(problem, agreed)
     explained = _merged(agreed, spans, _possible(problem, agreed, agreed.explanations(mistakable)))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
@@ -122,6 +124,16 @@ def _mistakable(agreed: Agreement, spans: Mapping[str, Span]) -> Names:
     )
 
 
+def _passed_over(problem: Problem, agreed: Agreement) -> Names:
+    """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind, and only
+    where enough others are left to check one another. Goods hide the lowest beams of several sections as easily as that of one."""
+    values = {relation.name: relation.value for relation in problem.relations if relation.note_if_outlier}
+    kind = [name for name in agreed.all_names if name in values]
+    found = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
+    enough = 2 * len(found) <= len(kind) and len(agreed.all_names) - len(found) >= LEAST_LEFT
+    return found if enough else frozenset()
+
+
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
     """References that may be wrong, each with those that are left out with it: those that explain the contradiction and, where these are
     few or nothing explains it, those that deviate most."""
@@ -134,10 +146,16 @@ def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> lis
 
 
 def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
-    """Whether the rest determines what the references that are left out would have, and they are not all those that give the scale."""
-    scales = _scales(problem)
-    known = (agreed.rest(name, out)[1] < max(KNOWN_M, SCALE_LIMIT * abs(_given(agreed, name).value)) for name in out)
-    return all(known) and not (len(scales) > 1 and scales <= out)
+    """Whether the rest determines what the references that are left out would have, or surely something else was seen than these are of; and they are
+    not all those that give the scale."""
+    scales, passed = _scales(problem), _passed_over(problem, agreed)
+
+    def is_known(name: str) -> bool:
+        (value, sigma), given = agreed.rest(name, out), _given(agreed, name).value
+        surely = name in passed and value - given > max(REFUTED_M, REFUTED_SIGMA * sigma)
+        return surely or sigma < max(KNOWN_M, SCALE_LIMIT * abs(given))
+
+    return all(map(is_known, out)) and not (len(scales) > 1 and scales <= out)
 
 
 def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
