@@ -30,5 +30,7 @@ def fast_arithmetic(device: torch.device) -> AbstractContextManager[object]:
         fast = bool(capable.get("avx512_bf16") or capable.get("amx_bf16"))
     else:
         fast = torch.cuda.is_bf16_supported(including_emulation=False)
+    if not fast:
+        return nullcontext()
     context: AbstractContextManager[object] = torch.autocast(device.type, dtype=torch.bfloat16)
-    return context if fast else nullcontext()
+    return context
