@@ -87,8 +87,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     wrong, or at all where the user wants that.
     """
     agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
-    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans) | _passed_over(problem, agreed)
-    explained = _merged(agreed, spans, _possible(problem, agreed, agreed.explanations(mistakable)))
+    explained = _merged(agreed, spans, _possible(problem, agreed, _explanations(problem, agreed, spans)))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
         return Judgement(problem, doubts=tuple(granted), unchecked=tuple(unchecked))
@@ -124,14 +123,20 @@ def _mistakable(agreed: Agreement, spans: Mapping[str, Span]) -> Names:
     )
 
 
+def _explanations(problem: Problem, agreed: Agreement, spans: Mapping[str, Span]) -> list[Names]:
+    """The sets of references that may be wrong. Those passed over are taken for likelier than others where that leaves enough to check one another."""
+    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans)
+    explained = agreed.explanations(mistakable | _passed_over(problem, agreed))
+    enough = all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained)
+    return explained if enough else agreed.explanations(mistakable)
+
+
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
-    """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind, and only
-    where enough others are left to check one another. Goods hide the lowest beams of several sections as easily as that of one."""
-    values = {relation.name: relation.value for relation in problem.relations if relation.note_if_outlier}
-    kind = [name for name in agreed.all_names if name in values]
+    """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind. Goods hide the
+    lowest beams of several sections as easily as that of one."""
+    kind = {relation.name for relation in problem.relations if relation.note_if_outlier} & {*agreed.all_names}
     found = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
-    enough = 2 * len(found) <= len(kind) and len(agreed.all_names) - len(found) >= LEAST_LEFT
-    return found if enough else frozenset()
+    return found if 2 * len(found) <= len(kind) else frozenset()
 
 
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
