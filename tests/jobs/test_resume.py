@@ -17,11 +17,13 @@ import yaml
 pytestmark = pytest.mark.slow
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
-KILLS = 5
+KILLS, HALF_S = 5, 9
+LOWEST_M = [0.30256, 0.17517]
+"""Of the sections that this half shows."""
 
 
 def site(folder: Path, **more: Any) -> Path:
-    """The clip as two rows that share no frames, and no file, for they are of one face; `more` goes into row C."""
+    """The first half of the clip as two rows that share no frames, and no file, for they are of one face; `more` goes into row C."""
     content = yaml.safe_load((EXAMPLE / "site.yaml").read_text(encoding="utf-8"))
     row = content["rows"].pop("A")
     folder.mkdir(exist_ok=True)
@@ -29,9 +31,10 @@ def site(folder: Path, **more: Any) -> Path:
     if not copied.is_file():
         shutil.copy(video, copied)
     for name, fps, clip in (("A", 1.0, video), ("C", 1.2, copied)):
-        content["rows"][name] = {**row, "passes": [{**row["passes"][0], "video": str(clip), "fps": fps}]}
+        one = {**row["passes"][0], "video": str(clip), "fps": fps, "end_s": HALF_S}
+        content["rows"][name] = {"passes": [one], "plugins": {"shelves": {"lowest_beam_bottom_height_m": LOWEST_M}}}
     content["rows"]["C"] |= more
-    del content["survey"]
+    del content["survey"], content["references"]["travel_m"]
     path = folder / "site.yaml"
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
@@ -68,7 +71,7 @@ def test_a_killed_run_repeated_gives_the_same_map(undisturbed: Path, tmp_path: P
     path = site(tmp_path)
     for _ in range(KILLS):
         process = savmap(path, "--jobs", "2")
-        time.sleep(moments.uniform(0.5, 8.0))
+        time.sleep(moments.uniform(0.5, 6.0))
         process.kill()
         process.communicate()
         assert not workers_of(process.pid)
@@ -100,14 +103,14 @@ def test_a_second_run_does_only_what_changed(undisturbed: Path) -> None:
     _, _, rows = finish(undisturbed)
     assert [row["status"] for row in rows.values()] == ["kept", "kept"]
     assert (undisturbed.parent / "out" / "map.json").read_bytes() == before
-    setback = {"plugins": {"shelves": {"lowest_beam_bottom_height_m": {"values": 0.30256}}}}
-    _, _, rows = finish(site(undisturbed.parent, **setback))
+    higher = {"plugins": {"shelves": {"lowest_beam_bottom_height_m": {"values": [one + 0.001 for one in LOWEST_M]}}}}
+    _, _, rows = finish(site(undisturbed.parent, **higher))
     assert rows["A"]["status"] == "kept"
     assert set(rows["C"]["seconds"]) == {"solved", "pictured"}
 
 
 def test_one_bad_row_stops_no_other(tmp_path: Path) -> None:
-    lengths = [{"between": ["upright 1 / left", "upright 5 / right"], "value": 28.0, "sigma": 0.003}]
+    lengths = [{"between": ["upright 1 / left", "upright 2 / right"], "value": 28.0, "sigma": 0.003}]
     path = site(tmp_path, references={"lengths": lengths, "on_contradiction": "refuse"})
     code, said, rows = finish(path, "--jobs", "1")
     assert code == 10, said
