@@ -76,7 +76,9 @@ def other_clip_cases(_: Filmed) -> Iterator[Case]:
         return content, row.folder
 
     yield Case("another row's clip", another(added=False), ANYTHING, kinds=kinds)
-    yield Case("another row's clip as a second pass", another(added=True), (*ANYTHING, "pass 2"), kinds=kinds)
+    yield Case(
+        "another row's clip as a second pass", another(added=True), (*ANYTHING, "pass 2", "passes 1 and 2"), kinds=kinds
+    )
     yield Case("the clip twice, as two passes", twice, (*ANYTHING, "pass 2"), kinds=(*kinds, "passes"))
 
 
