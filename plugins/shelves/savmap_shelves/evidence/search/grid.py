@@ -4,12 +4,13 @@ This is the published density estimate (paper, III.D), over every pixel of every
 of the tracked posts and levels sets the scale.
 """
 
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.types import Floats, PlaneEvidence
-from savmap_shelves.evidence.face_grid import Grid, Span
+from savmap_shelves.evidence.face_grid import Grid
 from savmap_shelves.evidence.search.covers import greatest
 from savmap_shelves.evidence.search.face import Face
 from savmap_shelves.evidence.search.overhead import overhead_levels, without_overhead
@@ -39,20 +40,28 @@ def expected_grid(
 def searched(face: Face) -> Grid:
     """The grid by a face's evidence."""
     posts = expected_posts(face)
-    found = Grid(posts, [Section(face, pair).expected_levels() for pair in pairwise(posts)])
+    sections = [Section(face, pair) for pair in pairwise(posts)]
+    found = Grid(posts, [section.expected_levels() for section in sections])
     overhead = overhead_levels(face.evidence, found, face.usual_level, face.usual_post, face.tracked)
-    return _with_pieces(face, without_overhead(found, overhead))
+    return _with_pieces(face, _with_lacking(face, sections, without_overhead(found, overhead)))
+
+
+def _with_lacking(face: Face, sections: Sequence[Section], grid: Grid) -> Grid:
+    """The grid, with the levels that the network sees faintly, or in part, where a step between visible levels is too wide."""
+    levels = [*grid.sections]
+    for number, below, above, room in _wide_steps(face, grid):
+        level = sections[number].level_between(below, above, room)
+        if level is not None:
+            levels[number] = np.sort(np.concatenate([levels[number], level[None]]), axis=0)
+    return Grid(grid.posts, levels)
 
 
 def _with_pieces(face: Face, grid: Grid) -> Grid:
     """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
-    spans = grid.spans
-    visible = [_visible_levels(face, span, levels) for span, levels in zip(spans, grid.sections, strict=True)]
     sections, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
-    for section, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
-        below, above = visible[section][lower : lower + 2]
-        level = face.pieces.level_between(spans[section], below, above, room=usual / EVEN)
-        if level is None or face.rear.may_show(visible[section], float(level.mean())):
+    for section, below, above, room in _wide_steps(face, grid):
+        level = face.pieces.level_between(grid.spans[section], below, above, room)
+        if level is None or face.rear.may_show(_visible_levels(face, grid, section), float(level.mean())):
             continue
         levels = sections[section]
         coincident = levels[np.abs(levels.mean(axis=1) - level.mean()) < face.tracked.thickness]
@@ -64,6 +73,15 @@ def _with_pieces(face: Face, grid: Grid) -> Grid:
     return Grid(grid.posts, sections, pieces)
 
 
-def _visible_levels(face: Face, span: Span, levels: Floats) -> Floats:
-    """Those of levels (m, 2) between two posts that have a cover of `VISIBLE` or more."""
-    return np.asarray(levels[greatest(face.level_cover(span), face.y, levels) >= VISIBLE])
+def _wide_steps(face: Face, grid: Grid) -> Iterator[tuple[int, Floats, Floats, float]]:
+    """Steps between visible levels that are too wide: the section's number, the levels (2,) below and above, and the room that another level
+    needs beside them."""
+    visible = [_visible_levels(face, grid, number) for number in range(len(grid.sections))]
+    for number, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
+        yield number, visible[number][lower], visible[number][lower + 1], usual / EVEN
+
+
+def _visible_levels(face: Face, grid: Grid, number: int) -> Floats:
+    """Those levels (m, 2) of a section that have a cover of `VISIBLE` or more."""
+    levels = grid.sections[number]
+    return np.asarray(levels[greatest(face.level_cover(grid.spans[number]), face.y, levels) >= VISIBLE])

@@ -64,6 +64,17 @@ class Section:
         levels = np.array(kept).reshape(-1, 2)
         return levels[np.argsort(levels[:, 0])]
 
+    def level_between(self, below: Floats, above: Floats, room: float) -> Floats | None:
+        """y (2,) of the level that shows most between levels `below` and `above` (2,), farther than `room` from both, in a step that lacks one. None
+        where none does, or what shows is strange or of the rear face."""
+        low, high = below.mean() + room, above.mean() - room
+        for row in peaks(self.cover, self.settings.lacking):
+            centre = float(self.face.y[row])
+            if low < centre < high:
+                strange = self.face.similarity(self.span, centre) < self.settings.strange
+                return None if strange or self.face.rear.shows(self.beside, centre) else self._edges(row)
+        return None
+
     def _stays(self, level: Floats) -> bool:
         """Whether a level that was tracked is kept."""
         shown, strength = self._cover_at(level), self._strength(level) / self.face.usual_level
@@ -149,7 +160,7 @@ class Section:
         behind = not strong and face.rear.shows(self.beside, centre)
         if centre >= face.ceiling + half or similarity < settings.strange or behind:
             return False
-        if cover >= settings.lowest and self._lacks_lowest(centre):
+        if cover >= settings.lacking and self._lacks_lowest(centre):
             return True
         if cover >= settings.level:
             return face.paint.is_informative or cover > WHOLE or cover * strength > settings.plain
