@@ -69,9 +69,9 @@ def test_a_faint_stripe_that_is_not_whole_is_no_level_where_paint_does_not_tell(
 
 
 @pytest.mark.parametrize(
-    ("length", "others", "found"), [(1.6, LEVELS, True), (1.2, LEVELS, False), (1.6, LEVELS[1:], False)]
+    ("length", "others", "found"), [(1.2, LEVELS, True), (0.9, LEVELS, False), (1.2, LEVELS[1:], False)]
 )
-def test_half_of_a_sections_lowest_level_is_enough_where_the_others_have_theirs(
+def test_almost_half_of_a_sections_lowest_level_is_enough_where_the_others_have_theirs(
     length: float, others: Floats, found: bool
 ) -> None:
     evidence = seen((1, (2.8, 5.4), (0.39, 0.53), 0.0), (1, (2.8, 2.8 + length), (0.4, 0.52), 0.3))
@@ -434,6 +434,17 @@ def test_pieces_that_may_be_of_the_rear_face_are_no_level() -> None:
     high = np.exp(-np.square(evidence.patch.origin[1] + evidence.patch.heights - 2.8))[:, None]
     seen_from_above = replace(evidence, weight=np.broadcast_to(high, evidence.weight.shape).astype(np.float32))
     assert expected_grid(seen_from_above, without_hidden()) is None
+
+
+@pytest.mark.parametrize(("until", "found"), [(4.4, True), (3.4, False)], ids=["over half", "a quarter"])
+def test_a_level_that_is_faint_along_over_half_is_found_where_a_step_lacks_one(until: float, found: bool) -> None:
+    faint = in_pieces((2.8, until), probability=0.25)
+    grey = replace(faint, picture=np.full_like(faint.picture, 80))
+    expected = expected_grid(grey, without_hidden())
+    assert (expected is not None) is found
+    if expected is not None:
+        assert expected.sections[1].mean(axis=1) == pytest.approx(MORE.mean(axis=1), abs=0.04)
+        assert expected.pieces == frozenset()
 
 
 def test_pieces_nearer_to_a_beam_than_steps_are_are_no_level() -> None:
