@@ -12,7 +12,7 @@ LEAST_AT_END = 0.3
 NARROW = 0.75
 LEAST_BEAMS = 3
 TOGETHER, BESIDE = 0.5, 1.3
-LEAST_SIGHTINGS, SURELY, GOES_ALONG = 6, 3.0, 0.15
+LEAST_SIGHTINGS, SURELY, GOES_ALONG, LEAST_SCATTER = 4, 3.0, 0.15, 0.01
 """What goes along with the camera by so large a share of its way lies behind the face, by a fifth of the camera's distance from it."""
 
 
@@ -58,10 +58,13 @@ def find_uprights(
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
         clash, expected = _clash(centres, width, 2 * reach, group, which), _expected(sightings, which, len(centres))
         kept = _strong(support, sized, count, least, clash, expected)
+        along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
+        drifts = np.array([_drift(along[which == k], centre[which == k]) for k in range(len(centres))]).reshape(-1, 2)
+        if kept.all():
+            kept = ~_go_along(drifts)
         if kept.all():
             shares = _beams_at_ends(Uprights(x, which), sightings, beams, centres)
-            along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
-            fixed = np.array([_stands_still(along[own], centre[own]) for own in _at_ends(which, centres)])
+            fixed = _stand_still(drifts[np.argsort(centres)[[0, -1]]])
             kept = _trimmed(centres, width, count, np.where(fixed, 1.0, shares))
         if kept.all():
             break
@@ -118,21 +121,28 @@ def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
     return mostly(sightings.points.expected[sightings.uprights[:, 0, 0]], which, count)
 
 
-def _at_ends(which: Ints, x: Floats) -> list[Bools]:
-    """The sightings (n,) of the first and of the last of uprights."""
-    return [which == end for end in np.argsort(x)[[0, -1]]]
-
-
-def _stands_still(along: Floats, x: Floats) -> bool:
-    """Whether an upright surely stands in the face: what lies behind goes with the camera, by a share of the way that it comes `along` (n,), so that
-    its x (n,) on the face does not stay."""
+def _drift(along: Floats, x: Floats) -> tuple[float, float]:
+    """How far an upright, x (n,) on the face, goes along with the camera, which comes `along` (n,), as a share of its way, and the standard error; infinite
+    where few sightings tell."""
     known = np.isfinite(x)
     if known.sum() < LEAST_SIGHTINGS or np.ptp(along[known]) == 0:
-        return False
+        return 0.0, np.inf
     slope, offset = np.polyfit(along[known], x[known], 1)
-    scatter = 1.4826 * float(np.median(np.abs(x[known] - offset - slope * along[known])))
-    error = scatter / (float(np.std(along[known])) * np.sqrt(known.sum()))
-    return bool(abs(slope) + SURELY * error < GOES_ALONG)
+    scatter = max(1.4826 * float(np.median(np.abs(x[known] - offset - slope * along[known]))), LEAST_SCATTER)
+    return float(slope), scatter / (float(np.std(along[known])) * np.sqrt(known.sum()))
+
+
+def _stand_still(drifts: Floats) -> Bools:
+    """Which uprights (k,), by their drifts (k, 2), surely stand in the face: what lies behind goes along with the camera."""
+    return np.asarray(np.abs(drifts[:, 0]) + SURELY * drifts[:, 1] < GOES_ALONG)
+
+
+def _go_along(drifts: Floats) -> Bools:
+    """Which uprights (k,), by their drifts (k, 2), surely lie behind the face: they go along with the camera more than most do. Such as those of another
+    rack come into view behind the end of a row."""
+    known = np.isfinite(drifts[:, 1])
+    usual = float(np.median(drifts[known, 0])) if known.any() else 0.0
+    return np.asarray(drifts[:, 0] - usual - SURELY * drifts[:, 1] > GOES_ALONG)
 
 
 def _trimmed(x: Floats, width: Floats, count: Ints, beams: Floats) -> Bools:

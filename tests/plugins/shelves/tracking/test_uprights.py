@@ -26,8 +26,22 @@ def row(share: float, beams: float, behind: float) -> synth.Rack:
 
 @pytest.mark.parametrize(
     ("share", "beams", "behind", "uprights"),
-    [(1.0, 1.0, 0.0, 5), (0.6, 1.0, 0.0, 5), (0.6, 0.6, 0.0, 5), (0.6, 0.6, 0.1, 5), (0.9, 0.9, 1.2, 4)],
-    ids=["like the others", "seen in part", "a lighter rack", "a lighter rack a bit behind", "farther away"],
+    [
+        (1.0, 1.0, 0.0, 5),
+        (0.6, 1.0, 0.0, 5),
+        (0.6, 0.6, 0.0, 5),
+        (0.6, 0.6, 0.1, 5),
+        (0.9, 0.9, 1.2, 4),
+        (1.7, 1.7, 1.2, 4),
+    ],
+    ids=[
+        "like the others",
+        "seen in part",
+        "a lighter rack",
+        "a lighter rack a bit behind",
+        "farther away",
+        "farther away and as much larger",
+    ],
 )
 def test_a_narrow_upright_at_the_end_of_a_row(share: float, beams: float, behind: float, uprights: int) -> None:
     footage = synth.footage(row(share, beams, behind), np.random.default_rng(3), (SHORT,), CLEAN)
