@@ -190,7 +190,10 @@ def assignments(
     places = _places(sections, next(iter(counts.values()), None))
     for setting, count in counts.items():
         if count <= places[-1]:
-            raise SiteError(f"row {row}: {setting} gives {count} values, but {_found(sections)}")
+            what = f"row {row}: {setting} gives {count} values, but {_found(sections)}"
+            raise SiteError(
+                f"{what}; give one for each, or map the row without {setting} to see what is taken for a section"
+            )
     whole = max(counts.values(), default=places[-1] + 1)
     lists = {
         setting: [float(values)] * whole if isinstance(values, int | float) else values
