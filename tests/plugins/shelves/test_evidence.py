@@ -116,6 +116,12 @@ def test_a_beam_that_goods_hide_in_part_is_not_two() -> None:
     assert expected_grid(seen((1, (2.8, 5.4), (2.14, 2.26), 0.7)), double) is None
 
 
+def test_what_adjoins_a_beam_does_not_borrow_its_length() -> None:
+    """What stands on a beam shows in part only, though the beam right below it shows all along."""
+    adjoining = Grid(POSTS, [LEVELS, np.sort(np.vstack([LEVELS, [2.03, 2.15]]), axis=0), LEVELS])
+    assert is_whole(expected_grid(seen((1, (2.8, 3.8), (2.02, 2.15), 0.6)), adjoining))
+
+
 def points_of(grid: Grid) -> dict[str, Floats]:
     """First positions of a grid's landmarks, under the names that tracks have."""
     posts = {

@@ -107,11 +107,12 @@ class Section:
 
     def _is_double(self, level: Floats, levels: Sequence[Floats]) -> bool:
         """Whether a level that shows in part is so near to a stronger one of its section that one beam was taken for two: goods hid a part of it,
-        and their edge was taken for the rest."""
+        and their edge was taken for the rest. Its middle tells: what adjoins a beam borrows the beam's evidence at its edge."""
         near = [other for other in levels if 0 < abs(other.mean() - level.mean()) < ROOM * self.thickness]
-        if not near or self._cover_at(level) > WHOLE:
+        if not near or self.cover[np.abs(self.face.y - level.mean()).argmin()] > WHOLE:
             return False
-        return max(self._strength(other) for other in near) > self._strength(level)
+        strength, *others = (self._strength(one.mean() + CORE * (one - one.mean())) for one in (level, *near))
+        return max(others) > strength
 
     def _at_their_paint(self, levels: Sequence[Floats]) -> list[Floats]:
         """Levels (2,) that were tracked, each where its paint is, without those that come to lie on another one."""
