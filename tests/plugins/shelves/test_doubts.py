@@ -158,6 +158,18 @@ def test_a_lowest_beam_that_something_hides_in_all_frames_is_missed(section: int
     assert doubts_of(structures_of(row), lowest_known=True) == []
 
 
+@pytest.mark.parametrize(
+    ("room", "told"), [(0.02, True), (-0.03, True), (0.3, False)], ids=["near", "overlapping", "apart"]
+)
+def test_a_beam_right_above_another_may_be_none(room: float, told: bool) -> None:
+    """What stood on a beam was taken for another, and the row was trusted."""
+    row = uneven_row()
+    low, high = row["sections"][1]["beams"][1]
+    row["sections"][1]["beams"].insert(2, [high + room, high + room + high - low])
+    near = [doubt.structures for doubt in doubts_of(structures_of(row)) if "less than a beam is high" in doubt.what]
+    assert near == ([("section 2 / beam 2", "section 2 / beam 3")] if told else [])
+
+
 def test_a_passage_hides_no_beam() -> None:
     row = uneven_row()
     row["sections"][2]["beams"][:2] = []

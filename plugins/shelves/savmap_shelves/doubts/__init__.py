@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from savmap.types import Doubt, Structure
-from savmap_shelves.doubts.levels import high_lowest_beams, odd_levels
+from savmap_shelves.doubts.levels import adjoining_beams, high_lowest_beams, odd_levels
 from savmap_shelves.doubts.sides import beams_with_sides
 from savmap_shelves.doubts.sizes import odd_bays, odd_scale, odd_sizes, unmeasured_edges
 
@@ -19,7 +19,7 @@ def doubts_of(structures: Sequence[Structure], lowest_known: bool = False) -> li
     def doubt(what: str, ids: tuple[str, ...], minor: bool = False) -> Doubt:
         return Doubt("shape", what, ids, _place([by_id[name] for name in ids]), minor=minor)
 
-    checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels)
+    checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels, adjoining_beams)
     found = [*unmeasured_edges(structures, told_by_profile=False)]
     found += [implausible for check in checks for implausible in check(structures)]
     if not lowest_known:

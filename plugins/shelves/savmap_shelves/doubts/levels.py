@@ -36,6 +36,20 @@ def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str
                 )
 
 
+def adjoining_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Beams with less room between them than a beam is high: what stands on one, or hangs from it, was taken for another."""
+    for section in sections_of(structures):
+        intervals, ids = section.beams.intervals, section.beams.ids
+        for lower in range(len(ids) - 1):
+            room = float(intervals[lower + 1, 0] - intervals[lower, 1])
+            if room < float(np.ptp(intervals, axis=1).min()):
+                pair = ids[lower], ids[lower + 1]
+                yield (
+                    f"between {pair[0]} and {pair[1]} are {100 * room:.1f} cm, less than a beam is high: is one of them none?",
+                    pair,
+                )
+
+
 def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Sections whose lowest beam is far above those of the others, and is no lintel of a passage: what stands before a section in all frames hides a
     beam, and leaves no step to see that by."""
