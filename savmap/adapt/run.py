@@ -12,7 +12,7 @@ import numpy as np
 from savmap.adapt.faces import outlines_of
 from savmap.adapt.labels import HELD_OUT
 from savmap.adapt.practice import OTHER_SEED, OTHERS, practice_set
-from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows
+from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows, mean
 from savmap.adapt.rounds import INTEGERS, Adaptation, played
 from savmap.errors import SiteError, StructureError, VideoError
 from savmap.files.atomic import sha256, write_bytes, write_text
@@ -158,7 +158,8 @@ def _rounds(work: Adaptation, state: State) -> tuple[list[RoundResult], State]:
     """The rounds' results, up to the first that is not kept, and the best network with its map."""
     results: list[RoundResult] = []
     for number in range(1, work.options.rounds + 1):
-        result, state = played(work, number, state)
+        known = mean(results[0].others_before) if results else None
+        result, state = played(work, number, state, known)
         results.append(result)
         work.monitor.note(f"round {number} is {'kept' if result.kept else 'not kept'}: {result.why}")
         if not result.kept:
