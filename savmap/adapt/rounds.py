@@ -77,9 +77,9 @@ class Adaptation:
         return run, run.failed_rows
 
 
-def played(work: Adaptation, number: int, start: State, known: float | None = None) -> tuple[RoundResult, State]:
-    """A round's result, and the network and map to go on with: the new ones if it is kept. A finished round is not played again. `known`: the intersection
-    over union on other places of the network that the first round began with; None in that round."""
+def played(work: Adaptation, number: int, start: State, others_first: float | None = None) -> tuple[RoundResult, State]:
+    """A round's result, and the network and map to go on with: the new ones if it is kept. A finished round is not played again. `others_first`: the
+    intersection over union on other places of the network that the first round began with; None in that round."""
     folder = _folder_for(work, number, start)
     if (folder / RESULT).is_file():
         result = _read_result(folder / RESULT)
@@ -88,7 +88,7 @@ def played(work: Adaptation, number: int, start: State, known: float | None = No
     sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
     taught = start if number > 1 else most_agreeing(work, start, sets)
     scores = _trained(work, folder, taught, sets)
-    result, state = _judged(work, number, folder, taught, scores, known)
+    result, state = _judged(work, number, folder, taught, scores, others_first)
     state = state if result.kept else start
     result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
     write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
@@ -203,7 +203,7 @@ def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Ma
 
 
 def _judged(
-    work: Adaptation, number: int, folder: Path, start: State, scores: Mapping[str, Any], known: float | None
+    work: Adaptation, number: int, folder: Path, start: State, scores: Mapping[str, Any], others_first: float | None
 ) -> tuple[RoundResult, State]:
     """Whether a round is kept, by the views that are held out, by pictures of other places and by what the new map has."""
     trained = "int8" if _in_integers(start.model) else "after"
@@ -213,7 +213,7 @@ def _judged(
     result = RoundResult(number, 0, 0, before, after, there, None, False, "", others["before"], others[trained])
     if mean(after) <= mean(before):
         return replace(result, why="the network agrees no better with the map on views held out"), start
-    if mean(result.others_after) < (mean(result.others_before) if known is None else known) - FORGOTTEN:
+    if mean(result.others_after) < (mean(result.others_before) if others_first is None else others_first) - FORGOTTEN:
         return replace(result, why="the network does worse on pictures of other places"), start
     try:
         state = _state_of(work, folder, start, anew=True)

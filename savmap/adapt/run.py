@@ -158,8 +158,8 @@ def _rounds(work: Adaptation, state: State) -> tuple[list[RoundResult], State]:
     """The rounds' results, up to the first that is not kept, and the best network with its map."""
     results: list[RoundResult] = []
     for number in range(1, work.options.rounds + 1):
-        known = mean(results[0].others_before) if results else None
-        result, state = played(work, number, state, known)
+        others_first = mean(results[0].others_before) if results else None
+        result, state = played(work, number, state, others_first)
         results.append(result)
         work.monitor.note(f"round {number} is {'kept' if result.kept else 'not kept'}: {result.why}")
         if not result.kept:

@@ -58,9 +58,9 @@ def find_uprights(
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
         clash, expected = _clash(centres, width, 2 * reach, group, which), _expected(sightings, which, len(centres))
         kept = _strong(support, sized, count, least, clash, expected)
-        along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
-        drifts = np.array([_drift(along[which == k], centre[which == k]) for k in range(len(centres))]).reshape(-1, 2)
         if kept.all():
+            along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
+            drifts = np.array([_drift(along[which == k], centre[which == k]) for k in range(len(centres))])
             kept = ~_go_along(drifts)
         if kept.all():
             shares = _beams_at_ends(Uprights(x, which), sightings, beams, centres)
@@ -122,8 +122,8 @@ def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
 
 
 def _drift(along: Floats, x: Floats) -> tuple[float, float]:
-    """How far an upright, x (n,) on the face, goes along with the camera, which comes `along` (n,), as a share of its way, and the standard error; infinite
-    where few sightings tell."""
+    """The share of the camera's way by which an upright goes along with it, and the standard error, infinite where there are too few sightings. x (n,): the
+    upright's place on the face; along (n,): the camera's."""
     known = np.isfinite(x)
     if known.sum() < LEAST_SIGHTINGS or np.ptp(along[known]) == 0:
         return 0.0, np.inf
@@ -138,8 +138,8 @@ def _stand_still(drifts: Floats) -> Bools:
 
 
 def _go_along(drifts: Floats) -> Bools:
-    """Which uprights (k,), by their drifts (k, 2), surely lie behind the face: they go along with the camera more than most do. Such as those of another
-    rack come into view behind the end of a row."""
+    """Which uprights (k,), by their drifts (k, 2), surely lie behind the face: they go along with the camera more than most do. Uprights of another rack
+    come into view so behind the end of a row."""
     known = np.isfinite(drifts[:, 1])
     usual = float(np.median(drifts[known, 0])) if known.any() else 0.0
     return np.asarray(drifts[:, 0] - usual - SURELY * drifts[:, 1] > GOES_ALONG)

@@ -43,45 +43,49 @@ def searched(face: Face) -> Grid:
     sections = [Section(face, pair) for pair in pairwise(posts)]
     found = Grid(posts, [section.expected_levels() for section in sections])
     overhead = overhead_levels(face.evidence, found, face.usual_level, face.usual_post, face.tracked)
-    return _with_pieces(face, _with_lacking(face, sections, without_overhead(found, overhead)))
+    return _with_pieces(sections, _with_lacking(sections, without_overhead(found, overhead)))
 
 
-def _with_lacking(face: Face, sections: Sequence[Section], grid: Grid) -> Grid:
+def _with_lacking(sections: Sequence[Section], grid: Grid) -> Grid:
     """The grid, with the levels that the network sees faintly, or in part, where a step between visible levels is too wide."""
     levels = [*grid.sections]
-    for number, below, above, room in _wide_steps(face, grid):
+    for number, below, above, room in _wide_steps(sections, grid):
         level = sections[number].level_between(below, above, room)
         if level is not None:
-            levels[number] = np.sort(np.concatenate([levels[number], level[None]]), axis=0)
+            levels[number] = _with_level(levels[number], level)
     return Grid(grid.posts, levels)
 
 
-def _with_pieces(face: Face, grid: Grid) -> Grid:
+def _with_pieces(sections: Sequence[Section], grid: Grid) -> Grid:
     """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
-    sections, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
-    for section, below, above, room in _wide_steps(face, grid):
-        level = face.pieces.level_between(grid.spans[section], below, above, room)
-        if level is None or face.rear.may_show(_visible_levels(face, grid, section), float(level.mean())):
+    levels, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
+    for number, below, above, room in _wide_steps(sections, grid):
+        face = sections[number].face
+        level = face.pieces.level_between(grid.spans[number], below, above, room)
+        if level is None or face.rear.may_show(_visible(sections[number], grid.sections[number]), float(level.mean())):
             continue
-        levels = sections[section]
-        coincident = levels[np.abs(levels.mean(axis=1) - level.mean()) < face.tracked.thickness]
-        level = coincident[0] if len(coincident) else level
-        if not len(coincident):
-            sections[section] = np.sort(np.concatenate([levels, level[None]]), axis=0)
-        in_pieces.append((section, level))
-    pieces = frozenset((k, int(np.abs(sections[k][:, 0] - level[0]).argmin())) for k, level in in_pieces)
-    return Grid(grid.posts, sections, pieces)
+        near = np.abs(levels[number].mean(axis=1) - level.mean()) < face.tracked.thickness
+        level = levels[number][near][0] if near.any() else level
+        if not near.any():
+            levels[number] = _with_level(levels[number], level)
+        in_pieces.append((number, level))
+    pieces = frozenset((k, int(np.abs(levels[k][:, 0] - level[0]).argmin())) for k, level in in_pieces)
+    return Grid(grid.posts, levels, pieces)
 
 
-def _wide_steps(face: Face, grid: Grid) -> Iterator[tuple[int, Floats, Floats, float]]:
+def _with_level(levels: Floats, level: Floats) -> Floats:
+    """Levels (m, 2) and one more (2,), from the bottom."""
+    return np.sort(np.concatenate([levels, level[None]]), axis=0)
+
+
+def _wide_steps(sections: Sequence[Section], grid: Grid) -> Iterator[tuple[int, Floats, Floats, float]]:
     """Steps between visible levels that are too wide: the section's number, the levels (2,) below and above, and the room that another level
     needs beside them."""
-    visible = [_visible_levels(face, grid, number) for number in range(len(grid.sections))]
+    visible = [_visible(section, levels) for section, levels in zip(sections, grid.sections, strict=True)]
     for number, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
         yield number, visible[number][lower], visible[number][lower + 1], usual / EVEN
 
 
-def _visible_levels(face: Face, grid: Grid, number: int) -> Floats:
+def _visible(section: Section, levels: Floats) -> Floats:
     """Those levels (m, 2) of a section that have a cover of `VISIBLE` or more."""
-    levels = grid.sections[number]
-    return np.asarray(levels[greatest(face.level_cover(grid.spans[number]), face.y, levels) >= VISIBLE])
+    return np.asarray(levels[greatest(section.cover, section.face.y, levels) >= VISIBLE])

@@ -111,7 +111,7 @@ class Section:
         near = [other for other in levels if 0 < abs(other.mean() - level.mean()) < ROOM * self.thickness]
         if not near or self.cover[np.abs(self.face.y - level.mean()).argmin()] > WHOLE:
             return False
-        strength, *others = (self._strength(one.mean() + CORE * (one - one.mean())) for one in (level, *near))
+        strength, *others = (self._strength(y.mean() + CORE * (y - y.mean())) for y in (level, *near))
         return max(others) > strength
 
     def _at_their_paint(self, levels: Sequence[Floats]) -> list[Floats]:
