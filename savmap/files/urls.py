@@ -27,7 +27,9 @@ def where(text: str | Path) -> Path:
     except ImportError:
         raise SiteError(f"{text}: reading URLs needs the extra `cluster`: pip install 'savmap[cluster]'") from None
     try:
-        return cast(Path, UPath(text))
+        path = UPath(text)
+        _ = path.fs  # a missing package of the URL's kind is told here, not where the path is first used
+        return cast(Path, path)
     except (ImportError, ValueError) as error:
         raise SiteError(f"{text}: cannot be read: {error}") from None
 

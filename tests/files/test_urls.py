@@ -27,6 +27,15 @@ def test_what_is_a_url_and_what_is_not() -> None:
         where("nosuch://a")
 
 
+def test_url_whose_package_is_missing_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fsspec.registry import known_implementations
+
+    missing = {"class": "nosuch.FileSystem", "err": "Install nosuch to access it"}
+    monkeypatch.setitem(known_implementations, "lacking", missing)
+    with pytest.raises(SiteError, match=r"lacking://a/b: cannot be read: Install nosuch"):
+        where("lacking://a/b")
+
+
 @pytest.mark.slow
 def test_a_map_from_url_to_url_is_that_from_path_to_path(tmp_path: Path) -> None:
     clip = upath.UPath("memory://footage/aisle.mp4")
