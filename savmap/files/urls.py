@@ -23,12 +23,13 @@ def where(text: str | Path) -> Path:
     if text.startswith(LOCAL):
         return Path(text.removeprefix(LOCAL))
     try:
+        from fsspec import get_filesystem_class
         from upath import UPath
     except ImportError:
         raise SiteError(f"{text}: reading URLs needs the extra `cluster`: pip install 'savmap[cluster]'") from None
     try:
         path = UPath(text)
-        _ = path.fs  # a missing package of the URL's kind is told here, not where the path is first used
+        get_filesystem_class(path.protocol)  # raises where the package of this kind of URL is missing
         return cast(Path, path)
     except (ImportError, ValueError) as error:
         raise SiteError(f"{text}: cannot be read: {error}") from None

@@ -187,7 +187,7 @@ def test_row_of_the_old_date_alone_is_drawn_found_and_told(opened: Open) -> None
     drawn = "savmapViewer.model.rows[2].dates.old.group.visible"
     page.locator("[data-dates=new]").click()
     assert page.evaluate(drawn) is False
-    assert "B" not in page.locator(".of-row").all_inner_texts()
+    eventually(page, lambda: "B" not in page.locator(".of-row").all_inner_texts(), "the name of row B is gone")
     page.locator("#changes button", has_text="Row B is missing").click()
     assert page.evaluate("savmapViewer.row.name") == "B"
     assert page.evaluate(drawn) is True
