@@ -93,6 +93,7 @@ def test_nor_does_one_about_an_entry_of_a_list(tmp_path: Path, location: tuple[s
         ("align:\n  points:\n  - {at: a, world_m: [1, 2, 3, 4]}\n  - {at: b, world_m: [1, 2]}", "`align.points[0].world_m`: at most 3 entries are expected"),
         ("plugins:\n  shelves:\n    bay_pitch_m: 2,7", "site.yaml:3: `plugins.shelves.bay_pitch_m`: a decimal point is expected: 2.7"),
         ("plugins:\n  shelves:\n    lowest_beam_bottom_height_m: [0.3, a]", "`plugins.shelves.lowest_beam_bottom_height_m.values[1]`: a number is expected"),
+        ("plugins:\n  shelves:\n    lowest_beam_bottom_height_m: 28.2", "less than 10 (it is 28.2; lengths are metres"),
         ("plugins:\n  shelves:\n    lowest_beam_bottom_height_m: 0,3", "a decimal point is expected: 0.3"),
     ],
 )  # fmt: skip

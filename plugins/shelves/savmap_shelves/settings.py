@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from savmap.files.validation import ClassNames
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
-Height = Annotated[float, Field(gt=-1, lt=50)]
+Height = Annotated[float, Field(gt=-1, lt=10)]
 
 
 def _alone(key: str) -> Callable[[Any], Any]:

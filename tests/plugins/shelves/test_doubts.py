@@ -130,6 +130,16 @@ def uneven_row() -> Row:
     return row
 
 
+@pytest.mark.parametrize(("others", "doubted"), [(0.0, True), (0.9, False)], ids=["much the same", "other heights"])
+def test_room_for_one_more_beam_below_the_others_highest_is_doubted(others: float, doubted: bool) -> None:
+    row: Row = {"uprights": [[2.7 * k, 2.7 * k + 0.1] for k in range(4)], "sections": []}
+    for foot, step, count in ((0.2, 1.0, 6), (0.3, 1.2, 4), (0.25, 1.25 - others / 4, 5)):
+        levels = (foot + step * np.arange(count)).tolist()
+        row["sections"].append({"beams": [[level, level + 0.1] for level in levels]})
+    found = [doubt for doubt in doubts_of(structures_of(row)) if "the highest of its section" in doubt.what]
+    assert [doubt.structures for doubt in found] == ([("section 2 / beam 4",)] if doubted else [])
+
+
 @pytest.mark.parametrize("section", [0, 2, 4])
 def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(section: int) -> None:
     row = uneven_row()

@@ -69,13 +69,23 @@ def test_a_faint_stripe_that_is_not_whole_is_no_level_where_paint_does_not_tell(
 
 
 @pytest.mark.parametrize(
-    ("length", "others", "found"), [(1.2, LEVELS, True), (0.9, LEVELS, False), (1.2, LEVELS[1:], False)]
+    ("length", "others", "found"), [(1.2, LEVELS, True), (0.8, LEVELS, False), (1.2, LEVELS[1:], False)]
 )
-def test_almost_half_of_a_sections_lowest_level_is_enough_where_the_others_have_theirs(
+def test_more_than_a_third_of_a_sections_lowest_level_is_enough_where_the_others_have_theirs(
     length: float, others: Floats, found: bool
 ) -> None:
     evidence = seen((1, (2.8, 5.4), (0.39, 0.53), 0.0), (1, (2.8, 2.8 + length), (0.4, 0.52), 0.3))
     expected = expected_grid(evidence, Grid(POSTS, [others, LEVELS[1:], others]))
+    assert (expected is not None and len(expected.sections[1]) == len(LEVELS)) == found
+
+
+@pytest.mark.parametrize(
+    ("length", "others", "found"), [(1.2, LEVELS, True), (0.8, LEVELS, False), (1.2, LEVELS[:-1], False)]
+)
+def test_so_it_is_with_its_highest_level(length: float, others: Floats, found: bool) -> None:
+    top = LEVELS[-1]
+    evidence = seen((1, (2.8, 5.4), (top[0] - 0.01, top[1] + 0.01), 0.0), (1, (2.8, 2.8 + length), tuple(top), 0.3))
+    expected = expected_grid(evidence, Grid(POSTS, [others, LEVELS[:-1], others]))
     assert (expected is not None and len(expected.sections[1]) == len(LEVELS)) == found
 
 

@@ -12,16 +12,19 @@ from savmap_shelves.mapping import MappedSection, sections_of
 LEAST_TO_COMPARE = 4
 REGULAR = 0.8
 LEVEL_M = 0.06
-HIGHER_M, PASSAGE_M, LEAST_SECTIONS = 0.5, 2.0, 3
+A_STEP = 1.1
+"""A highest beam lower than the others' by so many steps of its section leaves room for one above it. No section of 126 simulated rows does."""
+HIGHER_M, PASSAGE_M, LEAST_SECTIONS, LEAST_LEVELS = 0.5, 2.0, 3, 3
 """A lowest beam so much above those of most sections, of so many at least, may hide one below it; not one that leaves room to pass."""
 
 
 def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """In a rack whose sections have the same levels: one that has one more, or lacks one that both its neighbours have; in any other, steps from
-    level to level that are too wide for their section."""
+    level to level that are too wide for their section, and room for one more below the highest ones of the others."""
     sections = sections_of(structures)
     if len(sections) < LEAST_TO_COMPARE or _regularity(sections) < REGULAR:
         yield from _steps(sections)
+        yield from _low_highest(sections)
         return
     for number, section in enumerate(sections):
         beside = [sections[k] for k in (number - 1, number + 1) if 0 <= k < len(sections)]
@@ -72,6 +75,22 @@ def _steps(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, 
         pair = ids[lower], ids[lower + 1]
         apart = f"{heights[lower + 1] - heights[lower]:.2f} m apart, others of their section {usual:.2f} m"
         yield f"{pair[0]} and {pair[1]} are {apart}: is one between them missing?", pair
+
+
+def _low_highest(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Sections with room for one more beam below the height of the others' highest ones, which are within a step: goods may hang over it."""
+    sections = [section for section in sections if len(section.beams.ids)]
+    highest = np.array([_heights(section)[-1] for section in sections])
+    for number, section in enumerate(sections if len(sections) >= LEAST_SECTIONS else ()):
+        heights, others = _heights(section), np.delete(highest, number)
+        step = float(np.median(np.diff(heights))) if len(heights) >= LEAST_LEVELS else np.inf
+        usual = float(np.median(others))
+        if np.ptp(others) < step and usual - heights[-1] > A_STEP * step:
+            name = section.beams.ids[-1]
+            yield (
+                f"{name} at {heights[-1]:.2f} m is the highest of its section, those of the others are at {usual:.2f} m: is one above it missing?",
+                (name,),
+            )
 
 
 def _regularity(sections: Sequence[MappedSection]) -> float:

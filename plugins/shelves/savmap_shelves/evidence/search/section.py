@@ -161,7 +161,7 @@ class Section:
         behind = not strong and face.rear.shows(self.beside, centre)
         if centre >= face.ceiling + half or similarity < settings.strange or behind:
             return False
-        if cover >= settings.lacking and self._lacks_lowest(centre):
+        if cover >= settings.lacking and (self._lacks_lowest(centre) or self._lacks_highest(centre)):
             return True
         if cover >= settings.level:
             return face.paint.is_informative or cover > WHOLE or cover * strength > settings.plain
@@ -169,10 +169,21 @@ class Section:
 
     def _lacks_lowest(self, centre: float) -> bool:
         """Whether a level would be the lowest of its section, where half of the other sections, and two at least, have theirs."""
-        if not len(self.beside):
+        steps = self.beside.mean(axis=1) - centre
+        return self._is_outermost(centre, steps, self._others_lowest())
+
+    def _lacks_highest(self, centre: float) -> bool:
+        """Whether a level would be the highest of its section, where half of the other sections, and two at least, have theirs."""
+        others = (y for number, y in enumerate(self.face.tracked.sections) if number != self.number and len(y))
+        steps = centre - self.beside.mean(axis=1)
+        return self._is_outermost(centre, steps, np.array([y.mean(axis=1).max() for y in others]))
+
+    def _is_outermost(self, centre: float, steps: Floats, others: Floats) -> bool:
+        """Whether a level whose steps (m,) to those of its section are all wide is as high as half of the other sections' (n,) are, and two at least."""
+        if not len(steps):
             return False
-        step, room = float(self.beside.mean(axis=1).min()) - centre, ROOM * self.thickness
-        near = np.abs(self._others_lowest() - centre) < max(room, STEP_SHARE * step)
+        step, room = float(steps.min()), ROOM * self.thickness
+        near = np.abs(others - centre) < max(room, STEP_SHARE * step)
         return len(near) > 1 and step > room and bool(near.mean() >= HALF)
 
     def _others_lowest(self) -> Floats:

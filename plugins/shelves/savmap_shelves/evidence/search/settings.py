@@ -11,7 +11,7 @@ class EvidenceSettings:
     usual strength of the tracked ones, or by `faint`. A faint object along the whole length has full cover. A strong but shorter one has not.
 
     - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
-    - `lacking`: that of a new level where its section lacks one: it has none as low as those of the other sections are, or a step that is too wide.
+    - `lacking`: that of a new level where its section lacks one: it has none as low, or as high, as the other sections have, or a step that is too wide.
     - `lost`: a tracked post or level with less cover is dropped.
     - `faint`: the least strength that counts as usual, and the least that anything stands out by.
     - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
@@ -31,7 +31,7 @@ class EvidenceSettings:
     post: float = 0.7
     post_in_gap: float = 0.45
     level: float = 0.8
-    lacking: float = 0.4
+    lacking: float = 0.35
     lost: float = 0.1
     faint: float = 0.05
     wide: float = 1.6
