@@ -72,18 +72,23 @@ def adapt(
     folder = output / FOLDER
     prepare(folder)
     with locked(folder):
-        own = (
-            practice_set(name, opened.classes, options.practice, folder / PRACTICE, shown)
-            if not options.replay
-            else None
-        )
-        replay = [*options.replay, *([own] if own else [])]
-        others = practice_set(name, opened.classes, OTHERS, folder / OTHER_PLACES, shown, OTHER_SEED)
         candidates = [opened.model, *further] if (further := further_models(opened)) else []
-        work = Adaptation(job, name, opened.classes, options, replay, folder, shown, meter, others, candidates)
-        first = first_state(work, model, opened.model_file, trainable, output / "map.json")
+        alone = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter, None, candidates)
+        first = first_state(alone, model, opened.model_file, trainable, output / "map.json")
+        work = _beside_other_places(alone)
         results, state = _rounds(work, first)
         return _finished(work, first, state, results)
+
+
+def _beside_other_places(work: Adaptation) -> Adaptation:
+    """With pictures of other places against forgetting, unless some are given, and others that measure it."""
+
+    def pictures(count: int, folder: str, *seed: int) -> Path | None:
+        return practice_set(work.plugin, work.classes, count, work.folder / folder, work.monitor, *seed)
+
+    own = None if work.replay else pictures(work.options.practice, PRACTICE)
+    others = pictures(OTHERS, OTHER_PLACES, OTHER_SEED)
+    return replace(work, replay=[*work.replay, *([own] if own else [])], others=others)
 
 
 def job_to_adapt(source: Path, output: Path, options: AdaptOptions, overrides: Sequence[Override]) -> Job:

@@ -80,6 +80,25 @@ def meter(doing: str) -> Iterator[Any]:
     yield lambda done, line: None
 
 
+def adaptation(folder: Path, others: Path | None = None, candidates: Sequence[Path] = (), **options: Any) -> Adaptation:
+    (folder / "adapted").mkdir(parents=True, exist_ok=True)
+    lengths = [{"between": ["post 1 / left", "post 9 / right"], "value": 2.0, "sigma": 0.01}]
+    site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
+    job = Job(site, folder / "site.yaml", ["posts"], folder)
+    return Adaptation(
+        job,
+        "posts",
+        CLASSES,
+        AdaptOptions(**options),
+        (),
+        folder / "adapted",
+        NoteCollector(),
+        meter,
+        others,
+        candidates,
+    )
+
+
 def adapted(
     works: Works,
     folder: Path,
@@ -93,22 +112,7 @@ def adapted(
     monkeypatch.setattr(rounds, "map_job_into", works.map)
     monkeypatch.setattr(rounds, "write_labels", works.label)
     monkeypatch.setattr(run, "_agreement", lambda work, model, number: dict.fromkeys(CLASSES, 0.4))
-    (folder / "adapted").mkdir(parents=True, exist_ok=True)
-    lengths = [{"between": ["post 1 / left", "post 9 / right"], "value": 2.0, "sigma": 0.01}]
-    site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
-    job = Job(site, folder / "site.yaml", ["posts"], folder)
-    work = Adaptation(
-        job,
-        "posts",
-        CLASSES,
-        AdaptOptions(**options),
-        (),
-        folder / "adapted",
-        NoteCollector(),
-        meter,
-        others,
-        candidates,
-    )
+    work = adaptation(folder, others, candidates, **options)
     for name in ("first.onnx", "first.int8.onnx"):
         (folder / name).write_text(name)
     write_map(map_of(2), folder / "map.json")
@@ -249,3 +253,11 @@ def test_network_that_agrees_best_is_taught(
         tmp_path / "adapted" / "round-1" / "posts.onnx",
     ]
     assert done.kept is not None
+
+
+def test_map_without_outlines_teaches_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "map_job_into", Works([], [0]).map)
+    work, network = adaptation(tmp_path), tmp_path / "first.onnx"
+    network.write_text("first.onnx")
+    with pytest.raises(StructureError, match=r"first/map.json: has no outlines of `posts` \(.*\) to learn from"):
+        run.first_state(work, network, network, network, tmp_path / "map.json")

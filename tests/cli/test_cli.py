@@ -21,12 +21,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
 def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable,
-        "-c",
-        "from savmap.cli.app import main; main()",
-        *(str(argument) for argument in arguments),
-    ]
+    command = [sys.executable, "-m", "savmap", *(str(argument) for argument in arguments)]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
 
