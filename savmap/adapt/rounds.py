@@ -32,6 +32,8 @@ FORGETFUL = 4
 """The teacher is shown every fourth picture of other places."""
 FORGOTTEN = 0.005
 """A network that has so much less intersection over union on pictures of other places than the one that the site began with is not kept."""
+FEWER = 0.01
+"""A network with which the map has fewer structures that nothing doubts, by more than this share, is not kept. Two equally good maps differ by less."""
 INTEGERS = ".int8.onnx"
 
 
@@ -220,7 +222,9 @@ def _judged(
     except (StructureError, SolveError) as error:
         return replace(result, why=f"the site cannot be mapped with the new network: {error}"), start
     now = state.structures(work.plugin, work.classes)
-    if state.sound(work.plugin, work.classes) < start.sound(work.plugin, work.classes):
+    if len(state.site_map.rows) < len(start.site_map.rows):
+        return replace(result, structures_after=now, why="fewer rows can be mapped with the new network"), start
+    if state.sound(work.plugin, work.classes) < (1 - FEWER) * start.sound(work.plugin, work.classes):
         return replace(result, structures_after=now, why="the new map has fewer structures that nothing doubts"), start
     return replace(result, structures_after=now, kept=True, why="the network agrees better with the map"), state
 

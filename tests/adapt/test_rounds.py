@@ -208,6 +208,27 @@ def test_structures_that_are_doubted_do_not_count(tmp_path: Path) -> None:
     assert counts == [(2, 2), (3, 2)]
 
 
+@pytest.mark.parametrize(
+    ("mapped", "sound", "why"),
+    [
+        (2, 396, "the network agrees better with the map"),
+        (2, 395, "the new map has fewer structures that nothing doubts"),
+        (1, 400, "fewer rows can be mapped with the new network"),
+    ],
+)
+def test_one_in_a_hundred_structures_is_chance_but_no_row(
+    mapped: int, sound: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def state(rows: int, sound: int) -> Any:
+        site_map = SimpleNamespace(rows=dict.fromkeys(range(rows)))
+        return SimpleNamespace(model=tmp_path, site_map=site_map, structures=lambda *_: 400, sound=lambda *_: sound)
+
+    monkeypatch.setattr(rounds, "_state_of", lambda *_, **__: state(mapped, sound))
+    scores = {"held-out": {"before": {"post": 0.5}, "after": {"post": 0.6}}}
+    result, _ = rounds._judged(adaptation(tmp_path), 1, tmp_path, state(2, 400), scores, None)
+    assert (result.why, result.kept) == (why, sound == 396)
+
+
 def test_row_that_is_lost_ends_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = adapted(Works([0.6], [StructureError("row A: too few posts")]), tmp_path, monkeypatch)
     assert done.rounds[0].why == "the site cannot be mapped with the new network: row A: too few posts"
