@@ -6,6 +6,7 @@ import numpy as np
 
 from savmap.types import Bools, Floats, Ints
 from savmap_shelves.evidence.face_grid import ROOM
+from savmap_shelves.evidence.wide_steps import wide_steps
 from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, mostly, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights
@@ -223,7 +224,7 @@ def _unlike(
     Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
     lowest one of a section may be hidden from below in all of them, but it is above the floor; others may be beams that are
-    hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, or are their section's lowest. Thick ones are
+    hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, are their section's lowest, or lie where it lacks one. Thick ones are
     girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames. The lowest one of a section, which goods on
     the floor adjoin in all of them, is kept where it is `expected`.
     """
@@ -236,7 +237,18 @@ def _unlike(
         thin[k] = full[k] < THIN * peers and support[k] < RARE * np.median(support)
         thick[k] = leanest[k] > THICK * peers and not sure[k]
     low = _low(levels, levels[:, 1] - usual / 2, floor, np.where(expected, LOW, NEAR_FLOOR))
-    return (thick & ~(expected & low)) | (thin & ~(expected & trusting) & ~low)
+    believed = expected & (trusting | _fills_step(levels, thin))
+    return (thick & ~(expected & low)) | (thin & ~believed & ~low)
+
+
+def _fills_step(levels: Floats, thin: Bools) -> Bools:
+    """Which levels (k,) of those that are `thin` (k,) lie in a step that would be too wide without them: there one is missing."""
+    heights = [np.sort(levels[~thin & (levels[:, 0] == k), 1]) for k in range(int(levels[:, 0].max(initial=-1)) + 1)]
+    found = np.zeros(len(levels), dtype=np.bool_)
+    for section, lower, _ in wide_steps(heights):
+        low, high = heights[section][lower : lower + 2]
+        found |= thin & (levels[:, 0] == section) & (levels[:, 1] > low) & (levels[:, 1] < high)
+    return found
 
 
 def _low(levels: Floats, lower: Floats, floor: float, near: float | Floats) -> Bools:

@@ -157,6 +157,22 @@ def test_the_lowest_level_may_stand_higher_where_all_frames_show_it(
     assert thin.tolist() == [doubted, False, False]
 
 
+@pytest.mark.parametrize(
+    ("expected", "beside", "kept"),
+    [(True, 2.3, True), (False, 2.3, False), (True, 1.4, False)],
+    ids=["all frames show it", "single frames show it", "no section beside has one there"],
+)
+def test_a_thin_level_is_a_beam_where_its_section_lacks_one(expected: bool, beside: float, kept: bool) -> None:
+    own, other = [0.4, 1.4, 2.4, 3.4, 4.4, 5.4], sorted([0.4, beside, 3.4, 4.4, 5.4])
+    levels = np.column_stack([np.repeat([0, 1], [6, 5]), own + other])
+    which = np.repeat(np.arange(11), 10)
+    half = np.where(which == 2, 0.03, 0.06)
+    edges = levels[which, 1:] + half[:, None] * np.array([-1.0, 1.0])
+    support = np.where(np.arange(11) == 2, 0.6, 1.0)
+    unlike = _unlike(levels, edges, which, support, 0.0, np.full(11, expected), trusting=False)
+    assert unlike.tolist() == [k == 2 and not kept for k in range(11)]
+
+
 def test_chance_does_not_count_against_what_all_frames_show() -> None:
     support, shown, count = np.array([0.9, 0.9, 0.4, 0.4]), np.full(4, 8), np.full(4, 5)
     assert supported(support, shown, count, 0.3).tolist() == [True, True, False, False]
