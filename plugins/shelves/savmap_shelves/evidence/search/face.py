@@ -77,7 +77,7 @@ class Face:
         found = [float(levels.mean(axis=1).min()) if len(levels) else np.inf for levels in self.tracked.sections]
         hidden = (self.y > self.floor + self.tracked.thickness) & (self.y < self.feet)
         for section, cover in enumerate(self.covers):
-            places = [float(self.y[row]) for row in peaks(cover, self.settings.lacking) if hidden[row]]
+            places = [float(self.y[row]) for row in peaks(cover, self.settings.partly) if hidden[row]]
             found[section] = min([found[section], *places])
         return found
 

@@ -58,7 +58,7 @@ class Section:
         for row in peaks(self.cover, self.settings.painted / 4):
             centre = float(self.face.y[row])
             near = min((abs(centre - other) for other in taken), default=np.inf) <= APART * self.thickness
-            if not near and self._is_level(row):
+            if not near and self._is_level(row, kept):
                 taken.append(centre)
                 kept.append(self._edges(row))
         levels = np.array(kept).reshape(-1, 2)
@@ -144,8 +144,8 @@ class Section:
         stripe = paint.extent(*self.span, centre, reach)
         return stripe if abs(float(np.ptp(stripe)) / self.thickness - 1) < UNEVEN else None
 
-    def _is_level(self, row: int) -> bool:
-        """Whether there is a level at a row where none was tracked: by its cover, its paint, and its height.
+    def _is_level(self, row: int, known: Sequence[Floats]) -> bool:
+        """Whether there is a level at a row where none was tracked: by its cover, its paint, and its height. `known`: y (2,) of those that were found so far.
 
         Below the posts' feet are goods and markings. But guards may hide feet: a stripe there that is as strong as the beams, and painted like
         them in half of the sections, is a beam. One section alone does not decide, because goods and shade change its paint. So is one that is seen along
@@ -157,30 +157,32 @@ class Section:
         similarity, strong = face.similarity(self.span, centre), strength > STRONG
         if centre <= face.floor + half:
             painted = cover > settings.level and face.usual_similarity(centre) >= SIMILAR_BELOW
-            return strong and (painted or (cover > WHOLE and self._lacks_lowest(centre)))
+            return strong and (painted or (cover > WHOLE and self._lacks_lowest(centre, known)))
         behind = not strong and face.rear.shows(self.beside, centre)
         if centre >= face.ceiling + half or similarity < settings.strange or behind:
             return False
-        if cover >= settings.lacking and (self._lacks_lowest(centre) or self._lacks_highest(centre)):
+        if cover >= settings.lacking and self._lacks_lowest(centre, known):
+            return True
+        if cover >= settings.partly and self._lacks_highest(centre, known):
             return True
         if cover >= settings.level:
             return face.paint.is_informative or cover > WHOLE or cover * strength > settings.plain
         return similarity >= SIMILAR and max(cover, face.usual_cover(centre)) >= settings.painted
 
-    def _lacks_lowest(self, centre: float) -> bool:
+    def _lacks_lowest(self, centre: float, known: Sequence[Floats]) -> bool:
         """Whether a level would be the lowest of its section, where half of the other sections, and two at least, have theirs."""
-        steps = self.beside.mean(axis=1) - centre
+        steps = np.array([float(y.mean()) - centre for y in (*self.beside, *known)])
         return self._is_outermost(centre, steps, self._others_lowest())
 
-    def _lacks_highest(self, centre: float) -> bool:
+    def _lacks_highest(self, centre: float, known: Sequence[Floats]) -> bool:
         """Whether a level would be the highest of its section, where half of the other sections, and two at least, have theirs."""
+        steps = np.array([centre - float(y.mean()) for y in (*self.beside, *known)])
         others = (y for number, y in enumerate(self.face.tracked.sections) if number != self.number and len(y))
-        steps = centre - self.beside.mean(axis=1)
         return self._is_outermost(centre, steps, np.array([y.mean(axis=1).max() for y in others]))
 
     def _is_outermost(self, centre: float, steps: Floats, others: Floats) -> bool:
         """Whether a level whose steps (m,) to those of its section are all wide is as high as half of the other sections' (n,) are, and two at least."""
-        if not len(steps):
+        if not len(self.beside):
             return False
         step, room = float(steps.min()), ROOM * self.thickness
         near = np.abs(others - centre) < max(room, STEP_SHARE * step)
