@@ -14,6 +14,8 @@ from savmap_shelves.tracking.uprights import Uprights
 THIN, RARE, THICK = 0.86, 0.92, 2.0
 NEAR_FLOOR, LOW, ON_FLOOR, SURE = 0.12, 0.2, 0.016, 0.6
 LEAST_LEVELS, SCATTER, LEAST_SCATTER = 2, 4.0, 0.4
+WEAK = 0.5
+"""The share of the least support that is enough of what all frames together show where a section lacks a level."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,11 @@ def find_levels(
         support, expected = _support(hits, cover, shown), expected_levels(sightings, which, len(levels))
         if kept.all():
             alone = expected & ~_crowded(levels, support, thickness)
-            kept = supported(support, shown.sum(axis=1), hits.sum(axis=1), sizes[1], alone)
+            kept, weak = (
+                supported(support, shown.sum(axis=1), hits.sum(axis=1), least, alone)
+                for least in (sizes[1], WEAK * sizes[1])
+            )
+            kept |= weak & expected & _fills_step(levels, ~kept)
         if kept.all():
             kept = ~_sunk(levels, edges, which, support, floor) | expected
         if kept.all():
@@ -241,13 +247,13 @@ def _unlike(
     return (thick & ~(expected & low)) | (thin & ~believed & ~low)
 
 
-def _fills_step(levels: Floats, thin: Bools) -> Bools:
-    """Which levels (k,) of those that are `thin` (k,) lie in a step that would be too wide without them: there one is missing."""
-    heights = [np.sort(levels[~thin & (levels[:, 0] == k), 1]) for k in range(int(levels[:, 0].max(initial=-1)) + 1)]
+def _fills_step(levels: Floats, doubted: Bools) -> Bools:
+    """Which levels (k,) of those that are `doubted` (k,) lie in a step that would be too wide without them: there one is missing."""
+    heights = [np.sort(levels[~doubted & (levels[:, 0] == k), 1]) for k in range(int(levels[:, 0].max(initial=-1)) + 1)]
     found = np.zeros(len(levels), dtype=np.bool_)
     for section, lower, _ in wide_steps(heights):
         low, high = heights[section][lower : lower + 2]
-        found |= thin & (levels[:, 0] == section) & (levels[:, 1] > low) & (levels[:, 1] < high)
+        found |= doubted & (levels[:, 0] == section) & (levels[:, 1] > low) & (levels[:, 1] < high)
     return found
 
 

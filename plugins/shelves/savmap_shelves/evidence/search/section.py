@@ -68,7 +68,7 @@ class Section:
         """y (2,) of the level that shows most between levels `below` and `above` (2,), farther than `room` from both, in a step that lacks one. None
         where none does, or what shows is strange or of the rear face."""
         low, high = below.mean() + room, above.mean() - room
-        for row in peaks(self.cover, self.settings.lacking):
+        for row in peaks(self.cover, self.settings.between):
             centre = float(self.face.y[row])
             if low < centre < high:
                 strange = self.face.similarity(self.span, centre) < self.settings.strange
