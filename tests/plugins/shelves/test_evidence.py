@@ -89,6 +89,12 @@ def test_so_it_is_with_its_highest_level(length: float, others: Floats, found: b
     assert (expected is not None and len(expected.sections[1]) == len(LEVELS)) == found
 
 
+def test_a_section_lacks_one_lowest_level_not_two() -> None:
+    """What lies right below a lowest beam that shows in part is no other one."""
+    parts = (1, (2.8, 5.4), (0.0, 0.53), 0.0), (1, (2.8, 4.0), (0.4, 0.52), 0.3), (1, (2.8, 3.9), (0.12, 0.24), 0.3)
+    assert is_whole(expected_grid(seen(*parts), Grid(POSTS, [LEVELS, LEVELS[1:], LEVELS])))
+
+
 def test_a_post_that_was_not_tracked_is_found() -> None:
     tracked = Grid(POSTS[[0, 2, 3]], [LEVELS, LEVELS])
     assert is_whole(expected_grid(seen(), tracked))
@@ -452,7 +458,7 @@ def test_pieces_that_may_be_of_the_rear_face_are_no_level() -> None:
     assert expected_grid(seen_from_above, without_hidden()) is None
 
 
-@pytest.mark.parametrize(("until", "found"), [(4.4, True), (3.4, False)], ids=["over half", "a quarter"])
+@pytest.mark.parametrize(("until", "found"), [(4.4, True), (3.2, False)], ids=["over half", "a seventh"])
 def test_a_level_that_is_faint_along_over_half_is_found_where_a_step_lacks_one(until: float, found: bool) -> None:
     faint = in_pieces((2.8, until), probability=0.25)
     grey = replace(faint, picture=np.full_like(faint.picture, 80))
