@@ -50,21 +50,25 @@ def _with_lacking(sections: Sequence[Section], grid: Grid) -> Grid:
     """The grid, with the levels that the network sees faintly, or in part, where a step between visible levels is too wide."""
     levels = [*grid.sections]
     for number, below, above, room in _wide_steps(sections, grid):
-        level = sections[number].level_between(below, above, room)
+        level = sections[number].level_between(below, above, room, sections[number].settings.partly)
         if level is not None:
             levels[number] = _with_level(levels[number], level)
     return Grid(grid.posts, levels)
 
 
 def _with_pieces(sections: Sequence[Section], grid: Grid) -> Grid:
-    """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide."""
+    """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide. Where no
+    colours tell of one, little of what the network sees is enough."""
     levels, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
     for number, below, above, room in _wide_steps(sections, grid):
-        face = sections[number].face
-        level = face.pieces.level_between(grid.spans[number], below, above, room)
-        if level is None or face.rear.may_show(_visible(sections[number], grid.sections[number]), float(level.mean())):
+        section = sections[number]
+        level = section.face.pieces.level_between(grid.spans[number], below, above, room)
+        visible = _visible(section, grid.sections[number])
+        if level is None or section.face.rear.may_show(visible, float(level.mean())):
+            faint = section.level_between(below, above, room, section.settings.between)
+            levels[number] = levels[number] if faint is None else _with_level(levels[number], faint)
             continue
-        near = np.abs(levels[number].mean(axis=1) - level.mean()) < face.tracked.thickness
+        near = np.abs(levels[number].mean(axis=1) - level.mean()) < section.face.tracked.thickness
         level = levels[number][near][0] if near.any() else level
         if not near.any():
             levels[number] = _with_level(levels[number], level)

@@ -64,11 +64,11 @@ class Section:
         levels = np.array(kept).reshape(-1, 2)
         return levels[np.argsort(levels[:, 0])]
 
-    def level_between(self, below: Floats, above: Floats, room: float) -> Floats | None:
+    def level_between(self, below: Floats, above: Floats, room: float, least: float) -> Floats | None:
         """y (2,) of the level that shows most between levels `below` and `above` (2,), farther than `room` from both, in a step that lacks one. None
-        where none does, or what shows is strange or of the rear face."""
+        where none has the `least` cover, or what shows is strange or of the rear face."""
         low, high = below.mean() + room, above.mean() - room
-        for row in peaks(self.cover, self.settings.between):
+        for row in peaks(self.cover, least):
             centre = float(self.face.y[row])
             if low < centre < high:
                 strange = self.face.similarity(self.span, centre) < self.settings.strange

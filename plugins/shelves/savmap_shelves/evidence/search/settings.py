@@ -11,8 +11,9 @@ class EvidenceSettings:
     usual strength of the tracked ones, or by `faint`. A faint object along the whole length has full cover. A strong but shorter one has not.
 
     - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
-    - `between`, `lacking`: that of a new level in a step that is too wide; and where its section lacks a lowest one where the others have theirs.
-    - `partly`: that of a new level as high as the others' highest ones; and of a stripe that tells where a section's lowest level is, below hidden feet.
+    - `lacking`: that of a new level where its section lacks a lowest one where the others have theirs.
+    - `partly`: that of a new level as high as the others' highest ones, or in a step that is too wide; and of a stripe that tells where a section's lowest level
+      is, below hidden feet. `between`: that in such a step where its colours do not tell of a level in pieces.
     - `lost`: a tracked post or level with less cover is dropped.
     - `faint`: the least strength that counts as usual, and the least that anything stands out by.
     - `wide`: a bay of this multiple of the narrowest one may lack a post. `narrow`: posts nearer than this share of a bay are one.
@@ -32,9 +33,9 @@ class EvidenceSettings:
     post: float = 0.7
     post_in_gap: float = 0.45
     level: float = 0.8
-    between: float = 0.2
     lacking: float = 0.3
     partly: float = 0.4
+    between: float = 0.2
     lost: float = 0.1
     faint: float = 0.05
     wide: float = 1.6
