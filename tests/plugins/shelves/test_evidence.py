@@ -458,8 +458,10 @@ def test_pieces_that_may_be_of_the_rear_face_are_no_level() -> None:
     assert expected_grid(seen_from_above, without_hidden()) is None
 
 
-@pytest.mark.parametrize(("until", "found"), [(4.4, True), (3.2, False)], ids=["over half", "a seventh"])
-def test_a_level_that_is_faint_along_over_half_is_found_where_a_step_lacks_one(until: float, found: bool) -> None:
+@pytest.mark.parametrize(
+    ("until", "found"), [(4.4, True), (3.4, True), (3.2, False)], ids=["over half", "a quarter", "a seventh"]
+)
+def test_a_level_that_is_faint_along_a_part_is_found_where_a_step_lacks_one(until: float, found: bool) -> None:
     faint = in_pieces((2.8, until), probability=0.25)
     grey = replace(faint, picture=np.full_like(faint.picture, 80))
     expected = expected_grid(grey, without_hidden())

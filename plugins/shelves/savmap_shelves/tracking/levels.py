@@ -120,11 +120,7 @@ def find_levels(
         support, expected = _support(hits, cover, shown), expected_levels(sightings, which, len(levels))
         if kept.all():
             alone = expected & ~_crowded(levels, support, thickness)
-            kept, weak = (
-                supported(support, shown.sum(axis=1), hits.sum(axis=1), least, alone)
-                for least in (sizes[1], WEAK * sizes[1])
-            )
-            kept |= weak & expected & _fills_step(levels, ~kept)
+            kept = _often_enough(levels, support, shown.sum(axis=1), hits.sum(axis=1), sizes[1], expected, alone)
         if kept.all():
             kept = ~_sunk(levels, edges, which, support, floor) | expected
         if kept.all():
@@ -190,6 +186,14 @@ def _support(hits: Bools, cover: Floats, shown: Bools) -> Floats:
     often, whole = (hits & shown).sum(axis=1) / count, (cover * shown).sum(axis=1) / count
     support: Floats = np.cbrt(often**2 * whole)
     return support
+
+
+def _often_enough(
+    levels: Floats, support: Floats, shown: Ints, count: Ints, least: float, expected: Bools, alone: Bools
+) -> Bools:
+    """Which levels (k,) are sighted often enough, as `supported` says; `WEAK` of it is enough of those that are `expected` (k,) where one is missing."""
+    kept, weak = (supported(support, shown, count, share, alone) for share in (least, WEAK * least))
+    return np.asarray(kept | (weak & expected & _fills_step(levels, ~kept)))
 
 
 def _shown(sightings: FaceSightings, states: Floats, uprights: Uprights, levels: Floats) -> Bools:

@@ -11,7 +11,7 @@ from savmap.geometry import pinhole
 from savmap.types import Feature
 from savmap_shelves.tracking import track_structures
 from savmap_shelves.tracking.density import supported
-from savmap_shelves.tracking.levels import _crowded, _support, _unlike
+from savmap_shelves.tracking.levels import _crowded, _often_enough, _support, _unlike
 
 CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0
@@ -171,6 +171,23 @@ def test_a_thin_level_is_a_beam_where_its_section_lacks_one(expected: bool, besi
     support = np.where(np.arange(11) == 2, 0.6, 1.0)
     unlike = _unlike(levels, edges, which, support, 0.0, np.full(11, expected), trusting=False)
     assert unlike.tolist() == [k == 2 and not kept for k in range(11)]
+
+
+@pytest.mark.parametrize(
+    ("support", "expected", "beside", "kept"),
+    [(0.25, True, 2.3, True), (0.1, True, 2.3, False), (0.25, False, 2.3, False), (0.25, True, 1.4, False)],
+    ids=["all frames show it", "hardly sighted", "single frames show it", "no section beside has one there"],
+)
+def test_half_the_support_is_enough_where_a_section_lacks_a_level(
+    support: float, expected: bool, beside: float, kept: bool
+) -> None:
+    own, other = [0.4, 1.4, 2.4, 3.4, 4.4, 5.4], sorted([0.4, beside, 3.4, 4.4, 5.4])
+    levels = np.column_stack([np.repeat([0, 1], [6, 5]), own + other])
+    weak = np.arange(11) == 2
+    often = _often_enough(
+        levels, np.where(weak, support, 1.0), np.full(11, 20), np.full(11, 5), 0.35, weak & expected, np.ones(11, bool)
+    )
+    assert often.tolist() == [k != 2 or kept for k in range(11)]
 
 
 def test_chance_does_not_count_against_what_all_frames_show() -> None:
