@@ -107,5 +107,5 @@ def test_sections_may_have_no_height_but_not_all() -> None:
 def test_a_height_in_another_unit_is_refused() -> None:
     from savmap_shelves.settings import ShelvesSettings as Settings
 
-    with pytest.raises(ValueError, match="less than 50"):
-        Settings.model_validate({"lowest_beam_bottom_height_m": [0.3, 424]})
+    with pytest.raises(ValueError, match="less than 10"):
+        Settings.model_validate({"lowest_beam_bottom_height_m": [0.3, 42.4]})
