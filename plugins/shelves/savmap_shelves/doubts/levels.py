@@ -12,7 +12,7 @@ from savmap_shelves.mapping import MappedSection, sections_of
 LEAST_TO_COMPARE = 4
 REGULAR = 0.8
 LEVEL_M = 0.06
-A_STEP = 1.1
+ROOM_STEPS = 1.1
 """A highest beam lower than the others' by so many steps of its section leaves room for one above it. No section of 126 simulated rows does."""
 HIGHER_M, PASSAGE_M, LEAST_SECTIONS, LEAST_LEVELS = 0.5, 2.0, 3, 3
 """A lowest beam so much above those of most sections, of so many at least, may hide one below it; not one that leaves room to pass."""
@@ -85,7 +85,7 @@ def _low_highest(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple
         heights, others = _heights(section), np.delete(highest, number)
         step = float(np.median(np.diff(heights))) if len(heights) >= LEAST_LEVELS else np.inf
         usual = float(np.median(others))
-        if np.ptp(others) < step and usual - heights[-1] > A_STEP * step:
+        if np.ptp(others) < step and usual - heights[-1] > ROOM_STEPS * step:
             name = section.beams.ids[-1]
             yield (
                 f"{name} at {heights[-1]:.2f} m is the highest of its section, those of the others are at {usual:.2f} m: is one above it missing?",

@@ -57,8 +57,8 @@ def _with_lacking(sections: Sequence[Section], grid: Grid) -> Grid:
 
 
 def _with_pieces(sections: Sequence[Section], grid: Grid) -> Grid:
-    """The grid, with levels of which goods leave only a few pieces visible. These are searched where a step between visible levels is too wide. Where no
-    colours tell of one, little of what the network sees is enough."""
+    """The grid, with a level in each step between visible levels that is too wide: one of which goods leave only a few pieces visible, by its colours, or
+    else one of which the network sees little."""
     levels, in_pieces = [*grid.sections], list[tuple[int, Floats]]()
     for number, below, above, room in _wide_steps(sections, grid):
         section = sections[number]
