@@ -178,4 +178,4 @@ def job_without_lengths(job: Job, names: Collection[str]) -> Job:
 def _changed(job: Job, **update: Any) -> Job:
     """A new job: one that differs must not be taken for the old one in another process."""
     new = replace(job, site=job.site.model_copy(update=update))
-    return Job(new.site, new.source, new.plugins, new.output, new.earlier, new.places, new.note)
+    return Job(new.site, new.source, new.plugins, new.output, new.earlier, new.places, new.notes)

@@ -65,8 +65,8 @@ def verdict_lines(site_map: SiteMap) -> Iterator[str]:
 def preview_and_print(job: Job) -> None:
     """Write pictures of the views that plugins choose, one a pass. Raises SavmapError."""
     prepare(job.output)
-    if job.note:
-        say(job.note)
+    for note in job.notes:
+        say(note)
     for name in job.site.rows:
         request = request_for(job, name)
         for path in previews(name, request.passes, request.plugins, job.output, initial_attitudes(request.path)):

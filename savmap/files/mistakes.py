@@ -3,11 +3,14 @@ one that was meant."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+
+from savmap.files.yaml_text import AsWritten, space_needed, unspaced
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -43,6 +46,10 @@ def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
     kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
     if problem["loc"][-1:] == (OF_KEY,):
         return f'this key must be text: write "{given}"'
+    if isinstance(given, str) and kind and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
+        return space_needed(*parts)
+    if kind and kind[1] == "string" and isinstance(given, bool | int | float):
+        return "text is expected: put it in quotation marks"
     if problem["type"] in ENTRIES:
         least, limit = ENTRIES[problem["type"]]
         number = problem["ctx"][limit]
@@ -76,9 +83,37 @@ def annotations_at(model: Any, location: Location) -> list[Any]:
     return [choice for one in found for choice in _choices(one)]
 
 
+def allows_section(annotations: Iterable[Any]) -> bool:
+    """Whether a section or a list may stand where these types may."""
+    return any(_is_model(one) or get_origin(one) is tuple or _is_mapping(one) for one in annotations)
+
+
+def misread(model: type[BaseModel], content: object) -> Iterator[tuple[Location, str]]:
+    """Words in a YAML content that stand where a number is expected, and are another one in YAML 1.1 than they look like: 015, 1:30, 1_000."""
+    yield from _misread(content, (), [model])
+
+
+def _misread(content: object, location: Location, found: list[Any]) -> Iterator[tuple[Location, str]]:
+    choices = [choice for one in found for choice in _choices(one)]
+    if isinstance(content, AsWritten) and not any(
+        one in (str, Path, Any) or get_origin(one) is Literal for one in choices
+    ):
+        yield location, f"a plain number is expected: write {content.decimal} (it is {content})"
+    if Any in choices or not isinstance(content, Mapping | list):
+        return
+    for part, value in content.items() if isinstance(content, Mapping) else enumerate(content):
+        own = part if isinstance(part, int) else str(part)
+        yield from _misread(value, (*location, own), [inner for one in choices for inner in _inside(one, own)])
+
+
 def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """A model's fields by the keys that a file has for them."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def may_be_none(field: FieldInfo) -> bool:
+    """Whether a field takes null for a value."""
+    return NoneType in get_args(field.annotation)
 
 
 def location_of(problem: "ErrorDetails", model: type[BaseModel]) -> Location:
@@ -131,7 +166,7 @@ def _inside(annotation: Any, part: int | str) -> Iterator[Any]:
             yield from (field.annotation for name, field in fields_of(one).items() if name == part)
         elif isinstance(part, int):
             yield from (inner for inner in get_args(one) if inner is not Ellipsis)
-        elif isinstance(get_origin(one), type) and issubclass(get_origin(one), Mapping):
+        elif _is_mapping(one):
             yield get_args(one)[1]
 
 
@@ -142,6 +177,10 @@ def _choices(annotation: Any) -> list[Any]:
     if get_origin(annotation) in (Union, UnionType):
         return [inner for one in get_args(annotation) for inner in _choices(one) if inner is not NoneType]
     return [annotation]
+
+
+def _is_mapping(annotation: Any) -> bool:
+    return isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping)
 
 
 def _is_model(annotation: Any) -> bool:

@@ -99,7 +99,11 @@ def _explained(
         number and problem["loc"][-1:] != (OF_KEY,) and float in annotations_at(model, location_of(problem, model))
     )
     units = "; lengths are metres, times seconds" if measured else ""
-    return f"{place}: `{key}`: {text} (it is {SHORT.repr(problem['input'])}{units})"
+    return f"{place}: `{key}`: {text} ({_given(problem['input'])}{units})"
+
+
+def _given(value: object) -> str:
+    return "it has no value" if value is None else f"it is {SHORT.repr(value)}"
 
 
 def _keys(model: Any, location: Location) -> list[str]:

@@ -3,6 +3,7 @@
 Dates are read as text: none of our files holds one, and 2024-13-45 is not worth an error of its own.
 """
 
+import re
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
@@ -14,6 +15,8 @@ MOST_MB = 2.0
 MOST_DEPTH = 50
 PARSERS_DEPTH = "maximum nesting depth"
 """What newer versions of libyaml say of a text that is nested too deeply for itself; it reads ahead of the events, and says so before their bound is passed."""
+COLONS = ("could not find expected ':'", "mapping values are not allowed in this context")
+"""What libyaml says of keys whose colon no space follows: of them and of the next line."""
 MOST_VALUES = 100_000
 """With what aliases stand for: a site of 2000 rows has 60 000."""
 MOST_LETTERS = 4000
@@ -23,11 +26,41 @@ NO_TOKEN = "cannot start any token"
 TIMESTAMP = "tag:yaml.org,2002:timestamp"
 TEXT = "tag:yaml.org,2002:str"
 OTHERWISE_TEXT = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "null")}
+NUMBERS = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float")}
+LEADING_ZERO = re.compile(r"[-+]?0+[0-9][0-9_]*")
+OTHER_BASE = re.compile(r"[-+]?0[bx]")
+UNSPACED = re.compile(
+    r"\s*(?:- +)*(?P<key>[^\s:\uff1a#'\"{}\[\],]+)(?: *\uff1a\s*(?P<wide>.*)|:(?!//|\\)(?P<value>[^\s:].*))"
+)
+"""A line, or a text, that would be a key and its value if a space stood behind the colon, and the colon were one: `\uff1a` is full-width."""
 _Events: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class BoundError(yaml.MarkedYAMLError):
     """A text that may be YAML, but is not read: too deep, too much, or not to be written."""
+
+
+class AsWritten(str):
+    """A word that YAML 1.1 takes for a number that few people mean: 015 for 13, 1:30 for 90, 1_000, 0x1F. As text it is what was written."""
+
+    __slots__ = ()
+
+    @property
+    def decimal(self) -> str:
+        """The number that was most likely meant, with digits alone."""
+        plain = self.replace("_", "")
+        return str(int(plain)) if LEADING_ZERO.fullmatch(plain) else f"{yaml.safe_load(self):.12g}"
+
+
+def unspaced(text: str) -> tuple[str, str] | None:
+    """The key and the value of a line or text such as `side:right`, which is one word in YAML; None where it is nothing of the kind."""
+    found = UNSPACED.match(text)
+    return (found["key"], (found["value"] or found["wide"] or "").strip()) if found else None
+
+
+def space_needed(key: str, value: str) -> str:
+    """What to do about an unspaced key and value."""
+    return f"a colon and a space stand between a key and its value: write `{key}: {value}`"
 
 
 class _Loader(_Events):  # type: ignore[misc]
@@ -46,6 +79,8 @@ class _Loader(_Events):  # type: ignore[misc]
         return super().construct_mapping(node, deep)
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        if isinstance(node, yaml.ScalarNode) and _means_other(node):
+            return AsWritten(node.value)
         try:
             value = super().construct_object(node, deep)
         except yaml.YAMLError:
@@ -57,6 +92,16 @@ class _Loader(_Events):  # type: ignore[misc]
         if isinstance(value, int | float) and not -LARGEST < value < LARGEST:
             raise _error(f"{node.value:.20} is not a finite number", node.start_mark)
         return value
+
+
+def _means_other(node: yaml.ScalarNode) -> bool:
+    """Whether a word without quotation marks is a number in YAML 1.1 that reads otherwise to people."""
+    text = node.value
+    if node.style or not (node.tag in NUMBERS or node.tag == TEXT):
+        return False
+    if LEADING_ZERO.fullmatch(text):
+        return True
+    return node.tag in NUMBERS and bool("_" in text or ":" in text or OTHER_BASE.match(text))
 
 
 def _is_plain_number(text: str) -> bool:
@@ -114,7 +159,20 @@ def _events(text: str) -> Iterable[Any]:
     except yaml.MarkedYAMLError as error:
         if PARSERS_DEPTH in str(error.problem):
             raise _too_deep(error.problem_mark) from error
+        if str(error.problem) in COLONS:
+            _require_spaced(text, error)
         raise
+
+
+def _require_spaced(text: str, error: yaml.MarkedYAMLError) -> None:
+    """Raise a plainer error where a line that the parser stopped at, or the one before it, lacks the space behind a colon."""
+    last = error.problem_mark.line
+    first = error.context_mark.line if error.context_mark else last - 1
+    for number, line in enumerate(text.split("\n")[: last + 1]):
+        found = unspaced(line) if number >= first else None
+        if found:
+            mark = yaml.Mark("", 0, number, 0, None, None)
+            raise yaml.MarkedYAMLError(problem=space_needed(*found), problem_mark=mark) from error
 
 
 def _meant(count: int | None, alias: Any) -> int:

@@ -12,7 +12,7 @@ from savmap.pipeline.preview import picture_name, preview
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins
-from savmap.site.load import problems_in, read_draft, site_of, sound_part
+from savmap.site.load import notes_on, problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
 from savmap.site.preflight import Footage, settings_problems, with_location
 from savmap.types.progress import Monitor
@@ -66,8 +66,9 @@ def _findings(
         yield f"{source}: the rest is checked once this is put right"
         return
     names, note = chosen_plugins(site, plugins)
-    yield from [note] if note else []
-    yield from of_job(Job(site, source, names, output, earlier, draft.places, note), pictures)
+    notes = (*notes_on(draft), *([note] if note else []))
+    yield from notes
+    yield from of_job(Job(site, source, names, output, earlier, draft.places, notes), pictures)
 
 
 def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:

@@ -186,8 +186,8 @@ def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
 
 def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
-    if job.note:
-        monitor.note(job.note)
+    for note in job.notes:
+        monitor.note(note)
     mapped = map_rows_of(
         job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)
     )

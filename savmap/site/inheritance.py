@@ -8,17 +8,13 @@ DIRECTIONS = {"left": "+x", "right": "-x"}
 
 
 def completed(content: object) -> object:
-    """A site's content with its passes' video, rate and views filled in from their row or the site, and rows' names as text. Keys
-    without a value, such as a section all of whose lines are comments, are as good as left out.
+    """A site's content with its passes' video, rate and views filled in from their row or the site, and rows' names as text.
 
     What is not as it should be is left as it is, for the checks that follow.
     """
-    if not isinstance(content, Mapping):
+    if not isinstance(content, Mapping) or not isinstance(content.get("rows"), Mapping):
         return content
-    given = _given(content)
-    if not isinstance(given.get("rows"), Mapping):
-        return given
-    return {**given, "rows": {_text(name): _completed_row(row, given) for name, row in given["rows"].items()}}
+    return {**content, "rows": {_text(name): _completed_row(row, content) for name, row in content["rows"].items()}}
 
 
 def side_from_direction(one: object) -> object:
@@ -44,26 +40,19 @@ def without_video(schema: dict[str, Any]) -> None:
 
 
 def _completed_row(row: object, site: Mapping[Any, Any]) -> object:
-    if not isinstance(row, Mapping):
+    if not isinstance(row, Mapping) or not isinstance(row.get("passes"), list | tuple):
         return row
-    given = _given(row)
-    if not isinstance(given.get("passes"), list | tuple):
-        return given
-    return {**given, "passes": [_completed_pass(one, given, site) for one in given["passes"]]}
+    return {**row, "passes": [_completed_pass(one, row, site) for one in row["passes"]]}
 
 
 def _completed_pass(one: object, row: Mapping[Any, Any], site: Mapping[Any, Any]) -> object:
     if not isinstance(one, Mapping):
         return one
-    levels = (site, row, _given(one))
-    found = {key: level[key] for level in levels for key in INHERITED if key in level}
+    levels = (site, row, one)
+    found = {key: level[key] for level in levels for key in INHERITED if level.get(key) is not None}
     views = [level["views"] for level in levels if isinstance(level.get("views"), Mapping)]
     named = {name: view for own in views for name, view in own.items()}
     return {**levels[-1], **found, **({"views": named} if named else {})}
-
-
-def _given(section: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {key: value for key, value in section.items() if value is not None}
 
 
 def _text(name: object) -> object:

@@ -15,7 +15,7 @@ from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
-from savmap.site.load import PICTURE_SUFFIXES, VIDEO_SUFFIXES, draft_of, read_draft, site_of
+from savmap.site.load import PICTURE_SUFFIXES, VIDEO_SUFFIXES, draft_of, notes_on, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.overrides import Override
@@ -30,7 +30,7 @@ _received: dict[str, "Job"] = {}
 @dataclass(frozen=True, eq=False)
 class Job:
     """One run: the site, where it was read, the names of its plugins, where to write, a map whose camera path is known, where the
-    site's keys were given, and a note where nobody named plugins.
+    site's keys were given, and notes: sections that are empty, which plugins are taken where nobody named any.
 
     A job opens each plugin once for each of its settings. One that reaches another process several times is the same object there,
     so this holds for every process.
@@ -42,7 +42,7 @@ class Job:
     output: Path
     earlier: Path | None = None
     places: SourceMap = field(default_factory=lambda: SourceMap("options"))
-    note: str = ""
+    notes: tuple[str, ...] = ()
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     _opened: dict[tuple[str, str], LoadedPlugin] = field(default_factory=dict, init=False, repr=False)
 
@@ -104,7 +104,7 @@ def job_for(
         draft = read_draft(source, overrides)
     site = site_of(draft)
     names, note = chosen_plugins(site, plugins)
-    return Job(site, source, names, output, earlier, draft.places, note)
+    return Job(site, source, names, output, earlier, draft.places, (*notes_on(draft), *([note] if note else [])))
 
 
 def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:

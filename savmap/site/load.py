@@ -1,7 +1,7 @@
 """Reading site files: YAML with errors that name file, line, key and a remedy."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from savmap.files.texts import bounded_text
 from savmap.files.urls import beside
 from savmap.files.validation import Location, path_of
 from savmap.site.layout import misaligned, misplaced, with_places
-from savmap.site.locations import SourceMap, explained, given_twice, lines_of
+from savmap.site.locations import SourceMap, empty_keys, explained, given_twice, left_out, lines_of, misspelt
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
@@ -75,6 +75,8 @@ def load_alignment(path: Path) -> KnownAlignment:
     for _, problem in draft.doubles:
         raise SiteError(problem)
     content = draft.content["align"] if at else draft.content
+    for problem in misspelt(AlignSection, content, draft.places, lambda own: (*at, *own), (at,)).values():
+        raise SiteError(problem)
     try:
         return KnownAlignment(AlignSection.model_validate(content), draft.places, at)
     except ValidationError as error:
@@ -104,7 +106,9 @@ def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in given_twice(node)
     )
-    return draft_of(content, SourceMap(str(path), lines_of(node)), path.parent, overrides, doubles)
+    return draft_of(
+        content, SourceMap(str(path), lines_of(node), empty=empty_keys(node)), path.parent, overrides, doubles
+    )
 
 
 def draft_of(
@@ -116,22 +120,28 @@ def draft_of(
 ) -> Draft:
     """A draft with overrides applied. Raises SiteError where one does not fit."""
     changed, overridden = applied(content, overrides)
-    return Draft(changed, SourceMap(places.where, places.lines, overridden), folder, doubles)
+    return Draft(changed, replace(places, overridden=overridden), folder, doubles)
 
 
 def problems_in(draft: Draft) -> Problems:
     """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
-    found: Problems = []
+    misread = misspelt(Site, draft.content, draft.places)
+    found = dict[Location, str]()
     align = None
     try:
         site = Site.model_validate(draft.content)
         layout, rows, align = site.layout, with_places(site), site.align
     except ValidationError as error:
-        found = list(explained(error, Site, draft.places).items())
+        found = explained(error, Site, draft.places)
         layout, rows = _layout_alone(draft.content)
     unfit = (*misplaced(layout, rows), *misaligned(align, rows))
     wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in unfit]
-    return [*draft.doubles, *found, *wrong]
+    return [*draft.doubles, *{**found, **misread}.items(), *wrong]
+
+
+def notes_on(draft: Draft) -> tuple[str, ...]:
+    """A line for each section of a draft in which nothing stands."""
+    return tuple(left_out(Site, draft.places))
 
 
 def _layout_alone(content: Mapping[str, Any]) -> tuple[LayoutSection | None, dict[str, bool]]:

@@ -1,14 +1,17 @@
 """Where the keys of a site file stand, and what is wrong with them in one line each: place, key, problem, remedy."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, product
+from typing import Any
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from savmap.files import validation
-from savmap.files.validation import Location
+from savmap.files.mistakes import allows_section, annotations_at, misread
+from savmap.files.validation import Location, path_of
+from savmap.files.yaml_text import space_needed, unspaced
 from savmap.site.inheritance import INHERITED
 
 MOST_KEYS = 100_000
@@ -16,11 +19,13 @@ MOST_KEYS = 100_000
 
 @dataclass(frozen=True)
 class SourceMap:
-    """Where a site's keys were given: lines of its file `where`, and the options or variables that set them instead."""
+    """Where a site's keys were given: lines of its file `where`, the options or variables that set them instead, and the keys behind whose colon
+    nothing stands (not even null)."""
 
     where: str
     lines: Mapping[Location, int] = field(default_factory=dict)
     overridden: Mapping[Location, str] = field(default_factory=dict)
+    empty: Collection[Location] = ()
 
     def of(self, location: Location, whole: bool = False) -> str:
         """ "site.yaml:12" of the key at a location, or the nearest one above it; or what overrode it, or made the section that it
@@ -33,6 +38,10 @@ class SourceMap:
                 return place
         inside = next((own for n in range(len(location), -1, -1) if (own := location[:n]) in self.lines), None)
         return self.where if inside is None else f"{self.where}:{self.lines[inside]}"
+
+    def sets(self, location: Location) -> bool:
+        """Whether an option or a variable sets a key, or what it stands in."""
+        return any(location[: len(above)] == above for above in self.overridden)
 
     def given(self, location: Location) -> Location:
         """The location at which the value for a key of a pass was given: there, or with its row, or with the site."""
@@ -48,6 +57,58 @@ class SourceMap:
 def lines_of(node: yaml.Node | None) -> dict[Location, int]:
     """The line, from 1, of every key and entry of a YAML document."""
     return dict(islice(_lines(node, (), frozenset()), MOST_KEYS)) if node is not None else {}
+
+
+def empty_keys(node: yaml.Node | None) -> list[Location]:
+    """The keys of a YAML document behind whose colon nothing stands."""
+    return list(islice(_empty(node, (), frozenset()), MOST_KEYS))
+
+
+def _empty(node: yaml.Node | None, location: Location, above: frozenset[int]) -> Iterator[Location]:
+    if id(node) in above:
+        return
+    inside = above | {id(node)}
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            own = (*location, str(key.value))
+            if isinstance(value, yaml.ScalarNode) and not value.value and not value.style:
+                yield own
+            yield from _empty(value, own, inside)
+    elif isinstance(node, yaml.SequenceNode):
+        for number, value in enumerate(node.value):
+            yield from _empty(value, (*location, number), inside)
+
+
+def misspelt(
+    model: type[BaseModel],
+    content: object,
+    source: SourceMap,
+    at: Callable[[Location], Location] = tuple,
+    roots: Collection[Location] = ((),),
+    empty_sections: bool = True,
+) -> dict[Location, str]:
+    """A line for each key of a content, by its location in the file, that has no value or runs into it, and for each number that YAML reads
+    otherwise than people do. `at` gives a model key's location in the file, `roots` are the places there at which the model's keys may stand;
+    `empty_sections`: whether nothing may stand in a section."""
+    found = {at(location): text for location, text in misread(model, content)}
+    for location, root in product(source.empty, roots):
+        if location[: len(root)] != root or location == root or source.sets(location):
+            continue
+        kinds = annotations_at(model, location[len(root) :])
+        if parts := unspaced(str(location[-1])):
+            found[location] = space_needed(*parts)
+        elif kinds and Any not in kinds and not (empty_sections and allows_section(kinds)):
+            found[location] = "it has no value: write one behind the colon, or take the key away"
+    return {location: f"{source.of(location)}: `{path_of(location)}`: {text}" for location, text in found.items()}
+
+
+def left_out(model: type[BaseModel], source: SourceMap) -> Iterator[str]:
+    """A line for each section or list of a file in which nothing stands."""
+    for location in source.empty:
+        above = annotations_at(model, location[:-1])
+        named = any(isinstance(one, type) and issubclass(one, BaseModel) for one in above)
+        if named and not source.sets(location) and allows_section(annotations_at(model, location)):
+            yield f"{source.of(location)}: `{path_of(location)}` has no value, and is as good as left out"
 
 
 def given_twice(node: yaml.Node | None) -> Iterator[tuple[Location, int, int]]:

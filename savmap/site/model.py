@@ -224,4 +224,4 @@ def _fault_of_name(name: str) -> str:
 
 
 def _emptied(value: object) -> object:
-    return {k: v or {} for k, v in value.items()} if isinstance(value, Mapping) else value
+    return {k: {} if v is None else v for k, v in value.items()} if isinstance(value, Mapping) else value

@@ -25,7 +25,7 @@ from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, plugins_for, prepare
-from savmap.site.locations import SourceMap, explained
+from savmap.site.locations import SourceMap, explained, misspelt
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
 from savmap.site.sections import ReferenceSection
@@ -52,10 +52,14 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
         yield PluginError(f"{places.of(named)}: {error}") if named in places.lines else error
         return
     for row in site.rows:
+        settings, at = site.plugin_config(row, name), partial(_given, site, row, name)
+        roots = (("plugins", name), ("rows", row, "plugins", name))
+        wrong = misspelt(config, settings, places, at, roots, empty_sections=False)
         try:
-            config.model_validate(site.plugin_config(row, name))
+            config.model_validate(settings)
         except ValidationError as error:
-            yield from map(SiteError, explained(error, config, places, partial(_given, site, row, name)).values())
+            wrong = {**explained(error, config, places, at), **wrong}
+        yield from map(SiteError, wrong.values())
 
 
 def _given(site: Site, row: str, plugin: str, location: Location) -> Location:

@@ -23,6 +23,7 @@ from pydantic import (
 from pydantic_core import PydanticKnownError
 
 from savmap.errors import SiteError
+from savmap.files.mistakes import fields_of, may_be_none
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
 from savmap.files.validation import SHORT
@@ -72,9 +73,19 @@ def _is_number(annotation: Any) -> bool:
 
 
 class Strict(BaseModel):
-    """A section of a site file: unknown keys are refused."""
+    """A section of a site file: unknown keys are refused. Known ones without a value are as good as left out."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _left_out(cls, value: object) -> object:
+        if not isinstance(value, Mapping):
+            return value
+        fields = fields_of(cls)
+        return {
+            key: own for key, own in value.items() if own is not None or key not in fields or may_be_none(fields[key])
+        }
 
     @field_validator("*", mode="before")
     @classmethod

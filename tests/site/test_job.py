@@ -31,11 +31,11 @@ def test_installed_plugins_are_taken_if_they_have_all_they_need(site: Path, monk
         lack(monkeypatch)
         job = job_for(source, None, Path("out"))
         assert {"lights", "shelves", "signs"} <= set(job.plugins)
-        assert job.note == f"no plugins are named: looking for {', '.join(job.plugins)}"
+        assert job.notes == (f"no plugins are named: looking for {', '.join(job.plugins)}",)
         lack(monkeypatch, "rapidocr", "zxing-cpp")
         job = job_for(source, None, Path("out"))
         assert {"lights", "shelves"} <= set(job.plugins)
-        assert job.note.endswith("shelves; not signs (rapidocr and zxing-cpp not installed)")
+        assert job.notes[0].endswith("shelves; not signs (rapidocr and zxing-cpp not installed)")
 
 
 def test_a_folder_with_a_site_file_is_that_site(site: Path, tmp_path: Path) -> None:
@@ -48,10 +48,10 @@ def test_a_folder_with_a_site_file_is_that_site(site: Path, tmp_path: Path) -> N
 def test_plugins_that_are_named_are_taken_whatever_they_lack(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lack(monkeypatch, "rapidocr")
     job = job_for(VIDEO, ["signs"], Path("out"))
-    assert (job.plugins, job.note) == (["signs"], "")
+    assert (job.plugins, job.notes) == (["signs"], ())
     site.write_text("plugins: {shelves: , signs: }\n" + site.read_text(encoding="utf-8"), encoding="utf-8")
     job = job_for(site, None, Path("out"))
-    assert (job.plugins, job.note) == (["shelves", "signs"], "")
+    assert (job.plugins, job.notes) == (["shelves", "signs"], ())
 
 
 def test_where_none_has_what_it_needs_one_must_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,5 +89,5 @@ def test_a_run_tells_it_on_the_terminal_and_in_the_log(
     job = job_for(VIDEO, None, tmp_path, camera_height_m=3.05)
     with pytest.raises(StructureError, match="enough"):
         map_and_print(job)
-    assert job.note in capsys.readouterr().err
-    assert job.note in (tmp_path / "savmap.log").read_text(encoding="utf-8")
+    assert job.notes[0] in capsys.readouterr().err
+    assert job.notes[0] in (tmp_path / "savmap.log").read_text(encoding="utf-8")

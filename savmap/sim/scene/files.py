@@ -15,7 +15,9 @@ from pydantic import Field, field_validator
 
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
+from savmap.files.mistakes import misread
 from savmap.files.texts import bounded_text
+from savmap.files.validation import path_of
 from savmap.types.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
 
 
@@ -113,6 +115,8 @@ def parse_scene(content: object, source: str = "scene") -> Scene:
         raise SceneError(
             f"{source}: is a site file, which `savmap map` takes; `savmap simulate` takes a scene (docs/simulator.md)"
         )
+    for location, text in misread(Scene, content):
+        raise SceneError(f"{source}: {path_of(location)}: {text}")
     return validated(Scene, content, source)
 
 
