@@ -189,6 +189,7 @@ class _Progress:
             status="kept" if self.is_kept(name) else "mapped",
             seconds=seconds,
             used=len(row.frames),
+            skipped=row.skipped,
             peak_mb=self.peak_mb.get(name, 0.0),
             plugins_failed=self.plugins_failed.get(name, {}),
         )

@@ -46,7 +46,7 @@ class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
     plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
     failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured. `depths`: how deep flat
-    parts of structures lie. `floor`: points of the floor."""
+    parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the decoder left out, as the notes say."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -59,6 +59,7 @@ class RowMeasurements:
     doubts: tuple[Doubt, ...] = ()
     depths: tuple[FlatDepth, ...] = ()
     floor: FloorTracks = field(default_factory=FloorTracks)
+    skipped: int = 0
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
@@ -133,6 +134,7 @@ def measure_row(
         walk.flow.flows,
         failures,
         tuple(walk.doubts),
+        skipped=walk.skipped,
     )
     return MeasuredPasses(
         measurements, plans, walk.packed_views, plugins, cutter.strips(), floor.packed_views, floor.views
@@ -180,6 +182,7 @@ class RowWalk:
         self.notes: list[str] = []
         self.packed_views: dict[str, list[PackedView]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
         self.doubts: list[Doubt] = []
+        self.skipped = 0
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
@@ -210,6 +213,7 @@ class RowWalk:
             self.attitudes[plan.name] = attitude
         self.locators |= plan.locators()
         self.notes += [note for views in plan.plans.values() for note in views.notes]
+        self.skipped += report.skipped
         if not report.complete:
             self.notes.append(f"{plan.clip.path}: {report.text()}")
 

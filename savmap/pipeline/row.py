@@ -25,6 +25,7 @@ from savmap.pipeline.trust.footage import with_doubts
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
+from savmap.types.maps import SKIPPED
 from savmap.types.progress import Monitor
 
 Before = TypeVar("Before")
@@ -192,6 +193,7 @@ def collect(row: DescribedRow) -> RowMap:
         report={
             **solution.report,
             **row.figures,
+            SKIPPED: row.measurements.skipped,
             **{f"note {number}": note for number, note in enumerate(notes, 1)},
         },
         face=row.face,

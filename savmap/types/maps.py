@@ -140,6 +140,10 @@ class JointCovariance:
         return np.full(3, -1) if known is None else known[vertex]
 
 
+SKIPPED = "frames skipped"
+"""A row's figure: how many frames of its passes the decoder left out."""
+
+
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMap:
@@ -157,6 +161,11 @@ class RowMap:
     face: PlanePatch | None = None
     verdict: Verdict | None = None
     joint: JointCovariance | None = None
+
+    @property
+    def skipped(self) -> int:
+        """How many frames of its passes the decoder left out; 0 where an older map does not say."""
+        return int(self.report.get(SKIPPED, 0))
 
 
 @dataclass(frozen=True, eq=False)

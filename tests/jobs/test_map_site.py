@@ -3,13 +3,14 @@
 import logging
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from savmap.errors import PluginError, SolveError
 from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
-from savmap.jobs.scheduler import MappedRows, RunOptions
+from savmap.jobs.scheduler import MappedRows, RunOptions, _Progress
 from savmap.jobs.tasks import Failure
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RunLog
@@ -17,6 +18,7 @@ from savmap.report.site_report import viewed
 from savmap.site.job import job_for
 from savmap.site.overrides import overrides_of
 from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types.maps import SKIPPED
 from savmap.types.progress import NoteCollector
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
@@ -44,6 +46,14 @@ def test_places_that_do_not_fit_cost_only_the_alignment(tmp_path: Path) -> None:
     assert site_map is mapped
     assert note.startswith(f"the site is not aligned: {tmp_path / 'site.yaml'}:1: `align.points[0]`: row A has no `a`")
     assert note.endswith("after mending it run `savmap align`")
+
+
+def test_the_runs_record_counts_skipped_frames(tmp_path: Path) -> None:
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    row = RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {}, (), {SKIPPED: 3})
+    nothing: Any = None
+    assert _Progress(job, nothing, nothing, nothing, ()).row_run("A", row).skipped == 3
 
 
 def test_warning_of_mapping_is_left_to_its_task(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

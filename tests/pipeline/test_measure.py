@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError
@@ -23,7 +24,7 @@ from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
-from ..video.made_up_video import evenly, write_video
+from ..video.made_up_video import evenly, picture, write_video
 
 ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
@@ -116,6 +117,20 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: PassPlan) -> None
         walk.over("A", aimed, SilentMonitor())
     assert max(frames) == 3
     assert threads() == before
+
+
+def test_skipped_frames_are_counted_as_they_are_told(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for number in range(8):
+        Pillow.fromarray(picture(number)).save(folder / f"{number}.png")
+    for number in (3, 6):
+        whole = (folder / f"{number}.png").read_bytes()
+        (folder / f"{number}.png").write_bytes(whole[: len(whole) // 2])
+    walk = walk_of([room("one", lambda view, detections: [])])
+    walk.over("A", PassPlan("pass 1", Clip(folder, fps=30), {"one": ViewPlan((AHEAD,))}), SilentMonitor())
+    assert walk.skipped == 2
+    assert any(f"{walk.skipped} damaged frames skipped" in note for note in walk.notes)
 
 
 def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None:
