@@ -10,7 +10,7 @@ from savmap.cli.console import Console
 from savmap.cli.speech import say, say_all
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
-from savmap.jobs.map_site import MAP, failures_recorded, map_job_into
+from savmap.jobs.map_site import MAP, failures_recorded, map_job_into, written_files
 from savmap.jobs.scheduler import RunOptions
 from savmap.jobs.tasks import request_for
 from savmap.maps.run_record import failed_since
@@ -26,7 +26,7 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
     """Map a job into its folder. Progress goes to standard error and `savmap.log`; the files that were written, the scores and the rows'
     places to standard output. Raises SavmapError; what could be mapped is written before."""
     require_ready(job)
-    prepare(job.output)
+    prepare(job.output, written_files(job))
     with locked(job.output), Console(job.output / "savmap.log") as console:
         run = map_job_into(job, RunOptions(jobs, fresh, cluster), console)
         for file in run.files:

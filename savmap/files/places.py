@@ -8,7 +8,7 @@ import errno
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -55,6 +55,26 @@ def opened_folder(folder: Path) -> Iterator[int]:
         os.close(place)
 
 
+def require_free(files: Iterable[Path], root: Path) -> None:
+    """Raise OutputError where one of the files could not be written below a folder: what stands there, or on the way, is of another kind, a link,
+    or may not be written to. Nothing is made."""
+    folders: set[Path] = set()
+    for path in files:
+        if path.is_dir() and not path.is_symlink():
+            raise OutputError(f"{path}: is a folder, and a file is to be written there; remove it or choose another -o")
+        require_plain(path)
+        folders.add(next(above for above in path.parents if above == root or os.path.lexists(above)))
+    for folder in folders:
+        try:
+            with opened_folder(folder) as place, new_file(place):
+                pass
+        except OSError as error:
+            text = "is a file, not a folder" if folder.is_file() else (error.strerror or str(error)).lower()
+            raise OutputError(
+                f"{folder}: nothing can be written there: {text}; remove it or choose another -o"
+            ) from None
+
+
 @contextmanager
 def new_file(place: int) -> Iterator[tuple[str, int]]:
     """The name and the descriptor of a new file in a folder; the file is gone afterwards unless it was given another name."""
@@ -76,6 +96,6 @@ def _inside(place: int, name: str, path: Path) -> int:
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.ENOTDIR) and path.is_symlink():
             raise OutputError(
-                f"{path}: is a link, and nothing is written through one; remove it or choose another -o"
+                f"{path}: is a link, and nothing is written through one; remove it, or choose another -o, which may be a link"
             ) from None
         raise

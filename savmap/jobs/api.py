@@ -8,7 +8,7 @@ from savmap.assembly import aligned
 from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
-from savmap.jobs.map_site import failures_recorded, map_job, map_job_into
+from savmap.jobs.map_site import failures_recorded, map_job, map_job_into, written_files
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.distance import VertexDistance, vertex_distance
@@ -198,6 +198,6 @@ def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteM
         return map_job(job, options, monitor).site_map
     with failures_recorded(job.output):
         require_ready(job)
-        prepare(job.output)
+        prepare(job.output, written_files(job))
         with locked(job.output):
             return map_job_into(job, options, monitor).site_map

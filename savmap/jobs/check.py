@@ -5,6 +5,7 @@ from pathlib import Path
 
 from savmap.assembly.same_face import rows_with_same_face
 from savmap.errors import SavmapError, SiteError, VideoError
+from savmap.jobs.map_site import written_files
 from savmap.jobs.resource_estimate import resource_estimate
 from savmap.jobs.tasks import request_for
 from savmap.pipeline.initial_poses import initial_attitudes
@@ -75,7 +76,7 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems of a job whose site file is as it should be, and remarks."""
     wrong_settings = list(settings_problems(job.site, job.plugins, job.places))
     yield from wrong_settings
-    yield from preflight.output(job)
+    yield from preflight.output(job, written_files(job))
     findings = list(preflight.footage(job))
     footage = [finding for finding in findings if isinstance(finding, Footage)]
     yield from (finding for finding in findings if isinstance(finding, SavmapError))

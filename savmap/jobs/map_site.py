@@ -30,6 +30,7 @@ from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
 from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for, shown_places
 from savmap.report.viewer import View, write_view
+from savmap.report.viewer.beside import PARTS, script_names
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
@@ -40,6 +41,7 @@ from savmap.vision.networks.providers import runtime_version
 
 DRAWN = "drawn"
 MAP, MESSAGES = "map.json", "savmap.log"
+RESOLVED, REPORT, BOX_PLOT = "site.resolved.json", "report.html", "errors.png"
 MAPPED = (RowsFailedError, PluginsLeftOutError, DoubtfulError)
 """How runs end whose map was written."""
 
@@ -72,7 +74,7 @@ class SiteRun:
         if doubtful:
             raise DoubtfulError(
                 f"mapped, but check {'row' if len(doubtful) == 1 else 'rows'} {', '.join(doubtful)} before use: the reasons are above and in "
-                f"{job.output / 'report.html'}"
+                f"{job.output / REPORT}"
             )
 
 
@@ -218,9 +220,7 @@ def _write_results(
     gone = _rows_of(job.output / MAP) - set(site_map.rows)
     write_map(site_map, job.output / MAP)
     write_log(mapped.log, job.output / LOG)
-    write_text(
-        job.output / "site.resolved.json", json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n"
-    )
+    write_text(job.output / RESOLVED, json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n")
     photos, stills = mapped.orthophotos, mapped.stills
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
     report = replace(report, viewer=VIEW)
@@ -233,18 +233,31 @@ def _write_results(
             if not any(plugin.failure for plugin in plugins[name].values()):
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
-    write_page(report, job.output / "report.html")
+    write_page(report, job.output / REPORT)
     origin = origin_of(job.output / MAP, job.site.survey)
     title, places = report.title, shown_places(site_map)
     view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
     write_view(view, job.output / VIEW)
-    files += [job.output / "report.html", job.output / VIEW]
+    files += [job.output / REPORT, job.output / VIEW]
     _remove_files_of(gone, set(site_map.rows), job.output)
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
-    write_box_plot(evaluation, job.output / "errors.png")
-    return evaluation, (*files, job.output / "errors.png")
+    write_box_plot(evaluation, job.output / BOX_PLOT)
+    return evaluation, (*files, job.output / BOX_PLOT)
+
+
+def written_files(job: Job) -> list[Path]:
+    """The files that a run of a job writes, one of each kind in each folder."""
+    names = (MAP, LOG, MESSAGES, RESOLVED, REPORT, VIEW, *([BOX_PLOT] if job.site.survey else []))
+    scripts = [job.output / part / f"{name}.js" for name in script_names(job.site.rows).values() for part in PARTS]
+    stages = [job.output / FOLDER / file_name(row) / DRAWN for row in job.site.rows]
+    return [
+        *(job.output / name for name in names),
+        *(file for row in job.site.rows for file in _files_of(row, job.output)),
+        *scripts,
+        *stages,
+    ]
 
 
 def _rows_of(map_file: Path) -> set[str]:

@@ -1,7 +1,7 @@
 """What `savmap map` is asked to do, checked before anything heavy begins."""
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from numbers import Real
@@ -10,7 +10,7 @@ from typing import Any
 
 from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
 from savmap.files.atomic import reason
-from savmap.files.places import PREFIX, guard, new_file, opened_folder
+from savmap.files.places import PREFIX, guard, new_file, opened_folder, require_free
 from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
@@ -148,9 +148,9 @@ def _in_metres(height: float) -> str:
     return f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
 
 
-def prepare(folder: Path) -> None:
+def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
     """Make the output folder, which nothing leaves by a link from now on. Raises OutputError when nothing can be written there, or next
-    to nothing."""
+    to nothing, or where one of the `files` could not be written below it."""
     if folder.is_file():
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
     if is_url(folder):
@@ -162,6 +162,7 @@ def prepare(folder: Path) -> None:
             probe.write(bytes(LEAST_ROOM))
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
+    require_free(files, folder)
 
 
 def _probe_url(probe: Path) -> None:

@@ -1,6 +1,6 @@
 """What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -241,12 +241,12 @@ def _footage(job: Job, part: Footage) -> SavmapError | Footage:
     return replace(part, frames=frames)
 
 
-def output(job: Job) -> Iterator[SavmapError]:
-    """Whether the output folder can be written; one that is not there is not left behind."""
+def output(job: Job, files: Iterable[Path]) -> Iterator[SavmapError]:
+    """Whether the output folder, and the files in it, can be written; a folder that is not there is not left behind."""
     folders = () if is_url(job.output) else (job.output, *job.output.parents)
     new = [folder for folder in folders if not folder.exists()]
     try:
-        prepare(job.output)
+        prepare(job.output, files)
     except OutputError as error:
         yield error
     for folder in new:

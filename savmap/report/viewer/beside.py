@@ -20,6 +20,8 @@ from savmap.types import JointCovariance, Orthophoto, RowMap, Still
 
 FACES, SMALL, STILLS, JOINTS = "face", "face/small", "pano", "joint"
 OLD_FACES, OLD_SMALL, OLD_STILLS = "face/old", "face/old/small", "pano/old"
+PARTS = (SMALL, FACES, STILLS, OLD_SMALL, OLD_FACES, OLD_STILLS, JOINTS)
+"""The folders of the scripts."""
 NOTHING: Entry = {"face": None, "stills": [], "joint": ""}
 """What lies beside the page of a row that the map has not."""
 LARGEST_PX = 4096
@@ -109,7 +111,7 @@ def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> N
         faces = (entry["face"], entry.get("old face"))
         kept |= {path for face in faces if face for path in face["pictures"]}
         kept |= {entry["joint"], *(one["path"] for one in (*entry["stills"], *entry.get("old stills", ())))}
-    for part in (SMALL, FACES, OLD_SMALL, OLD_FACES, OLD_STILLS, JOINTS, *((STILLS,) if with_stills else ())):
+    for part in (part for part in PARTS if with_stills or part != STILLS):
         for path in _scripts(part, folder) - kept:
             (folder / path).unlink(missing_ok=True)
 
