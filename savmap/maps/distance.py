@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import SiteError
+from savmap.maps.assumed import assumed_coordinates
 from savmap.maps.exports.frames import in_site
 from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
 
 NOT_JOINT = "errors that both share count twice, for this map does not say which they are"
 PLACES = "the rows' places are taken for independent"
-ASSUMED_M = 0.03
-"""A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption, such as where a post ends that goods hide."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +107,11 @@ def _assumptions(site: SiteMap, *ends: MapVertex) -> str:
 
 
 def _assumed(site: SiteMap, one: MapVertex) -> Iterator[tuple[str, float]]:
-    joint = site.rows[one.row].joint
-    if joint is None:
-        return
-    sigmas = np.sqrt(np.maximum(np.diag(one.structure.covariances[one.number]), 0.0))
-    for axis, sigma, solved in zip("xyz", sigmas, joint.solved(one.plugin, one.structure, one.number), strict=True):
-        if not solved and sigma > ASSUMED_M:
-            yield axis, float(sigma)
+    assumed = assumed_coordinates(site.rows[one.row], one.plugin, one.structure)[one.number]
+    variances = np.diag(one.structure.covariances[one.number])
+    for axis, variance, unsolved in zip("xyz", variances, assumed, strict=True):
+        if unsolved:
+            yield axis, float(np.sqrt(variance))
 
 
 def _vertex(site: SiteMap, name: str) -> MapVertex:
