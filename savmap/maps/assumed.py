@@ -14,5 +14,6 @@ def assumed_coordinates(row: RowMap, plugin: str, structure: Structure) -> Bools
         return np.zeros(structure.vertices.shape, bool)
     numbers = range(len(structure.vertices))
     solved = np.array([row.joint.solved(plugin, structure, number) for number in numbers], bool).reshape(-1, 3)
-    unsure: Bools = np.diagonal(structure.covariances, axis1=1, axis2=2) > ASSUMED_M**2
-    return unsure & ~solved
+    variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
+    assumed: Bools = (variances > ASSUMED_M**2) & ~solved
+    return assumed
