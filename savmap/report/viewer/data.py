@@ -42,7 +42,7 @@ def page_data(
     for name, row in site_map.rows.items():
         lies = beside.get(name, {})
         entry = _row(row, site_map.placements.get(name), lies.get("joint", ""))
-        entry["structures"] = structure_entries(row.structures, labels, _deviations(evaluation, name))
+        entry["structures"] = structure_entries(row, labels, _deviations(evaluation, name))
         entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": _is_aligned(site_map, name)}
         entry["places"] = place_entries(places.get(name, {}))
         entry["before"] = row_entry(before, row, labels, lies) if before else None
@@ -51,12 +51,21 @@ def page_data(
         rows += [_gone(row, before, site_map, labels, beside.get(row.name, {})) for row in before.missing]
     return {
         "title": visible(title),
+        "banner": _banner(site_map),
         "surveyed": evaluation is not None,
         "rows": rows,
         "vertex_labels": list(labels),
         "alignment": _alignment(site_map.alignment),
         "dates": site_entry(before),
     }
+
+
+def _banner(site_map: SiteMap) -> str:
+    """Which rows must be checked, in one line; empty where none must."""
+    names = [row.name for row in site_map.rows.values() if row.verdict and row.verdict.doubts]
+    if not names or len(site_map.rows) == 1:
+        return "This row must be checked" if names else ""
+    return visible(f"{len(names)} of {len(site_map.rows)} rows must be checked: {', '.join(names)}")
 
 
 def _gone(row: RowMap, before: Before, site_map: SiteMap, labels: Labels, lies: Entry) -> Entry:
@@ -106,7 +115,11 @@ def _doubt(doubt: Doubt) -> Entry:
     place = None if doubt.place is None else list(doubt.place)
     return {
         "kind": doubt.kind,
-        "what": visible(doubt.what),
+        "headline": visible(doubt.what),
+        "figure": "",
+        "action": "",
+        "details": [],
+        "of_row": not doubt.structures and (doubt.place is None or doubt.kind not in ("shape", "support")),
         "structures": named,
         "place": place,
         "frame": doubt.frame,

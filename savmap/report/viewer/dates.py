@@ -58,17 +58,16 @@ def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry
     compared = before.row(row.name)
     if compared is None or compared.motion is None:
         return None
-    motion = compared.motion
+    motion, old = compared.motion, before.site_map.rows[compared.old]
     carried = {
-        plugin: [_carried(structure, motion) for structure in group]
-        for plugin, group in before.site_map.rows[compared.old].structures.items()
+        plugin: tuple(_carried(structure, motion) for structure in group) for plugin, group in old.structures.items()
     }
     numbers = _numbers(carried), _numbers(row.structures)
-    face, old = lies.get("old face"), before.site_map.rows[compared.old]
+    face = lies.get("old face")
     poses = old.trajectory.world_from_rig
     return {
         **vertex_entry(carried),
-        "structures": structure_entries(carried, labels),
+        "structures": structure_entries(replace(old, structures=carried), labels),
         "face": face and carried_face(face, motion),
         **_stills(old, lies, motion.points(poses[:, :3, 3]), _turn(motion) @ poses[:, :3, :3]),
         "motion": _motion(motion),
@@ -82,7 +81,7 @@ def gone_entry(row: RowMap, labels: Labels, lies: Entry) -> Entry:
     poses = row.trajectory.world_from_rig
     return {
         **vertex_entry(row.structures),
-        "structures": structure_entries(row.structures, labels),
+        "structures": structure_entries(row, labels),
         "face": lies.get("old face"),
         **_stills(row, lies, poses[:, :3, 3], poses[:, :3, :3]),
         "motion": None,

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
+from savmap.maps.assumed import assumed_coordinates
 from savmap.types import Attribute, Bools, Floats, Measured, RowMap, Structure
 
 Entry = dict[str, Any]
@@ -48,27 +49,30 @@ def path_entry(row: RowMap, centres: Floats, turns: Floats, kept: Bools) -> Entr
 
 
 def structure_entries(
-    structures: Mapping[str, Sequence[Structure]],
-    labels: Labels,
-    deviations: Callable[[str], Mapping[str, float]] = lambda plugin: {},
+    row: RowMap, labels: Labels, deviations: Callable[[str], Mapping[str, float]] = lambda plugin: {}
 ) -> list[Entry]:
-    """All else of them, in the order of their vertices. `deviations`: by id, how far a plugin's are off the survey, m."""
+    """All else of a row's structures, in the order of their vertices. `deviations`: by id, how far a plugin's are off the survey, m."""
     return [
         _structure(plugin, structure, labels, deviations(plugin))
-        for plugin, group in structures.items()
+        | {"assumed": np.flatnonzero(assumed_coordinates(row, plugin, structure)).tolist()}
+        for plugin, group in row.structures.items()
         for structure in group
     ]
 
 
 def place_entries(places: Mapping[str, Sequence[Structure]]) -> list[Entry]:
-    """The sizes of a row's places: of a part of a place, such as "section 2 / level 1", those that the whole has not."""
+    """A row's places, each with its two corners and its sizes: of a part of a place, such as "bay 2 / level 1", those that the whole has not."""
     known = {(plugin, place.id): _sizes(place) for plugin, group in places.items() for place in group}
+    corners = {
+        (plugin, place.id): [place.vertices.min(axis=0), place.vertices.max(axis=0)]
+        for plugin, group in places.items()
+        for place in group
+    }
     entries = []
     for (plugin, name), sizes in known.items():
         of_whole = known.get((plugin, name.rpartition(PART)[0]), {})
         own = {what: size for what, size in sizes.items() if what not in of_whole}
-        if own:
-            entries.append({"id": visible(name), "sizes": own})
+        entries.append({"id": visible(name), "sizes": own, "corners": units(corners[plugin, name])})
     return entries
 
 

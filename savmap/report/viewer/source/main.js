@@ -1,4 +1,5 @@
 // The viewer of a map: its parts put together, and what all of them share: the row at hand, the view, the colours.
+import { buildBanner, toCheck } from "./page/banner.js";
 import { buildBar, showKind } from "./page/bar.js";
 import { Dates } from "./page/dates.js";
 import { byId } from "./page/dom.js";
@@ -10,7 +11,10 @@ import { showDoubts, showLegend } from "./page/panels.js";
 import { Pointer } from "./page/pointer.js";
 import { Ruler } from "./page/ruler.js";
 import { Selection } from "./page/selection.js";
+import { Sheet } from "./page/sheet.js";
 import { Side } from "./page/side.js";
+import { Theme } from "./page/theme.js";
+import { Tree } from "./page/tree.js";
 import { colouring, modesOf } from "./scene/colours.js";
 import { PanoramaView } from "./scene/panorama.js";
 import { Model } from "./scene/scene.js";
@@ -20,12 +24,14 @@ import { readSite } from "./site/data.js";
 import { cameraOf } from "./site/dates.js";
 import { text } from "./text.js";
 
-const MOST_PHOTO_ROWS = 6;
+const MOST_PHOTO_ROWS = 6,
+  WIDE_PX = 820; // of a page that has room for the panorama from the first
 
 class Viewer {
   constructor(site) {
     this.site = site;
-    this.row = site.rows[0];
+    this.row = toCheck(site) ?? site.rows[0];
+    this.theme = new Theme(() => this.recolourAll());
     this.modes = modesOf(site);
     this.model = new Model(site);
     this.stage = new Stage(this);
@@ -38,18 +44,22 @@ class Viewer {
     this.lookout = new Lookout(this);
     this.side = new Side(this);
     this.dates = new Dates(this);
+    this.tree = new Tree(this);
+    this.sheet = new Sheet(this);
     this.pointer = new Pointer(this);
   }
 
   start() {
     buildBar(this);
+    buildBanner(this);
     listenToKeys(this);
     this.stage.start();
     const doubted = this.site.rows.some((row) => row.doubts.length);
     this.setMode(this.site.dates ? "change" : doubted ? "verdict" : "label");
     this.setRow(this.row);
-    this.setKind("model");
+    this.setKind(this.row.face ?? this.row.before?.face ? "face" : "model");
     this.dates.show("both");
+    if (innerWidth > WIDE_PX && cameraOf(this.row, this.site.showing).stills.length) this.lookout.toggle(true);
     this.selection.select([]);
     this.selection.followAddress();
     this.stage.draw();
@@ -76,11 +86,25 @@ class Viewer {
     this.redraw();
   }
 
+  // After a change of the theme.
+  recolourAll() {
+    if (!this.mode) return;
+    this.model.recolour();
+    this.recolour();
+    this.selection.show();
+    this.dates.refresh();
+  }
+
+  get modeName() {
+    return text.modes[this.mode];
+  }
+
   setRow(row) {
     this.row = row;
     byId("row").value = String(row.index);
     this.model.focus(row);
-    showDoubts(row, (doubt) => this.selection.openDoubt(doubt));
+    showDoubts(row, this.site.rows, (doubt) => this.selection.openDoubt(doubt));
+    this.stage.resize();
     this.hangPhotos();
     this.lookout.follow(row);
     if (this.view.kind === "face" && this.view.row !== row) this.setKind("face");

@@ -36,7 +36,7 @@ export class Finder {
     const many = one.elements.length > 1 ? `, ${text.elements(one.elements.length)}` : "";
     line.append(
       element("b", {}, one.shown),
-      element("span", {}, [`${kind}, ${text.row(one.row.name)}${many}`, one.elements[0]?.date === "old" ? text.ofOldDate : ""].filter(Boolean).join(", ")),
+      element("span", {}, [kind, `${text.row(one.row.name)}${many}`, one.elements[0]?.date === "old" ? text.ofOldDate : ""].filter(Boolean).join(", ")),
     );
     return element("li", {}, line);
   }
@@ -44,6 +44,6 @@ export class Finder {
   choose(entry) {
     byId("search").blur();
     byId("results").hidden = true;
-    this.viewer.selection.open(entry.elements, entry.key, entry.shown);
+    this.viewer.selection.open(entry.elements, entry.key, entry.shown, entry.place);
   }
 }

@@ -31,6 +31,15 @@ export class Frame {
     return frameOf(row, this.asked);
   }
 
+  name(row) {
+    return `${text.frames[this.of(row)]}${this.of(row) === "row" ? ` ${row.name}` : ""}`;
+  }
+
+  // What its axes are.
+  axes(row) {
+    return text.axesOf[this.of(row)];
+  }
+
   // Where an element is, and how sure that is.
   lines(one) {
     const { site } = this.viewer,
@@ -38,7 +47,7 @@ export class Frame {
     const whose = frame === this.asked ? [] : [[text.frame, text.frames[frame]]];
     return [
       ...whose,
-      [frame === "earth" ? text.onEarth : text.centre, this.text(one.row, one.centre)],
+      [frame === "earth" ? text.onEarth : text.centre, this.text(one.row, one.centre), "wide"],
       [text.largestSigma, millimetres(sigmaIn(site, one, frame))],
     ];
   }
@@ -47,10 +56,9 @@ export class Frame {
     return placeText(this.viewer.site, row, this.of(row), point);
   }
 
-  // Draw the axes, of the row at hand where the frame is a row's own; one who faces a row sees it from its front anyhow.
+  // Draw the axes, of the row at hand where the frame is a row's own.
   draw(camera) {
-    const { site, row, view } = this.viewer;
-    byId("compass").toggleAttribute("hidden", view.kind === "face");
+    const { site, row } = this.viewer;
     drawCompass(byId("compass"), axesIn(site, row, this.of(row)), camera);
   }
 }

@@ -39,6 +39,7 @@ function actsOf(viewer) {
     n: () => side.toggle("labels"),
     u: () => side.toggle("ellipsoids"),
     d: () => dates.next(),
+    l: () => viewer.theme.turn(),
     k: () => viewer.setMode(viewer.modes[(viewer.modes.indexOf(viewer.mode) + 1) % viewer.modes.length]),
     Escape: () => (ruler.on ? ruler.turn(false) : selection.select([])),
     "?": showHelp,

@@ -1,50 +1,56 @@
 // The panels beside the view: selection, measure, doubts, notes, colours, help.
+import { copyButton } from "./copy.js";
 import { byId, element, fill } from "./dom.js";
-import { attributeLines, testedLines } from "./figures.js";
+import { assumedLines, attributeLines, plainText, testedLines } from "./figures.js";
 import { colourOfState } from "../scene/colours.js";
+import { PART, doubtsOf } from "../site/data.js";
 import { metres, millimetres } from "../site/measure.js";
 import { text } from "../text.js";
 
-const MOST_LISTED = 40;
-const PART = " / "; // between the parts of an id
+const MOST_LISTED = 40,
+  MOST_PRINTED = 6; // warnings on paper
 
-// `place` tells where an element is: lines of a name and a value.
-export function showSelection(elements, name, place, open) {
-  const panel = byId("selection");
+// What is selected: elements with their name, and the place between them that is meant; `frame` tells where they are.
+export function showSelection(selection, frame) {
+  const { elements, name } = selection,
+    panel = byId("selection"),
+    place = placeOf(selection);
+  const open = (...what) => selection.open(...what);
   if (!elements.length) return fill(panel, element("p", { className: "hint" }, text.nothing));
-  const sizes = sizeLines(elements, name);
-  if (elements.length > 1 || sizes.length) {
-    const lines = elements.slice(0, MOST_LISTED).map((one) =>
-      element(
-        "li",
-        {},
-        link(one.id, () => open([one], one.key)),
-      ),
+  const twice = elements.length === 2 && elements[0].pair?.includes(elements[1]);
+  if (place || (elements.length > 1 && !twice)) {
+    const lines = elements
+      .slice(0, MOST_LISTED)
+      .map((one) => element("li", {}, link(one.id, () => open([one], one.key))));
+    const sizes = place ? sizeLines(elements[0].row, place) : [];
+    return fill(
+      panel,
+      heading(name, [text.elements(elements.length), text.row(elements[0].row.name)].join(", ")),
+      sizes.length ? table(sizes) : null,
+      element("ul", { className: "list" }, ...lines),
+      buttons(copyLink(selection)),
     );
-    const twice = elements.length === 2 && elements[0].pair?.includes(elements[1]);
-    if (!twice)
-      return fill(
-        panel,
-        heading(name, text.elements(elements.length)),
-        sizes.length ? table(sizes) : null,
-        element("ul", { className: "list" }, ...lines),
-      );
   }
-  const [one] = elements;
-  const address = element("a", { href: `#${encodeURI(one.key)}` }, text.link);
+  const [one] = elements,
+    { row } = one;
+  const below = [one.written.length ? one.id : "", one.label, text.row(row.name), elements.length === 1 ? dateOf(one) : ""];
+  const plain = plainText(one);
   fill(
     panel,
-    heading(
-      one.written[0] ?? one.id,
-      [one.written.length ? one.id : "", one.label, text.row(one.row.name), elements.length === 1 ? dateOf(one) : ""]
-        .filter(Boolean)
-        .join(", "),
-    ),
+    heading(one.written[0] ?? one.id, below.filter(Boolean).join(", ")),
+    plain ? element("p", { className: "plain" }, plain) : null,
+    doubtList(row, doubtsOf(one), (doubt) => selection.openDoubt(doubt)),
     ...sinceThen(one),
-    table([...place(one), ...facts(one), ...whole(one, open)]),
-    element("p", {}, address),
+    table([...frame.lines(one), ...assumedLines(one), ...facts(one), ...whole(one, open)]),
+    element("p", { className: "hint", id: "axes" }, frame.axes(row)),
+    buttons(copyLink(selection), copyButton(text.copyPlace, () => `${one.key}: ${frame.text(row, one.centre)} (${frame.name(row)})`)),
   );
 }
+
+const copyLink = ({ elements, address }) =>
+  copyButton(text.copyLink, () => `${location.href.split("#")[0]}#${encodeURI(address ?? elements[0].key)}`);
+
+const buttons = (...own) => element("p", { className: "row-of-buttons" }, ...own);
 
 const dateOf = (one) => (one.date === "old" ? text.ofOldDate : "");
 
@@ -69,18 +75,21 @@ function facts(one) {
   return [...lines, ...attributeLines(one.attributes)];
 }
 
-// The sizes of the place by whose name elements are selected, such as a section, and of its parts.
-function sizeLines(elements, name) {
-  const [{ row }] = elements;
-  if (elements.some((one) => one.row !== row || one.group !== name || one.date !== "new")) return [];
-  return row.places
-    .filter(({ id }) => id === name || id.startsWith(name + PART))
-    .flatMap(({ id, sizes }) =>
-      Object.entries(sizes).map(([what, [value, sigma]]) => [
-        [...id.slice(name.length + PART.length).split(PART), what].filter(Boolean).join(", "),
-        `${metres(value)} \u00b1 ${millimetres(sigma)}`,
-      ]),
-    );
+// The place that is meant, or by whose name elements are selected, such as a bay.
+function placeOf({ elements, name, place }) {
+  const named = elements.length && elements.every((one) => one.row === elements[0].row && one.group === name && one.date === "new");
+  return place ?? (named ? elements[0].row.places.find(({ id }) => id === name) : null) ?? null;
+}
+
+// The sizes of a place and its parts, and of a part those of the whole.
+function sizeLines(row, place) {
+  const of = row.places.filter(({ id }) => id === place.id || id === place.whole || id.startsWith(place.id + PART));
+  return of.flatMap(({ id, sizes }) =>
+    Object.entries(sizes).map(([what, [value, sigma]]) => [
+      [...(id === place.whole ? [] : id.slice(place.id.length + PART.length).split(PART)), what].filter(Boolean).join(", "),
+      `${metres(value)} \u00b1 ${millimetres(sigma)}`,
+    ]),
+  );
 }
 
 // A link to the place whose part an element is, where that has sizes.
@@ -129,18 +138,30 @@ const pointLine = ({ label, at }) => element("p", { className: "point" }, label,
 
 export const distanceText = (result) => `${metres(result.distance)} \u00b1 ${millimetres(result.sigma)}`;
 
-export function showDoubts(row, open) {
-  const lines = row.doubts.map((doubt) =>
-    element(
-      "li",
-      {},
-      link(`${doubt.kind}: ${doubt.what}`, () => open(doubt)),
-    ),
-  );
+export function showDoubts(row, rows, open) {
+  const { doubts } = row;
+  byId("h-doubts").textContent = rows.length > 1 ? text.doubtsOf(row.name) : text.doubts;
+  byId("doubt-count").textContent = doubts.length ? String(doubts.length) : "";
   const none = element("p", { className: "hint" }, text.noDoubts(row.grade));
-  byId("doubt-count").textContent = row.doubts.length ? String(row.doubts.length) : "";
-  const remarks = row.remarks.map((remark) => element("p", { className: "hint" }, remark));
-  fill(byId("doubts"), row.doubts.length ? element("ul", { className: "list doubts" }, ...lines) : none, ...remarks);
+  const rest = doubts.length - MOST_PRINTED;
+  const more = rest > 0 ? element("p", { className: "hint on-paper" }, text.moreDoubts(rest)) : null;
+  const remarks = row.remarks.map((remark) => element("p", { className: "hint remark" }, remark));
+  fill(byId("doubts"), doubts.length ? doubtList(row, doubts, open) : none, more, ...remarks);
+}
+
+// Warnings: what in a few words, a figure, what to do; the rest is folded.
+function doubtList(row, doubts, open) {
+  if (!doubts.length) return null;
+  const line = (said, className) => (said ? element("span", { className }, said) : null);
+  const lines = doubts.map((doubt) => {
+    const { headline, figure, action, details } = doubt,
+      told = link("", () => open(doubt));
+    told.append(element("strong", {}, headline));
+    const inner = details.map((detail) => element("p", {}, detail));
+    const folded = inner.length ? element("details", {}, element("summary", {}, text.details), ...inner) : null;
+    return element("li", {}, told, line(doubt.of_row ? text.ofRow : "", "tag"), line(figure, "figure"), line(action, "action"), folded);
+  });
+  return element("ul", { className: "list doubts" }, ...lines);
 }
 
 export function showLegend({ legend, ramp }) {
@@ -153,9 +174,9 @@ export function showLegend({ legend, ramp }) {
       bandOf(ramp.stops),
       element("span", {}, ramp.high),
     );
-  const lines = legend.slice(0, 12).map(([colour, said]) => {
-    const patch = element("i", {});
-    patch.style.background = colour;
+  const lines = legend.slice(0, 12).map(([colour, said, className = ""]) => {
+    const patch = element("i", { className });
+    patch.style.color = colour;
     return element("li", {}, patch, said);
   });
   fill(byId("legend"), bar, element("ul", {}, ...lines));

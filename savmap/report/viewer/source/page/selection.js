@@ -1,22 +1,28 @@
 // What is selected, by a click, a key, a doubt, or the address after #, which names it.
+import { tell } from "./banner.js";
 import { byId } from "./dom.js";
 import { showSelection } from "./panels.js";
 import { boxInSite, pointsOf } from "../scene/views.js";
 import { toSite } from "../site/data.js";
 import { visibleIn } from "../site/dates.js";
 import { named } from "../site/search.js";
+import { text } from "../text.js";
 
 export class Selection {
   constructor(viewer) {
-    Object.assign(this, { viewer, elements: [], address: null, name: "" });
+    Object.assign(this, { viewer, elements: [], address: null, name: "", place: null });
     addEventListener("hashchange", () => this.followAddress());
+    byId("selection").setAttribute("tabindex", "-1");
   }
 
-  select(elements, address = null, name = "") {
+  // `place`: that between elements which is meant, such as a level.
+  select(elements, address = null, name = "", place = null) {
     const { viewer } = this;
-    Object.assign(this, { elements, address, name });
+    Object.assign(this, { elements, address, name, place });
     if (elements.length) viewer.dates.uncover(elements);
-    viewer.model.mark(elements);
+    viewer.model.mark(elements, place);
+    viewer.tree.mark(elements);
+    tell("");
     viewer.pointer.forget();
     this.show();
     byId("note").disabled = byId("add-note").disabled = !elements.length;
@@ -31,25 +37,19 @@ export class Selection {
   }
 
   show() {
-    const { frame } = this.viewer;
-    showSelection(
-      this.elements,
-      this.name,
-      (one) => frame.lines(one),
-      (found, key, name) => this.open(found, key, name),
-    );
+    showSelection(this, this.viewer.frame);
   }
 
   // Select and fly there.
-  open(elements, address, name) {
-    this.select(elements, address, name);
+  open(elements, address, name, place = null) {
+    this.select(elements, address, name, place);
     if (elements.length) this.viewer.view.fly(pointsOf(elements), elements.length > 1 ? 0.8 : 0.45);
   }
 
   openAddress(address) {
     const found = named(this.viewer.finder.index, address);
-    if (found) this.open(found.elements, address, found.shown);
-    return Boolean(found);
+    if (found) this.open(found.elements, address, found.shown, found.place);
+    else tell(text.badLink(address));
   }
 
   followAddress() {
@@ -59,7 +59,7 @@ export class Selection {
     try {
       address = decodeURIComponent(address);
     } catch {
-      return;
+      // as it stands: it will name nothing
     }
     if (address) this.openAddress(address);
   }
@@ -67,7 +67,7 @@ export class Selection {
   openDoubt(doubt) {
     const { row, view, lookout } = this.viewer,
       { elements } = doubt;
-    if (elements.length) this.open(elements, elements[0].key, doubt.kind);
+    if (elements.length) this.open(elements, elements[0].key, doubt.headline);
     else if (doubt.place) this.flyTo(row, doubt.place);
     else view.fly(boxInSite(row));
     if (doubt.frame !== null && lookout.open) lookout.lookFromFrame(row, doubt.frame, elements);

@@ -14,7 +14,6 @@ export class Side {
       ["h-colour", text.colour],
       ["h-show", text.show],
       ["h-selection", text.selection],
-      ["h-doubts", text.doubts],
       ["h-notes", text.notes],
     ])
       byId(id).textContent = title;

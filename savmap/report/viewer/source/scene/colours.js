@@ -1,23 +1,65 @@
-// Colours that are told apart by colour-blind people (Okabe and Ito, darkened for a light ground; viridis without its brightest part).
+// Colours that are told apart by colour-blind people on a light ground and on a dark one (Okabe and Ito; viridis without what is lost on the
+// ground). What the row's warnings paint differs from an element's own by lightness, which every eye sees.
 import { STATES } from "../site/dates.js";
 import { text } from "../text.js";
 
-const LABELS = ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"];
-const RAMP = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151"];
-const GREY = "#8a929c",
-  GOOD = "#0b6096",
-  CHECK = "#d0450b";
+const SHADES = {
+  light: {
+    ground: "#fbfcfd",
+    night: "#eef1f4", // around the panorama
+    grid: ["#dfe4ea", "#e9edf1"],
+    path: "#7b8794",
+    rule: ["#1b1f24", "#ffffff"],
+    selected: "#e8007d",
+    ellipsoids: "#8e4585",
+    labels: ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"],
+    ramp: ["#440154", "#46307e", "#365c8d", "#277f8e", "#1fa187"],
+    grey: "#8a929c",
+    good: "#0b6096",
+    check: "#8c2600",
+    ofRow: "#dc6a1c",
+    states: {
+      same: "#7f8a80",
+      moved: "#d07a00",
+      changed: "#8e1f73",
+      new: "#2b83c6",
+      missing: "#1b1f24",
+      "not seen": "#cfd4da",
+    },
+    earlier: "#dcc163", // what of the old date lies under the new one
+  },
+  dark: {
+    ground: "#12171d",
+    night: "#0c1014",
+    grid: ["#2a323b", "#20272f"],
+    path: "#8693a1",
+    rule: ["#ffffff", "#12171d"],
+    selected: "#ff5fae",
+    ellipsoids: "#cf8bc6",
+    labels: ["#56b4e9", "#f08a4b", "#2fc79b", "#d98cc0", "#e3cf4a", "#8fa8ff", "#b9c0c8"],
+    ramp: ["#31688e", "#21918c", "#35b779", "#90d743", "#fde725"],
+    grey: "#7d8792",
+    good: "#56b4e9",
+    check: "#ff5a1f",
+    ofRow: "#ffc9a3",
+    states: {
+      same: "#95a096",
+      moved: "#f0a030",
+      changed: "#e07cc4",
+      new: "#56b4e9",
+      missing: "#ffffff",
+      "not seen": "#55606b",
+    },
+    earlier: "#a08a3a",
+  },
+};
 const OFF_M = 0.05;
 
-const STATE_COLOURS = {
-  same: "#7f8a80",
-  moved: "#d07a00",
-  changed: "#8e1f73",
-  new: "#2b83c6",
-  missing: "#1b1f24",
-  "not seen": "#cfd4da",
-};
-const EARLIER = "#dcc163"; // what of the old date lies under the new one
+export let shades = SHADES.light; // those of the theme at hand
+
+export function setShades(theme) {
+  shades = SHADES[theme];
+}
 
 const MODES = ["change", "label", "verdict", "uncertainty", "support", "error"];
 
@@ -37,12 +79,13 @@ export function modesOf(site) {
 // `overlaid`: two dates lie over one another, and of what both have the new self is coloured.
 export function colouring(site, mode, overlaid) {
   const colours = coloursOf(site, mode);
+  if (site.rows.some((row) => row.assumed.includes(1))) colours.legend.push([shades.grey, text.assumed, "dashed"]);
   if (!overlaid) return colours;
-  const of = (one) => (one.date === "old" && one.pair?.length === 2 ? EARLIER : colours.of(one));
-  return { ...colours, of, legend: [...colours.legend, [EARLIER, text.earlier]] };
+  const of = (one) => (one.date === "old" && one.pair?.length === 2 ? shades.earlier : colours.of(one));
+  return { ...colours, of, legend: [...colours.legend, [shades.earlier, text.earlier]] };
 }
 
-export const colourOfState = (state) => STATE_COLOURS[state] ?? STATE_COLOURS["not seen"];
+export const colourOfState = (state) => shades.states[state] ?? shades.states["not seen"];
 
 function coloursOf(site, mode) {
   if (mode === "change") return byChange(site);
@@ -85,23 +128,26 @@ function byLabel(site) {
   const counts = new Map();
   for (const one of newOf(site)) counts.set(one.label, (counts.get(one.label) ?? 0) + 1);
   const labels = [...counts].sort((a, b) => b[1] - a[1]).map(([label]) => label);
-  const colours = new Map(labels.map((label, k) => [label, LABELS[Math.min(k, LABELS.length - 1)]]));
+  const colours = new Map(labels.map((label, k) => [label, shades.labels[Math.min(k, shades.labels.length - 1)]]));
   return {
-    of: (one) => colours.get(one.label) ?? GREY,
+    of: (one) => colours.get(one.label) ?? shades.grey,
     legend: labels.map((label) => [colours.get(label), `${label} (${counts.get(label)})`]),
   };
 }
 
 function byVerdict() {
-  const of = (one) => (one.row.grade === null || one.date === "old" ? GREY : one.row.doubtful.has(one) ? CHECK : GOOD);
-  return {
-    of,
-    legend: [
-      [GOOD, text.trusted],
-      [CHECK, text.check],
-      [GREY, text.notJudged],
-    ],
+  const { grey, good, check, ofRow } = shades;
+  const of = (one) => {
+    if (one.row.grade === null || one.date === "old") return grey;
+    return one.row.doubtful.has(one) ? check : one.row.doubted ? ofRow : good;
   };
+  const legend = [
+    [good, text.trusted],
+    [check, text.check],
+    [ofRow, text.checkRow],
+    [grey, text.notJudged],
+  ];
+  return { of, legend };
 }
 
 function byError(site) {
@@ -109,22 +155,19 @@ function byError(site) {
   const finite = (one) => (typeof one.off === "number" ? Math.min(one.off, OFF_M) : null);
   const most = Math.max(1e-3, ...site.elements.map(finite));
   const ramp = byNumber(site, finite, (value) => `${(1000 * value).toFixed(most < 0.01 ? 1 : 0)} mm`, [0, most]);
-  const of = (one) => (one.off === "spurious" ? CHECK : ramp.of(one));
-  return {
-    of,
-    ramp: ramp.ramp,
-    legend: [
-      [CHECK, text.spurious],
-      [GREY, text.notCompared],
-    ],
-  };
+  const of = (one) => (one.off === "spurious" ? shades.check : ramp.of(one));
+  const legend = [
+    [shades.check, text.spurious],
+    [shades.grey, text.notCompared],
+  ];
+  return { of, ramp: ramp.ramp, legend };
 }
 
 function byNumber(site, value, shown, [low, high], reversed = false) {
-  const stops = reversed ? [...RAMP].reverse() : RAMP;
+  const stops = reversed ? [...shades.ramp].reverse() : shades.ramp;
   const of = (one) => {
     const given = value(one);
-    return given === null ? GREY : mixed(stops, (given - low) / Math.max(high - low, 1e-12));
+    return given === null ? shades.grey : mixed(stops, (given - low) / Math.max(high - low, 1e-12));
   };
   return { of, ramp: { stops, low: shown(low), high: shown(high) }, legend: [] };
 }

@@ -31,6 +31,10 @@ export class RowObjects {
     return Object.values(this.dates);
   }
 
+  colourPath(colour) {
+    for (const part of this.path.children) part.material.color.set(colour);
+  }
+
   // Of both dates, solids, orthophotos and ellipsoids are those of the new one: the old ones' would lie in them.
   showDates(which) {
     for (const [name, date] of Object.entries(this.dates)) {

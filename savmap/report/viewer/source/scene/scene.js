@@ -1,12 +1,11 @@
 // The scene of a site: its rows' objects, the floor, what is marked and measured, and what of all this is shown.
 import { GridHelper, Group, Scene } from "three";
 import { linesOf, toSite } from "../site/data.js";
+import { shades } from "./colours.js";
 import { RowObjects } from "./row.js";
-import { MODEL, cornersOf, dispose, dots, fatLines } from "./shapes.js";
+import { MODEL, cornersOf, dispose, dots, fatLines, frameOf } from "./shapes.js";
 
 const MOST_THICK = 5000; // segments: beyond that only the row at hand has thick lines
-const SELECTED = "#e8007d",
-  MEASURE = "#1b1f24";
 
 export class Model {
   constructor(site) {
@@ -19,6 +18,7 @@ export class Model {
     this.marked = new Group();
     this.rule = new Group();
     this.place = new Group();
+    Object.assign(this, { markedNow: [[], null], ruled: [], placed: null });
     this.scene.add(this.marked, this.rule, this.place);
     this.addFloor();
     this.shown = { solids: false, photos: false, facePhotos: true, path: true, ellipsoids: false };
@@ -41,13 +41,26 @@ export class Model {
   addFloor() {
     const { low, high } = this.bounds,
       size = 2 * Math.ceil(Math.max(high[0] - low[0], high[2] - low[2], 4) / 2 + 3);
-    const floor = new GridHelper(size, size > 80 ? Math.round(size / 10) : size, "#dfe4ea", "#e9edf1");
+    const floor = new GridHelper(size, size > 80 ? Math.round(size / 10) : size, ...shades.grid);
     floor.position.set(Math.round((low[0] + high[0]) / 2), 0, Math.round((low[2] + high[2]) / 2));
     floor.layers.set(MODEL);
     floor.material.depthWrite = false;
     floor.renderOrder = -2;
     this.floor = floor;
     this.scene.add(floor);
+  }
+
+  // All that has a colour of its own, after another theme.
+  recolour() {
+    const { visible } = this.floor;
+    dispose(this.floor);
+    this.addFloor();
+    this.floor.visible = visible;
+    for (const objects of this.rows) objects.colourPath(shades.path);
+    this.mark(...this.markedNow);
+    this.drawRule(this.ruled);
+    this.drawPlace(this.placed);
+    this.update();
   }
 
   colour(of) {
@@ -130,26 +143,31 @@ export class Model {
     return Promise.all(objects.map((one) => one.hang(fine, () => this.shows("photos"))));
   }
 
-  mark(elements) {
+  // Mark elements, and the frame of the place between them that is meant.
+  mark(elements, place = null) {
+    this.markedNow = [elements, place];
     this.marked.children.slice().forEach(dispose);
     for (const date of ["new", "old"]) {
       const ofDate = elements.filter((one) => one.date === date);
       const positions = ofDate.flatMap((one) => linesOf(one).flatMap((end) => toSite(one.row, end)));
-      if (positions.length) this.marked.add(Object.assign(fatLines(positions, SELECTED, 4), { name: date }));
+      if (date === "new" && place) positions.push(...frameOf(place.box).flatMap((end) => toSite(elements[0].row, end)));
+      if (positions.length) this.marked.add(Object.assign(fatLines(positions, shades.selected, 4), { name: date }));
     }
   }
 
   drawRule(points) {
+    const [ink, edge] = shades.rule;
+    this.ruled = points;
     this.rule.children.slice().forEach(dispose);
-    if (points.length === 2)
-      this.rule.add(fatLines(points.flat(), "#ffffff", 6), fatLines(points.flat(), MEASURE, 2.5));
-    if (points.length) this.rule.add(dots(points, "#ffffff", 13), dots(points, MEASURE, 9));
+    if (points.length === 2) this.rule.add(fatLines(points.flat(), edge, 6), fatLines(points.flat(), ink, 2.5));
+    if (points.length) this.rule.add(dots(points, edge, 13), dots(points, ink, 9));
   }
 
   // Where the panorama that is shown was taken; null for nowhere.
   drawPlace(place) {
+    this.placed = place;
     this.place.children.slice().forEach(dispose);
-    if (place) this.place.add(dots([place], SELECTED, 11));
+    if (place) this.place.add(dots([place], shades.selected, 11));
     for (const dot of this.place.children) dot.layers.set(MODEL);
   }
 }

@@ -25,11 +25,12 @@ import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
 import { linesOf, vertexOf } from "../site/data.js";
-import { ownCovariance } from "../site/frames.js";
+import { measuredCovariance, ownCovariance } from "../site/frames.js";
+import { shades } from "./colours.js";
 
 export const MODEL = 1,
   PHOTO = 2; // layers: in the model alone, over panoramas alone; what is in neither is seen everywhere
-const PATH = "#7b8794";
+const DASH_M = 0.06; // as long as the gap after it
 
 export const cornersOf = ({ low, high }) =>
   [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => (k & (1 << axis) ? high[axis] : low[axis])));
@@ -41,13 +42,47 @@ export function segmentsOf(elements) {
   for (const one of elements) {
     const ends = linesOf(one),
       own = [];
-    for (let k = 0; k < ends.length; k += 2) own.push({ one, from: ends[k], to: ends[k + 1] });
+    for (let k = 0; k < ends.length; k += 2)
+      for (const [from, to] of partsOf(one, k, ends[k], ends[k + 1])) own.push({ one, from, to });
     const length = ({ from, to }) => Math.hypot(...to.map((value, k) => value - from[k]));
     own.sort((a, b) => length(b) - length(a));
     longest.push(...own.slice(0, 1));
     others.push(...own.slice(1));
   }
   return { segments: [...longest, ...others], coarse: longest.length };
+}
+
+// A line as it is drawn: dashed where nothing measured where it is, and towards an end that is assumed, as far as that is unsure.
+function partsOf(one, k, from, to) {
+  const { row, edges } = one;
+  if (!edges.length) return [[from, to]];
+  const apart = from.map((value, axis) => Math.abs(to[axis] - value)),
+    along = apart.indexOf(Math.max(...apart));
+  const isAssumed = (end, axis) => row.assumed[3 * edges[end] + axis];
+  if ([0, 1, 2].some((axis) => axis !== along && isAssumed(k, axis) && isAssumed(k + 1, axis))) return dashes(from, to);
+  const unsure = [k, k + 1].map((end) =>
+    isAssumed(end, along) ? Math.sqrt(ownCovariance(row, edges[end])[along][along]) / apart[along] : 0,
+  );
+  const [begin, end] = [Math.min(unsure[0], 0.5), 1 - Math.min(unsure[1], 0.5)];
+  const at = (share) => from.map((value, axis) => value + share * (to[axis] - value));
+  return [
+    ...(begin > 0 ? dashes(from, at(begin)) : []),
+    [at(begin), at(end)],
+    ...(end < 1 ? dashes(to, at(end)) : []),
+  ];
+}
+
+function dashes(from, to) {
+  const length = Math.hypot(...to.map((value, axis) => value - from[axis])),
+    count = Math.max(1, Math.round(length / (2 * DASH_M)));
+  const at = (share) => from.map((value, axis) => value + share * (to[axis] - value));
+  return Array.from({ length: count }, (_, k) => [at(k / count), at((k + 0.5) / count)]);
+}
+
+// The lines around a flat place.
+export function frameOf({ low, high }) {
+  const [a, b, c, d] = [low, [high[0], low[1], low[2]], high, [low[0], high[1], high[2]]];
+  return [a, b, b, c, c, d, d, a];
 }
 
 export function coloursOf(owners, of) {
@@ -131,13 +166,13 @@ export function pathLine(row) {
   const joined = [];
   for (let k = 1; k < passes.length; k++) if (passes[k] === passes[k - 1]) joined.push(k - 1, k);
   geometry.setIndex(joined);
-  const line = new LineSegments(geometry, new LineBasicMaterial({ color: PATH }));
+  const line = new LineSegments(geometry, new LineBasicMaterial({ color: shades.path }));
   const index = new Map(row.path.number.map((frame, k) => [frame, k]));
   const stills = row.stills
     .filter((one) => index.has(one.frame))
     .map((one) => vertexOf(row.path, index.get(one.frame)));
   path.add(line);
-  if (stills.length) path.add(dots(stills, PATH, 5));
+  if (stills.length) path.add(dots(stills, shades.path, 5));
   for (const part of path.children) part.layers.set(MODEL);
   return path;
 }
@@ -218,17 +253,17 @@ function flattened(corners) {
   return corners.map((corner) => new Vector2(corner.dot(across), corner.dot(up)));
 }
 
-// Unit spheres under three times the Cholesky factor of each vertex's covariance, exaggerated.
+// Unit spheres under three times the Cholesky factor of each vertex's covariance, exaggerated; flat along what is assumed.
 export function ellipsoids(elements, times) {
   const vertices = elements.flatMap((one) => Array.from({ length: one.count }, (_, k) => [one.row, one.first + k]));
   const made = new InstancedMesh(
     new SphereGeometry(1, 12, 8),
-    new MeshBasicMaterial({ color: "#8e4585", transparent: true, opacity: 0.35, depthWrite: false }),
+    new MeshBasicMaterial({ color: shades.ellipsoids, transparent: true, opacity: 0.35, depthWrite: false }),
     vertices.length,
   );
   const matrix = new Matrix4();
   vertices.forEach(([row, vertex], k) => {
-    const [a, b, c] = cholesky(ownCovariance(row, vertex)).map((line) => line.map((value) => 3 * times * value));
+    const [a, b, c] = cholesky(measuredCovariance(row, vertex)).map((line) => line.map((value) => 3 * times * value));
     const [x, y, z] = vertexOf(row, vertex);
     made.setMatrixAt(k, matrix.set(a[0], 0, 0, x, b[0], b[1], 0, y, c[0], c[1], c[2], z, 0, 0, 0, 1));
   });

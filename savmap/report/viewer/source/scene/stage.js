@@ -1,11 +1,12 @@
 // The canvas: the model and the panorama drawn on their parts of it, as often as needed and no oftener than the machine can.
 import { Color, WebGLRenderer } from "three";
 import { byId } from "../page/dom.js";
+import { shades } from "./colours.js";
 import { drawNames, namesOf } from "./labels.js";
 import { projected } from "./picking.js";
+import { drawScale } from "./scale.js";
 
-const GROUND = new Color("#fbfcfd"),
-  NIGHT = new Color("#eef1f4"),
+const PLACES_PX = 46, // the bar under the panorama
   MOVING_MS = 300,
   SLOW_MS = 45,
   MOVING_RATIO = 0.5; // canvas pixels by pixels of the page while something moves on a slow machine
@@ -25,12 +26,13 @@ export class Stage {
   // Begin: as large as the page lets it be, and after each change of that.
   start() {
     new ResizeObserver(() => this.resize()).observe(byId("stage"));
-    addEventListener("beforeprint", () => {
-      this.drawn = 0; // as at rest: sharp
-      this.draw();
-      byId("printed").src = byId("canvas").toDataURL("image/png");
-    });
     this.resize();
+  }
+
+  // At once, with so many pixels of the canvas by pixels of the page, until it is drawn again.
+  drawSharp(ratio) {
+    this.renderer.setPixelRatio(ratio);
+    this.drawAll();
   }
 
   redraw() {
@@ -41,13 +43,19 @@ export class Stage {
 
   draw() {
     this.asked = false;
+    if (!this.slow) this.setRatio(this.sharp);
     this.keepPace();
+    this.drawAll();
+  }
+
+  drawAll() {
     const { view, panorama, model, row } = this.viewer;
     model.drawOver(panorama.row);
     this.drawModel(view.camera);
     this.viewer.frame.draw(view.camera);
-    const taken = this.viewer.ruler.place();
-    if (!byId("pano").hidden) this.drawOn(byId("pano-area"), panorama.camera, NIGHT);
+    drawScale(byId("scale"), view.metrePx);
+    const taken = [...this.viewer.ruler.place(), ...this.corners(view)];
+    if (!byId("pano").hidden) this.drawOn(byId("pano-area"), panorama.camera, shades.night);
     // last, for what asks where things are on the page after names have moved has all of it laid out again
     if (this.labels)
       drawNames(
@@ -60,6 +68,12 @@ export class Stage {
         row,
         taken,
       );
+  }
+
+  // What the compass and the scale take of the view.
+  corners({ width, height }) {
+    const scale = byId("scale").hidden ? [] : [[width - 160, height - 46, width, height]];
+    return [[0, height - 104, 104, height], ...scale];
   }
 
   // Of all names those that a look at a row may show: its own, and, unless it is seen alone, the other rows'.
@@ -120,11 +134,11 @@ export class Stage {
   drawModel(camera) {
     const { dates, model, site } = this.viewer,
       area = byId("view");
-    if (!dates.parted) return this.drawOn(area, camera, GROUND);
+    if (!dates.parted) return this.drawOn(area, camera, shades.ground);
     model.showDates("old");
-    this.drawOn(area, camera, GROUND, [0, dates.share]);
+    this.drawOn(area, camera, shades.ground, [0, dates.share]);
     model.showDates("new");
-    this.drawOn(area, camera, GROUND, [dates.share, 1]);
+    this.drawOn(area, camera, shades.ground, [dates.share, 1]);
     model.showDates(site.showing);
   }
 
@@ -135,7 +149,7 @@ export class Stage {
     const [left, bottom] = [part.left - stage.left, stage.bottom - part.bottom];
     this.renderer.setViewport(left, bottom, part.width, part.height);
     this.renderer.setScissor(left + from * part.width, bottom, (to - from) * part.width, part.height);
-    this.renderer.setClearColor(ground);
+    this.renderer.setClearColor(new Color(ground));
     const { panorama, model } = this.viewer;
     if (camera === panorama.camera && !panorama.centre) this.renderer.clear();
     else this.renderer.render(model.scene, camera);
@@ -143,8 +157,10 @@ export class Stage {
 
   resize() {
     const stage = byId("stage").getBoundingClientRect(),
-      size = `${stage.width} ${stage.height} ${byId("pano").hidden}`;
-    if (size === this.size) return;
+      stacked = this.isStacked(stage),
+      size = `${stage.width} ${stage.height} ${byId("pano").hidden} ${stacked}`;
+    if (size === this.size || !stage.height) return;
+    byId("stage").classList.toggle("stacked", stacked);
     this.size = size;
     this.renderer.setSize(stage.width, stage.height, false);
     for (const [part, area] of [
@@ -153,6 +169,15 @@ export class Stage {
     ])
       if (area.clientWidth && area.clientHeight) part.resize(area.clientWidth, area.clientHeight);
     if (this.viewer.mode) this.draw(); // at once, for a canvas of a new size is empty
+  }
+
+  // Whether a row is seen larger over the panorama than beside it.
+  isStacked({ width, height }) {
+    const { low, high } = this.viewer.row.box,
+      [long, tall] = [high[0] - low[0], high[1] - low[1]];
+    const beside = Math.min(width / 2 / long, height / tall),
+      over = Math.min(width / long, (height - PLACES_PX) / 2 / tall);
+    return over > beside;
   }
 
   pixelOf(row, vertex) {

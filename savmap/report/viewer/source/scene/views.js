@@ -27,6 +27,11 @@ export class ModelView {
     return this.kind === "model" ? this.perspective : this.flat;
   }
 
+  // Pixels of a metre where there is no perspective, else 0.
+  get metrePx() {
+    return this.kind === "model" ? 0 : (this.height * this.flat.zoom) / (2 * this.flat.top);
+  }
+
   resize(width, height) {
     this.width = width;
     this.height = height;

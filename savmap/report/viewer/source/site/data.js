@@ -5,6 +5,8 @@ import { floatsOf } from "./pictures.js";
 const UNIT_M = 1e-5;
 const GAP_M = 6;
 const CROSS_M = 0.04;
+const TOUCH_M = 0.02;
+export const PART = " / "; // between the parts of an id
 const WRITTEN = ["text", "code"];
 const OLD = "old date/"; // in the address of an element of the earlier map
 
@@ -17,8 +19,8 @@ export async function readSite() {
 }
 
 function siteOf(content) {
-  const { title, surveyed, alignment, dates } = content;
-  const site = { title, surveyed, alignment, dates, elements: [], rows: [] };
+  const { title, banner, surveyed, alignment, dates } = content;
+  const site = { title, banner, surveyed, alignment, dates, elements: [], rows: [] };
   for (const entry of content.rows) site.rows.push(rowOf(site, entry, content.vertex_labels));
   placeOthers(site.rows);
   showDates(site, dates ? "both" : "new");
@@ -43,9 +45,10 @@ function rowOf(site, entry, names) {
     path: pathOf(entry.frames),
     face: entry.face,
     stills: entry.stills,
-    places: entry.places,
+    places: entry.places.map(({ id, sizes, corners }) => placeOf(id, sizes, corners)),
     elements: [],
   };
+  row.assumed = new Uint8Array(row.positions.length); // 1 for each coordinate that nothing measured
   let first = 0;
   for (const [date, parts] of [
     ["new", entry.structures],
@@ -64,14 +67,36 @@ function rowOf(site, entry, names) {
   row.box = boxOf(row.positions);
   for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
   row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));
+  row.doubted = row.doubts.some((doubt) => doubt.of_row); // as a whole
+  for (const place of row.places) place.elements = around(row, place);
   return row;
 }
 
+function placeOf(id, sizes, corners) {
+  const [low, high] = [corners.slice(0, 3), corners.slice(3)].map((corner) => corner.map((value) => value * UNIT_M));
+  return { id, whole: id.slice(0, Math.max(id.lastIndexOf(PART), 0)), sizes, box: { low, high } };
+}
+
+// The elements that a place is told by: all of a bay, those that bound a part of it.
+function around(row, { id, whole, box }) {
+  const own = row.elements.filter((one) => one.date === "new" && one.group === (whole || id));
+  const touches = (one) => {
+    const { low, high } = boxOf(row.positions.subarray(3 * one.first, 3 * (one.first + one.count)));
+    return [0, 1].every((k) => low[k] < box.high[k] + TOUCH_M && high[k] > box.low[k] - TOUCH_M);
+  };
+  return whole ? own.filter(touches) : own;
+}
+
+// The warnings that an element has: its own, and the row's.
+export const doubtsOf = (one) =>
+  one.date === "old" ? [] : one.row.doubts.filter((doubt) => doubt.of_row || doubt.elements.includes(one));
+
 function elementOf(row, part, first, names, date) {
-  const cut = part.id.lastIndexOf(" / ");
+  const cut = part.id.lastIndexOf(PART);
   const written = WRITTEN.map((key) => part.attributes[key]).filter((value) => typeof value === "string" && value);
   for (const text of [...written]) if (text.includes(":")) written.push(text.slice(text.indexOf(":") + 1));
   const count = part.labels.length;
+  for (const k of part.assumed) row.assumed[3 * first + k] = 1;
   return {
     row,
     id: part.id,
@@ -91,7 +116,7 @@ function elementOf(row, part, first, names, date) {
     solid: part.solid,
     off: part.off,
     support: typeof part.attributes.support === "number" ? part.attributes.support : null,
-    sigma: largestSigma(row.covariances, first, count),
+    sigma: largestSigma(row, first, count),
     centre: centreOf(row.positions, first, count),
   };
 }
@@ -127,10 +152,13 @@ function pathOf(frames) {
   };
 }
 
-function largestSigma(covariances, first, count) {
+// Of what was measured.
+function largestSigma({ covariances, assumed }, first, count) {
   let most = 0;
   for (let k = first; k < first + count; k++)
-    most = Math.max(most, covariances[6 * k], covariances[6 * k + 3], covariances[6 * k + 5]);
+    [0, 3, 5].forEach((variance, axis) => {
+      if (!assumed[3 * k + axis]) most = Math.max(most, covariances[6 * k + variance]);
+    });
   return Math.sqrt(most);
 }
 

@@ -34,8 +34,9 @@ export function placeIn({ alignment }, row, frame, point) {
 
 // As `elements` of savmap/maps/exports/frames.py: the covariances of the row's place and of the alignment are added.
 function covarianceIn({ alignment }, row, frame, vertex) {
-  if (frame === "row") return ownCovariance(row, vertex);
-  const onSite = inSite(row, vertex);
+  const own = measuredCovariance(row, vertex);
+  if (frame === "row") return own;
+  const onSite = inSite(row, vertex, own);
   if (frame === "site") return onSite;
   const turn = worldFromSite(alignment),
     point = row.positions.subarray(3 * vertex, 3 * vertex + 3);
@@ -48,7 +49,7 @@ function covarianceIn({ alignment }, row, frame, vertex) {
   return sum(turnedBy(turn, onSite), turnedBy(slopes, symmetric(alignment.covariance)));
 }
 
-// The largest standard deviation of an element's vertices along the axes of a frame.
+// The largest standard deviation of what was measured of an element's vertices along the axes of a frame.
 export function sigmaIn(site, one, frame) {
   let most = 0;
   for (let k = one.first; k < one.first + one.count; k++)
@@ -109,10 +110,16 @@ export function ownCovariance(row, vertex) {
   return symmetric(row.covariances.slice(6 * vertex, 6 * vertex + 6));
 }
 
+// The same without what is assumed, which no measurement is unsure of.
+export const measuredCovariance = (row, vertex) =>
+  ownCovariance(row, vertex).map((line, k) =>
+    line.map((value, n) => (row.assumed[3 * vertex + k] || row.assumed[3 * vertex + n] ? 0 : value)),
+  );
+
 // As Placement.covariances in savmap/types/maps.py.
-export function inSite(row, vertex) {
+export function inSite(row, vertex, own = ownCovariance(row, vertex)) {
   const turn = turnOf(row),
-    turned = turnedBy(turn, ownCovariance(row, vertex));
+    turned = turnedBy(turn, own);
   if (!row.placementCovariance) return turned;
   const arm = applied(turn, row.positions.subarray(3 * vertex, 3 * vertex + 3)).map((value) => value * DEGREE);
   const slopes = [
