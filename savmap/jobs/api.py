@@ -116,7 +116,8 @@ def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], N
 
 
 def find(site_map: SiteMap | PathLike, name: str) -> list[SearchHit]:
-    """Where what is called `name` is: structures by id or by what is written on them, and places between structures, such as "level 3 of section 2".
+    """Where what is called `name` is: structures by id or by what is written on them, with the slot that this names, and places between structures,
+    such as "bay 2 level 3".
 
     Raises SiteError, with the nearest names, where nothing is called so.
     """

@@ -4,7 +4,7 @@ import difflib
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,9 @@ WRITTEN = ("text", "code")
 """Attributes by which plugins give what is written on a structure; of "kind:content", the content counts too."""
 PART = " / "
 """Between the parts of an id."""
+BAY = "bay"
+"""The attribute of what is written on a structure that says before which place it hangs, by that place's id."""
+SYNONYMS = {"section": "bay", "bay": "section"}
 PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
 NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
 LONGEST_NAME, MOST_LABELS = 500, 8
@@ -33,7 +36,8 @@ Places = Mapping[str, Mapping[str, Sequence[Structure]]]
 class SearchHit:
     """A structure of a row: the mean (3,) m of those of its vertices that were measured, in the row's frame and, where that is known, in the site's
     and the user's world's; its standard deviations (3,) m along the row's axes; and what these vertices are called and the others are not, such as
-    "bottom": empty where all were measured."""
+    "bottom": empty where all were measured. `slot`: of what is written somewhere, the place that it names: the level on whose beam, or in whose
+    opening, it hangs; the whole bay, where it hangs beside that."""
 
     row: str
     structure: Structure
@@ -42,6 +46,7 @@ class SearchHit:
     part: str = ""
     site_position_m: Floats | None = None
     world_position_m: Floats | None = None
+    slot: "SearchHit | None" = None
 
     def __str__(self) -> str:
         attributes = self.structure.attributes
@@ -57,8 +62,9 @@ class SearchHit:
 
 def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dict) -> list[SearchHit]:
     """The structures whose id, text or code is `name`, whatever its case; else those, their vertices and the places between structures (`places`,
-    asked for where they are needed), that it describes: "section 2", "beam 2", "level 3 of section 2", "row B, section 2". Of what it describes, the
-    largest is meant: the section, not each of its parts. Raises SiteError, with the nearest names, if there are none, and for an empty name."""
+    asked for where they are needed), that it describes: "bay 2", "beam 2", "level 3 of bay 2", "row B, bay 2"; a section is a bay. Of what it
+    describes, the largest is meant: the bay, not each of its parts. Raises SiteError, with the nearest names, if there are none, and for an empty
+    name."""
     if not name.strip():
         raise SiteError("the name to find is empty: give an id, or what is written on a structure")
     mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
@@ -73,15 +79,41 @@ def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dic
         near = difflib.get_close_matches(name[:LONGEST_NAME], known, 3)
         more = f"; nearest: {', '.join(near)}" if near else _without_texts(site)
         raise SiteError(f"`{name}` is not in the map{more}")
-    return [_hit(site, row, structure) for row, structure in hits]
+    found = [_hit(site, row, structure) for row, structure in hits]
+    named = places() if any(_names_place(hit.structure) for hit in found) else {}
+    return [replace(hit, slot=_slot(site, hit, named)) for hit in found]
 
 
 def places_within(site: SiteMap, hit: SearchHit, places: Places) -> list[SearchHit]:
-    """The places that a place consists of, such as the levels of a section; none of a structure."""
-    known = [own for group in places.get(hit.row, {}).values() for own in group]
+    """The places that a place consists of, such as the levels of a bay; none of a structure."""
+    known = _places_of(hit.row, places)
     if all(own.id != hit.structure.id for own in known):
         return []
     return [_hit(site, hit.row, own) for own in known if own.id.startswith(f"{hit.structure.id}{PART}")]
+
+
+def _places_of(row: str, places: Places) -> list[Structure]:
+    return [own for group in places.get(row, {}).values() for own in group]
+
+
+def _names_place(structure: Structure) -> bool:
+    return isinstance(structure.attributes.get(BAY), str) and any(structure.attributes.get(key) for key in WRITTEN)
+
+
+def _slot(site: SiteMap, hit: SearchHit, places: Places) -> SearchHit | None:
+    """The place that what is written on a structure names: of the bay's levels the lowest that ends above it."""
+    if not _names_place(hit.structure):
+        return None
+    names = _alike(str(hit.structure.attributes[BAY]))
+    bay = next((own for own in _places_of(hit.row, places) if own.id.lower() in names), None)
+    if bay is None:
+        return None
+    x, y, _ = hit.structure.vertices.mean(axis=0)
+    levels = places_within(site, _hit(site, hit.row, bay), places)
+    if not levels or not bay.vertices[:, 0].min() <= x <= bay.vertices[:, 0].max():
+        return _hit(site, hit.row, bay)
+    ends = [level.structure.vertices[:, 1].max() for level in levels]
+    return next((level for level, end in zip(levels, ends, strict=True) if end > y), levels[-1])
 
 
 def _without_texts(site: SiteMap) -> str:
@@ -104,7 +136,14 @@ def _vertices(structure: Structure) -> Iterator[Structure]:
 
 def _called(known: Sequence[InRow], name: str) -> list[InRow]:
     """What has this name."""
-    return [(row, own) for row, own in known if name.lower() in {key.lower() for key in names(own)}]
+    alike = _alike(name)
+    return [(row, own) for row, own in known if alike.intersection(key.lower() for key in names(own))]
+
+
+def _alike(name: str) -> set[str]:
+    """A name in lower case, and the same with the other words for the same."""
+    words = name.lower()
+    return {words, *(re.sub(rf"\b{word}\b", other, words) for word, other in SYNONYMS.items())}
 
 
 def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
@@ -136,12 +175,16 @@ def _terms(name: str) -> list[str]:
 
 
 def _fits(structure: Structure, term: str) -> bool:
-    """Whether a term is a part of a structure's id, its label, or says one of its attributes: "section 2", where that is text or number."""
-    word, _, number = term.rpartition(" ")
+    """Whether a term is a part of a structure's id, its label, or says one of its attributes: "bay 2", where that is text or number."""
     values = {key.lower(): value for key, value in structure.attributes.items()}
     texts = {value.lower() for value in values.values() if isinstance(value, str)}
-    counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
-    return counted or term in {*structure.id.lower().split(PART), structure.label.lower(), *texts}
+    known = {*structure.id.lower().split(PART), structure.label.lower(), *texts}
+    for alike in _alike(term):
+        word, _, number = alike.rpartition(" ")
+        counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
+        if counted or alike in known:
+            return True
+    return False
 
 
 def names(structure: Structure) -> list[str]:

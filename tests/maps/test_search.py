@@ -8,7 +8,9 @@ import pytest
 
 from savmap.errors import SiteError
 from savmap.maps.search import find_structures, places_within
-from savmap.types import Alignment, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Alignment, FrameTable, Measured, Placement, RowMap, SiteMap, Structure, Trajectory
+
+RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 
 
 def plate(number: int, x: float, attributes: Mapping[str, float | int | str]) -> Structure:
@@ -140,6 +142,9 @@ def places() -> dict[str, dict[str, list[Structure]]]:
     [
         ("section 2", ["A section 2", "B section 2"]),
         ("Bay 2", ["A section 2", "B section 2"]),
+        ("bay 2 level 1", ["A section 2 / level 1", "B section 2 / level 1"]),
+        ("A: level 0", ["A section 1 / level 0", "A section 2 / level 0"]),
+        ("bay 1 / bar 2", ["A section 1 / bar 2", "B section 1 / bar 2"]),
         ("bar 2", [f"{row} section {k} / bar 2" for row in "AB" for k in (1, 2)]),
         ("bar 2 of section 1, row B", ["B section 1 / bar 2"]),
         ("B: bar2 section1", ["B section 1 / bar 2"]),
@@ -184,3 +189,46 @@ def test_what_describes_nothing_is_not_found(hall: SiteMap, name: str) -> None:
         return
     with pytest.raises(SiteError, match="is not in the map"):
         find_structures(hall, name, places)
+
+
+def plated(x: float, y: float, **attributes: str) -> SiteMap:
+    """A plate before or beside bay 1, of which level 0 is 2 m high and level 1, on a beam of 10 cm, is open above."""
+    own = replace(plate(1, x, attributes), vertices=np.array([[x, y, 0.02]]))
+    path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
+    return SiteMap({"A": RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {"plates": (own,)}, ())}, {})
+
+
+def bay_of_two_levels(called: str) -> dict[str, dict[str, list[Structure]]]:
+    heights = {"": (0.0, 2.1), " / level 0": (0.0, 2.0), " / level 1": (2.1, 2.1)}
+    found = []
+    for name, (low, high) in heights.items():
+        corners = np.array([[x, y, 0.0] for y in (low, high) for x in (0.1, 2.8)])
+        width = {"clear_width_m": Measured(2.7, 0.004)}
+        found.append(
+            Structure(
+                f"{called}{name}", "place", corners, np.tile(1e-6 * np.eye(3), (4, 1, 1)), (*"abcd",), RING, width
+            )
+        )
+    return {"A": {"posts": found}}
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "slot"), [(1, 1.0, "1 / level 0"), (1, 2.05, "1 / level 1"), (1, 3.0, "1 / level 1"), (0.05, 1.5, "1")]
+)
+@pytest.mark.parametrize("word", ["section", "bay"])
+def test_what_is_written_is_told_with_its_slot(x: float, y: float, slot: str, word: str) -> None:
+    (hit,) = find_structures(
+        plated(x, y, text="A21-03", bay="section 1"), "A21-03", lambda: bay_of_two_levels(f"{word} 1")
+    )
+    assert hit.slot is not None
+    assert hit.slot.structure.id == f"{word} {slot}"
+    assert str(hit.slot).endswith("; clear width 2.700 m +- 4.0 mm")
+    assert hit.slot.position_m[0] == pytest.approx(1.45)
+
+
+@pytest.mark.parametrize(
+    "attributes", [{"text": "X"}, {"text": "", "bay": "section 1"}, {"text": "X", "bay": "section 9"}]
+)
+def test_what_names_no_bay_has_no_slot(attributes: dict[str, str]) -> None:
+    (hit,) = find_structures(plated(1, 1, **attributes), "plate 1", lambda: bay_of_two_levels("section 1"))
+    assert hit.slot is None

@@ -194,9 +194,7 @@ def align(
 def find(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME", help="What is written on it, such as A21-03, its id, or 'level 3 of section 2'."
-        ),
+        typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, its id, or 'bay 2 level 3'."),
     ],
     map_file: MapFile = Path("out/map.json"),
 ) -> None:
@@ -208,6 +206,8 @@ def find(
     site_map = read_map(map_file)
     for hit in find_structures(site_map, name, lambda: places_of(site_map)):
         say(hit)
+        if hit.slot is not None:
+            say(f"  slot: {hit.slot}")
         for part in places_within(site_map, hit, places_of(site_map)):
             say(f"  {part}")
 

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from perfect_maps import structures_of, surveyed_row
 
+from savmap import find
+from savmap.cli.commands import results
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import only_row, world_from_row
+from savmap.maps.map_file import write_map
 from savmap.types import (
     Alignment,
     Doubt,
@@ -114,6 +117,23 @@ def test_signs_name_the_level_on_whose_beam_they_hang() -> None:
     assert slots[0].signs == ("floor",)
     assert {slot.bay_signs for slot in slots if slot.bay == 1} == {("bay",)}
     assert [slot.level for slot in slots if "other" in slot.signs] == [2]
+
+
+@pytest.mark.parametrize("y", [0.2, 0.35, 1.0, 1.3, 9.0])
+def test_a_sign_is_found_with_the_slot_that_has_it(
+    y: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = SiteMap({"A": row("A", sign("A21-03", 1.0, y, "section 1"))}, {})
+    (slot,) = (slot for slot in slots_of(site, "shelves") if slot.signs)
+    (hit,) = find(site, "A21-03")
+    assert hit.slot is not None
+    assert hit.slot.structure.attributes["level"] == slot.level
+    assert hit.slot.structure.attributes.get("clear_height_m") == slot.clear_height
+    x, up, z = hit.slot.position_m
+    np.testing.assert_allclose((x, -z, up), slot.centre, atol=1e-9)
+    write_map(site, tmp_path / "map.json")
+    results.find(name="A21-03", map_file=tmp_path / "map.json")
+    assert f"level {slot.level}: x 1.900, y " in capsys.readouterr().out.splitlines()[1]
 
 
 def test_slots_of_placed_rows_stand_in_the_world() -> None:
