@@ -5,11 +5,13 @@ from importlib.metadata import version
 
 import numpy as np
 
+from savmap.errors import visible
 from savmap.types import Floats, Measured, Structure
 
 Colour = tuple[float, float, float]
 BETWEEN = " | "
 """Between several texts in one cell."""
+MOST_LABELS = 8
 IN_BRACKETS = "{} ({})"
 """The form of a name with a number, for people to read."""
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999")
@@ -45,6 +47,22 @@ def sigmas(structure: Structure) -> Floats:
     """Standard deviations (n, 3) m of a structure's vertices along the axes."""
     spread: Floats = np.sqrt(np.maximum(np.diagonal(structure.covariances, axis1=1, axis2=2), 0.0))
     return spread
+
+
+def assumed_depths(bodies: Iterable[tuple[str, float]]) -> str:
+    """What to say of bodies whose depth was neither measured nor given, each by its label and depth, m: "assumed depth, neither measured nor given: post
+    1.1 m"; nothing of none."""
+    depths = dict[str, list[float]]()
+    for label, depth_m in bodies:
+        depths.setdefault(visible(label), []).append(depth_m)
+    said = [f"{label} {_span(own)} m" for label, own in list(depths.items())[:MOST_LABELS]]
+    more = [f"and {len(depths) - MOST_LABELS} more"] if len(depths) > MOST_LABELS else []
+    return f"assumed depth, neither measured nor given: {', '.join([*said, *more])}" if said else ""
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def attributes(structure: Structure) -> dict[str, float | int | str]:

@@ -19,7 +19,7 @@ from savmap.files.atomic import write_text
 from savmap.maps.exports import require_library
 from savmap.maps.exports.marks import bytes_of, colours, sigmas, unique
 from savmap.maps.exports.models.drawings import Dimension, Shape, dimensions, elevation, plan, reach
-from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, RowMap, SiteMap, Structure
 
 APP = "SAVMAP"
@@ -30,8 +30,8 @@ TEXT_M, TITLE_M = 0.05, 0.3
 """Heights of letters."""
 CHAIN_M = 0.4
 """Between a row and its chains of dimensions."""
-LONGEST_TEXT, LONGEST_LAYER, LONGEST_DATA = 60, 100, 250
-"""Letters; bytes of a text of extended data, of which DXF allows 255."""
+LONGEST_TEXT, LONGEST_NOTE, LONGEST_LAYER, LONGEST_DATA = 60, 200, 100, 250
+"""Letters, of captions and of notes; bytes of a text of extended data, of which DXF allows 255."""
 NO_LAYER_LETTERS = re.compile(r"[<>/\\\\\":;?*|=,`'%^\s]+")
 CODED = re.compile(r"\\(?=[UM]\+)")
 STYLE = {
@@ -66,7 +66,7 @@ def dxf_text(site: SiteMap) -> str:
         for row in rows:
             for part in row.parts:
                 drawing.wireframe(part)
-        drawing.sheets([(row.name, site.rows[row.name]) for row in rows], _below(rows))
+        drawing.sheets([(row, site.rows[row.name]) for row in rows], _below(rows))
         for kind in sorted(document.entitydb.dxf_types_in_use()):
             document.classes.add_class(kind)  # ezdxf itself would add them in an order of its own in each process
         stream = io.StringIO()
@@ -134,19 +134,18 @@ class _Drawing:
             for point in points:
                 self._told(self.space.add_point(point, dxfattribs=on), part)
 
-    def sheets(self, rows: Sequence[tuple[str, RowMap]], corner: Floats) -> None:
+    def sheets(self, rows: Sequence[tuple[RowParts, RowMap]], corner: Floats) -> None:
         """The drawings of all rows, side by side, right of and below a corner (2,)."""
-        for name, row in rows:
-            corner = corner + np.array([self._sheet(name, row, corner) + APART_M, 0.0])
+        for parts, row in rows:
+            corner = corner + np.array([self._sheet(parts, row, corner) + APART_M, 0.0])
 
-    def _sheet(self, name: str, row: RowMap, corner: Floats) -> float:
-        """The drawings of a row: title, elevation, plan. How wide they are, m."""
+    def _sheet(self, parts: RowParts, row: RowMap, corner: Floats) -> float:
+        """The drawings of a row: title, elevation, plan with what of its depths is assumed. How wide they are, m."""
         front, above = elevation(row), plan(row)
         (low, high), (near, far) = reach(front), reach(above)
         left = min(low[0], near[0])
         start = corner - [left, high[1] + TITLE_M + CHAIN_M]
-        title = {"layer": "TEXT", "height": TITLE_M}
-        self.space.add_text(drawn_text(f"row {name}"), dxfattribs=title).set_placement(tuple(corner - [0.0, TITLE_M]))
+        self._text(f"row {parts.name}", TITLE_M, corner - [0.0, TITLE_M])
         for shape in front:
             self._outline("ELEVATION", shape, start)
             self._caption(shape, start)
@@ -155,6 +154,8 @@ class _Drawing:
         beneath = start + np.array([0.0, min(low[1], 0.0) - 2 * CHAIN_M - APART_M - far[1]])
         for shape in above:
             self._outline("PLAN", shape, beneath)
+        if note := depth_note([parts]):
+            self._text(note, 2 * TEXT_M, beneath + np.array([left, near[1] - 4 * TEXT_M]), LONGEST_NOTE)
         return float(max(high[0], far[0]) - left)
 
     def _outline(self, kind: str, shape: Shape, start: Floats) -> None:
@@ -163,6 +164,10 @@ class _Drawing:
             self.space.add_point(points[0], dxfattribs=on)
         else:
             self.space.add_lwpolyline(points, close=shape.closed, dxfattribs=on)
+
+    def _text(self, text: str, height: float, place: Floats, longest: int = LONGEST_TEXT) -> None:
+        on = {"layer": "TEXT", "height": height}
+        self.space.add_text(drawn_text(text, longest), dxfattribs=on).set_placement(tuple(place))
 
     def _caption(self, shape: Shape, start: Floats) -> None:
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)

@@ -16,7 +16,7 @@ import numpy as np
 from savmap.files.atomic import write_bytes
 from savmap.files.texts import json_visible
 from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas
-from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, Ints, SiteMap
 
 SCENE_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
@@ -48,7 +48,7 @@ def glb_of(site: SiteMap) -> bytes:
             nodes.append(_part_node(part, place) | ({"mesh": len(meshes)} if mesh else {}))
             meshes += [mesh] if mesh else []
     content = {
-        "asset": {"version": "2.0", "generator": maker()},
+        "asset": _filled({"version": "2.0", "generator": maker(), "extras": _filled({"note": depth_note(rows)})}),
         "scene": 0,
         "scenes": [_filled({"name": "map", "nodes": tops})],
         "nodes": nodes,

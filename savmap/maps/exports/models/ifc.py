@@ -19,7 +19,7 @@ from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
 from savmap.maps.exports.marks import attributes, bytes_of, colours, maker, sigmas, unique
 from savmap.maps.exports.models.bodies import Body
-from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, SiteMap
 
 NAMESPACE = UUID("5c3c2f43-5a0b-5d6e-9b55-0a6d1f1b7c21")
@@ -98,6 +98,7 @@ class _Model:
         names = json.dumps(sorted(site.rows))
         project = make("IfcProject", self.guid("project", names), Name="Map", UnitsInContext=units)
         project.RepresentationContexts = [context]
+        project.Description = _text(depth_note(rows)) or None
         storey = self.place_of_rows(site, project, names)
         assemblies = [self.row(site, row, storey) for row in rows]
         if assemblies:

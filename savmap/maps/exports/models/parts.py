@@ -1,10 +1,13 @@
 """A map as models see it: rows with the places that they are built around, and their structures in the world's frame, with their bodies."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+import numpy as np
+
 from savmap.maps.exports.frames import Element, elements, world_from_row
+from savmap.maps.exports.marks import assumed_depths
 from savmap.maps.exports.models.bodies import Body, body_of
 from savmap.types import Floats, SiteMap, Structure
 from savmap.types.common import array_record
@@ -40,6 +43,16 @@ class RowParts:
     name: str
     origin: Floats
     parts: tuple[Part, ...]
+
+
+def depth_note(rows: Sequence[RowParts]) -> str:
+    """What to say of the depths of all parts that were neither measured nor given; nothing where there is none."""
+    return assumed_depths(
+        (part.structure.label, float(np.linalg.norm(part.body.depth)))
+        for row in rows
+        for part in row.parts
+        if part.assumed and part.body is not None
+    )
 
 
 def parts_of(site: SiteMap) -> list[RowParts]:

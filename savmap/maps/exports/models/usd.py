@@ -16,7 +16,7 @@ from savmap.files.atomic import write_bytes
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
 from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas, unique
-from savmap.maps.exports.models.parts import Part, RowParts, parts_of
+from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, SiteMap
 
 THICKNESS_M = 1 / 128
@@ -25,7 +25,7 @@ LONGEST_NAME = 60
 CONTROL = re.compile("[\x00-\x1f\x7f]")
 ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t", "\x00": "\ufffd"}
 HEAD = """#usda 1.0
-(
+({doc}
     customLayerData = {{
         string creator = {maker}
     }}
@@ -66,7 +66,9 @@ def usda_text(site: SiteMap) -> str:
     lines += ["    }"]
     for name, row in zip(names, rows, strict=True):
         lines += ["", *_indented(_row(site, row, name, looks))]
-    return "\n".join([HEAD.format(maker=quoted(maker())), *lines, "}", ""])
+    note = depth_note(rows)
+    doc = f"\n    doc = {quoted(note)}" if note else ""
+    return "\n".join([HEAD.format(doc=doc, maker=quoted(maker())), *lines, "}", ""])
 
 
 def prim_name(text: str) -> str:

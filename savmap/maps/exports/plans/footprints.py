@@ -8,7 +8,7 @@ import numpy as np
 from savmap.errors import visible
 from savmap.maps.exports.frames import Element
 from savmap.maps.exports.hull import hull
-from savmap.maps.exports.marks import IN_BRACKETS, unique
+from savmap.maps.exports.marks import IN_BRACKETS, assumed_depths, unique
 from savmap.types import Floats, Solid, array_record
 
 CLEARANCE_M = 2.5
@@ -21,7 +21,7 @@ LEAST_SIDE_M = 1e-4
 @array_record
 class Footprint:
     """A solid from above: its convex outline (n, 2) m, counter-clockwise, from `bottom_m` to `top_m` in the world. `name` is its own among all.
-    `assumed`: its depth was neither measured nor given."""
+    `assumed`: its depth, `depth_m`, was neither measured nor given."""
 
     name: str
     row: str
@@ -31,6 +31,7 @@ class Footprint:
     outline: Floats
     bottom_m: float
     top_m: float
+    depth_m: float
     assumed: bool
 
     @property
@@ -58,12 +59,18 @@ def in_the_way(found: Iterable[Footprint], floor_m: float) -> list[Footprint]:
     return [footprint for footprint in found if footprint.bottom_m < floor_m + CLEARANCE_M]
 
 
+def depth_note(found: Iterable[Footprint]) -> str:
+    """What to say of their depths that were neither measured nor given; nothing where there is none."""
+    return assumed_depths((footprint.label, footprint.depth_m) for footprint in found if footprint.assumed)
+
+
 def _footprint(name: str, element: Element, solid: Solid) -> Footprint:
     corners = np.vstack([solid.outline, solid.outline + solid.depth])
     structure = element.structure
     row, plugin, own, label = map(visible, (element.row, element.plugin, structure.id, structure.label))
     low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
-    return Footprint(name, row, plugin, own, label, _thick(hull(corners[:, :2])), low, high, solid.assumed)
+    depth = float(np.linalg.norm(solid.depth))
+    return Footprint(name, row, plugin, own, label, _thick(hull(corners[:, :2])), low, high, depth, solid.assumed)
 
 
 def _thick(outline: Floats) -> Floats:

@@ -15,7 +15,7 @@ from savmap.errors import OutputError
 from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.json_text import json_text
-from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
+from savmap.maps.exports.plans.footprints import Footprint, depth_note, footprints, in_the_way
 from savmap.maps.exports.plans.geojson import feature
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import Floats, SiteMap
@@ -72,7 +72,13 @@ def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
         "free_thresh": 0.25,
     }
     head = f"P5\n{columns} {rows}\n255\n".encode()
-    return head + np.ascontiguousarray(cells[::-1]).tobytes(), yaml.safe_dump(about, sort_keys=False)
+    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(found) + yaml.safe_dump(about, sort_keys=False)
+
+
+def _remark(found: list[Footprint]) -> str:
+    """A comment of YAML about what is assumed."""
+    note = depth_note(found)
+    return f"# {note}\n" if note else ""
 
 
 def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
@@ -132,8 +138,11 @@ def vector_objects(found: list[Footprint]) -> str:
         "shapes": list(shapes),
         **shapes,
     }
-    names = "".join(f"# solid_{number}: {footprint.name}\n" for number, footprint in enumerate(found, start=1))
+    names = "".join(
+        f"# solid_{number}: {footprint.name}{', depth assumed' if footprint.assumed else ''}\n"
+        for number, footprint in enumerate(found, start=1)
+    )
     text = yaml.safe_dump(
         {"vector_object_server": {"ros__parameters": settings}}, sort_keys=False, default_flow_style=None
     )
-    return names + text
+    return _remark(found) + names + text

@@ -10,7 +10,7 @@ import yaml
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.hull import hull
-from savmap.maps.exports.plans.footprints import footprints, in_the_way
+from savmap.maps.exports.plans.footprints import depth_note, footprints, in_the_way
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Floats, SiteMap
 
@@ -58,7 +58,9 @@ def write_building(site: SiteMap, path: Path) -> None:
         "lifts": {},
         "crowd_sim": {"enable": 0},
     }
-    write_text(path, yaml.safe_dump(building, sort_keys=False, default_flow_style=None, allow_unicode=True, width=1000))
+    text = yaml.safe_dump(building, sort_keys=False, default_flow_style=None, allow_unicode=True, width=1000)
+    note = depth_note(walls)
+    write_text(path, (f"# {note}\n" if note else "") + text)
 
 
 def _vertex(at: Floats, name: str) -> list[Any]:

@@ -11,7 +11,7 @@ from savmap.errors import OutputError
 from savmap.files.atomic import write_text
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.json_text import json_text, timestamp
-from savmap.maps.exports.plans.footprints import Footprint, footprints, in_the_way
+from savmap.maps.exports.plans.footprints import Footprint, depth_note, footprints, in_the_way
 from savmap.types import SiteMap
 
 VERSION = "3.0.0"
@@ -30,7 +30,7 @@ def write_zone_set(site: SiteMap, path: Path) -> None:
     zone_set = {
         "mapId": MAP,
         "zoneSetId": f"savmap-{digest[:12]}",
-        "zoneSetDescriptor": "solids that stand in the way of vehicles",
+        "zoneSetDescriptor": "; ".join(filter(None, ("solids that stand in the way of vehicles", depth_note(found)))),
         "zones": zones,
     }
     header = {
@@ -48,6 +48,6 @@ def _zone(footprint: Footprint) -> dict[str, Any]:
     return {
         "zoneId": footprint.name,
         "zoneType": "BLOCKED",
-        "zoneDescriptor": f"{footprint.label} of row {footprint.row}",
+        "zoneDescriptor": f"{footprint.label} of row {footprint.row}{', depth assumed' if footprint.assumed else ''}",
         "vertices": [{"x": x, "y": y} for x, y in corners],
     }

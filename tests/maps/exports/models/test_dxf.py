@@ -12,7 +12,7 @@ from savmap.maps.exports.models.drawings import dimensions
 from savmap.maps.exports.models.dxf import drawn_text
 from savmap.types import Floats, SiteMap
 
-from .made_up_models import EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, row, things
+from .made_up_models import DEPTH_NOTE, EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, row, things
 
 ezdxf = pytest.importorskip("ezdxf")
 text_tools = pytest.importorskip("ezdxf.tools.text")
@@ -67,7 +67,7 @@ def test_layers_are_those_of_the_labels(tmp_path: Path) -> None:
     layers = {layer.dxf.name for layer in document.layers}
     labels = ("post", "bar", "plate", "block", "tube")
     assert layers >= {f"{kind} {label}" for kind in ("3D", "ELEVATION", "PLAN") for label in labels}
-    assert len(document.modelspace().query('TEXT[layer=="TEXT"]')) == 2 * 8
+    assert len(document.modelspace().query('TEXT[layer=="TEXT"]')) == 2 * 9
 
 
 def test_drawings_lie_side_by_side_below_the_world(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_texts_are_drawn_as_they_are(tmp_path: Path) -> None:
     document = ezdxf.readfile(savmap.export(hostile_site(), tmp_path / "map.dxf"))
     texts = [text_tools.plain_text(text.dxf.text) for text in document.modelspace().query("TEXT")]
     assert not any("\n" in text or "\x1b" in text for text in texts)
-    assert all(len(text) <= 70 for text in texts)
+    assert all(len(text) <= (200 if text.startswith("assumed depth") else 70) for text in texts)
     assert EVIL[2] in texts
     assert EVIL[5] in texts
 
@@ -122,3 +122,13 @@ def test_no_text_stands_for_other_letters(text: str) -> None:
 
     assert decode_dxf_unicode(drawn_text(text)) == text
     assert drawn_text("a\nb") == "a\\nb"
+
+
+def test_depths_that_are_assumed_are_told(tmp_path: Path) -> None:
+    texts = [
+        value
+        for own in entities(savmap.export(made_up_site(), tmp_path / "map.dxf"))
+        for code, value in own
+        if code == 1
+    ]
+    assert texts.count(DEPTH_NOTE) == 2

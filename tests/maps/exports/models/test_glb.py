@@ -13,7 +13,18 @@ from savmap.errors import OutputError
 from savmap.maps.exports.models.glb import glb_of
 from savmap.types import Floats, SiteMap
 
-from .made_up_models import EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, readable, row, things
+from .made_up_models import (
+    DEPTH_NOTE,
+    EVIL,
+    NEAREST_M,
+    distance_m,
+    expected,
+    hostile_site,
+    made_up_site,
+    readable,
+    row,
+    things,
+)
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -119,3 +130,9 @@ def test_rows_without_a_common_frame_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="choose one with --row"):
         savmap.export(SiteMap(rows, {}), tmp_path / "map.glb")
     assert not list(tmp_path.iterdir())
+
+
+def test_depths_that_are_assumed_are_told() -> None:
+    assert content_of(glb_of(made_up_site()))["asset"]["extras"] == {"note": DEPTH_NOTE}
+    given = SiteMap({"A": row("A", things()[1:2])}, {})
+    assert "extras" not in content_of(glb_of(given))["asset"]

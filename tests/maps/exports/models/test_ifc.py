@@ -11,7 +11,18 @@ import savmap
 from savmap.maps.exports.models.ifc import ifc_text
 from savmap.types import Floats, SiteMap
 
-from .made_up_models import EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, readable, row, things
+from .made_up_models import (
+    DEPTH_NOTE,
+    EVIL,
+    NEAREST_M,
+    distance_m,
+    expected,
+    hostile_site,
+    made_up_site,
+    readable,
+    row,
+    things,
+)
 
 ifcopenshell = pytest.importorskip("ifcopenshell")
 geom = pytest.importorskip("ifcopenshell.geom")
@@ -139,3 +150,10 @@ def test_a_list_has_values_of_one_type(tmp_path: Path) -> None:
     assert lists["VertexLabels"] == {"IfcText"}
     assert lists["Doubts"] == {"IfcLabel"}
     assert lists["VertexX"] == {"IfcLengthMeasure"}
+
+
+def test_depths_that_are_assumed_are_told(tmp_path: Path) -> None:
+    (project,) = opened(made_up_site(), tmp_path / "map.ifc").by_type("IfcProject")
+    assert project.Description == DEPTH_NOTE
+    (other,) = opened(SiteMap({"A": row("A", things()[1:2])}, {}), tmp_path / "given.ifc").by_type("IfcProject")
+    assert other.Description is None

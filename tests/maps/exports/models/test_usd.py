@@ -9,7 +9,18 @@ import savmap
 from savmap.maps.exports.models.usd import quoted
 from savmap.types import Floats, SiteMap
 
-from .made_up_models import EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, readable, row, things
+from .made_up_models import (
+    DEPTH_NOTE,
+    EVIL,
+    NEAREST_M,
+    distance_m,
+    expected,
+    hostile_site,
+    made_up_site,
+    readable,
+    row,
+    things,
+)
 
 pytest.importorskip("pxr.UsdSemantics")
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdValidation
@@ -95,3 +106,10 @@ def test_quoted_texts_are_read_as_they_were(text: str) -> None:
 
 def test_maps_without_structures_are_valid(tmp_path: Path) -> None:
     assert not structures(opened(SiteMap({}, {}), tmp_path / "map.usda"))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_depths_that_are_assumed_are_told(form: str, tmp_path: Path) -> None:
+    assert opened(made_up_site(), tmp_path / f"map.{form}").GetRootLayer().documentation == DEPTH_NOTE
+    given = SiteMap({"A": row("A", things()[1:2])}, {})
+    assert not opened(given, tmp_path / f"given.{form}").GetRootLayer().documentation

@@ -23,7 +23,7 @@ from savmap.maps.exports.plans.nav2 import write_nav2
 from savmap.maps.exports.plans.open_rmf import write_building
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.maps.exports.plans.vda5050 import write_zone_set
-from savmap.types import Alignment, FrameTable, RowMap, SiteMap, Trajectory
+from savmap.types import Alignment, FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 NUMBER, TEXT = {"type": "number"}, {"type": "string", "minLength": 1}
 
@@ -151,8 +151,8 @@ def test_vector_objects_are_closed_polygons(tmp_path: Path) -> None:
         shape = settings[name]
         assert (shape["type"], shape["closed"], shape["frame_id"]) == ("polygon", True, "map")
         np.testing.assert_allclose(np.reshape(shape["points"], (-1, 2)), outline, atol=1e-4)
-    assert text.startswith("# solid_1: A / post 1\n")
-    assert all(line.startswith("# solid_") for line in text.splitlines()[:6])
+    assert text.splitlines()[1] == "# solid_1: A / post 1, depth assumed"
+    assert all(line.startswith("# solid_") for line in text.splitlines()[1:7])
 
 
 def test_a_site_too_large_for_a_mask_is_refused(tmp_path: Path) -> None:
@@ -235,6 +235,38 @@ def test_open_rmf_has_lanes_and_walls_in_metres(tmp_path: Path) -> None:
         assert np.all(sides[:, 0] * (place - ground)[:, 1] - sides[:, 1] * (place - ground)[:, 0] > 0)
     names = [vertex[3] for vertex in level["vertices"] if vertex[3]]
     assert len(set(names)) == len(names)
+
+
+NOTE = "assumed depth, neither measured nor given: post 1 m, bar 0.05 m"
+
+
+def with_depths_given(site: SiteMap) -> SiteMap:
+    def given(one: Structure) -> Structure:
+        return replace(one, solid=one.solid and replace(one.solid, assumed=False))
+
+    rows = {
+        name: replace(own, structures={key: tuple(map(given, group)) for key, group in own.structures.items()})
+        for name, own in site.rows.items()
+    }
+    return replace(site, rows=rows)
+
+
+def test_depths_that_are_assumed_are_told(tmp_path: Path) -> None:
+    for name, write in (("zip", write_nav2), ("json", write_zone_set), ("yaml", write_building)):
+        write(hall(), tmp_path / f"a.{name}")
+        write(with_depths_given(hall()), tmp_path / f"given.{name}")
+    files = unzipped(tmp_path / "a.zip")
+    assert files["keepout.yaml"].startswith(f"# {NOTE}\nimage".encode())
+    assert files["vector_objects.yaml"].startswith(f"# {NOTE}\n# solid_1".encode())
+    assert (tmp_path / "a.yaml").read_text(encoding="utf-8").startswith(f"# {NOTE}\n")
+    zones = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["zoneSet"]
+    assert zones["zoneSetDescriptor"].endswith(f"; {NOTE}")
+    assert zones["zones"][0]["zoneDescriptor"] == "post of row A, depth assumed"
+    given = [
+        *unzipped(tmp_path / "given.zip").values(),
+        *((tmp_path / f"given.{end}").read_bytes() for end in ("json", "yaml")),
+    ]
+    assert not any(b"assumed" in text for text in given)
 
 
 @pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set, write_building])
