@@ -20,6 +20,7 @@ from savmap.types.maps import (
     SiteMap,
     Solid,
     Structure,
+    assumed_axes,
 )
 from savmap.types.orthophotos import Orthophoto, RowStrips, Still, Strip
 from savmap.types.pictures import Detection, Feature, Flow, Panorama, Thresholds, View, ViewPlan, ViewSpec
@@ -83,6 +84,7 @@ __all__ = [
     "ViewPlan",
     "ViewSpec",
     "array_record",
+    "assumed_axes",
     "panorama_of",
     "pool",
 ]

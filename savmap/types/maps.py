@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from savmap.types.common import Attribute, Axis, Floats, Ints, Measured, array_record, require
+from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, array_record, require
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     import pandas
 
 SIGMA, METRES = "_sigma_m", "_m"
+ASSUMED_M = 0.03
+"""A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption."""
+ENDS = ("ends", "edges")
+"""Attributes in which plugins say which ends were not measured: "top assumed", "upper edge not seen", "neither edge seen"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,26 @@ class Structure:
             value = self.attributes.get(key.removesuffix(SIGMA) + METRES)
             if key.endswith(SIGMA) and isinstance(given, float | int) and isinstance(value, float | int):
                 yield key.removesuffix(SIGMA).replace("_", " "), float(value), float(given)
+
+    def assumed(self, plugin: str, joint: "JointCovariance | None") -> Bools:
+        """For each vertex and axis (n, 3) whether nothing measured the coordinate: its plugin takes it to be so, such as where a post ends that goods
+        hide. It is unsure and was not solved for, as far as `joint` knows, or it is the least sure one of an end that its plugin says it assumes."""
+        variances = np.diagonal(self.covariances, axis1=1, axis2=2)
+        solved = [joint is None or joint.solved(plugin, self, number) for number in range(len(self.vertices))]
+        unsure = (variances > ASSUMED_M**2) & ~np.array([np.broadcast_to(own, 3) for own in solved], bool).reshape(
+            -1, 3
+        )
+        assumed: Bools = unsure | (self._told_ends()[:, None] & (variances == variances.max(axis=1, keepdims=True)))
+        return assumed
+
+    def _told_ends(self) -> Bools:
+        """Which vertices (n,) its plugin says that it assumes, by the words of their labels; all, where it names none."""
+        told = np.zeros(len(self.vertices), bool)
+        for text in (self.attributes[key] for key in ENDS if isinstance(self.attributes.get(key), str)):
+            words = set(str(text).split())
+            named = np.array([bool(words.intersection(label.split())) for label in self.vertex_labels], bool)
+            told |= named if named.any() else True
+        return told
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,8 +329,8 @@ class SiteMap:
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and
-        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, doubts (what the row's verdict says against the structure; empty
-        where it says nothing), and the structure's attributes."""
+        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, assumed (the axes along which nothing measured it, such as "y"), doubts
+        (what the row's verdict says against the structure; empty where it says nothing), and the structure's attributes."""
         import pandas  # slow to import
 
         return pandas.DataFrame(list(self._vertices()))
@@ -326,13 +350,21 @@ class SiteMap:
             for plugin, structures in row.structures.items():
                 for structure in structures:
                     doubts = "; ".join(said.get((row.name, structure.id), ()))
-                    yield from _vertex_lines(row.name, plugin, structure, doubts)
+                    yield from _vertex_lines(row, plugin, structure, doubts)
 
 
-def _vertex_lines(row: str, plugin: str, structure: Structure, doubts: str) -> Iterator[dict[str, object]]:
-    whole = {"row": row, "plugin": plugin, "structure": structure.id, "label": structure.label}
-    vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, strict=True)
-    for label, position, covariance in vertices:
+def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | None) -> list[str]:
+    """For each vertex the axes along which nothing measured it: "", "y", "xy"."""
+    assumed = structure.assumed(plugin, joint)
+    return ["".join(axis for axis, one in zip("xyz", vertex, strict=True) if one) for vertex in assumed]
+
+
+def _vertex_lines(row: RowMap, plugin: str, structure: Structure, doubts: str) -> Iterator[dict[str, object]]:
+    whole = {"row": row.name, "plugin": plugin, "structure": structure.id, "label": structure.label}
+    axes = assumed_axes(structure, plugin, row.joint)
+    vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, axes, strict=True)
+    for label, position, covariance, assumed in vertices:
         place = dict(zip(("x_m", "y_m", "z_m"), position.tolist(), strict=True))
         sigmas = dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        yield {**whole, "vertex": label, **place, **sigmas, "doubts": doubts, **structure.attributes}
+        known = {**place, **sigmas, "assumed": assumed, "doubts": doubts}
+        yield {**whole, "vertex": label, **known, **structure.attributes}

@@ -14,7 +14,7 @@ from savmap.errors import visible
 from savmap.files.atomic import write_bytes, write_text
 from savmap.maps.exports.frames import in_site, require_one_frame
 from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, sigmas
-from savmap.types import SiteMap, Structure
+from savmap.types import SiteMap, Structure, assumed_axes
 
 FORMULAS = tuple("=+-@")
 COLUMNS = [
@@ -30,6 +30,7 @@ COLUMNS = [
     "sigma_x_m",
     "sigma_y_m",
     "sigma_z_m",
+    "assumed",
     "text",
     "doubts",
 ]
@@ -37,7 +38,8 @@ COLUMNS = [
 
 def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
-    standard deviations, m; last what is written on it and what speaks against it. Raises OutputError."""
+    standard deviations, m, the row's axes along which nothing measured it; last what is written on it and what speaks against it. Raises
+    OutputError."""
     stream, said = io.StringIO(), site.doubts()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -46,10 +48,13 @@ def write_csv(site: SiteMap, path: Path) -> None:
             frame = "site" if row.name in site.placements else "row"
             for structure in structures:
                 vertices = _vertices(in_site(structure, site.placements.get(row.name)))
+                axes = assumed_axes(structure, plugin, row.joint)
                 start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
                 text = cell(str(structure.attributes.get("text", "")))
                 against = cell(BETWEEN.join(said.get((row.name, structure.id), ())))
-                table.writerows((*start, *vertex, text, against) for vertex in vertices)
+                table.writerows(
+                    (*start, *vertex, own, text, against) for vertex, own in zip(vertices, axes, strict=True)
+                )
     write_text(path, stream.getvalue())
 
 

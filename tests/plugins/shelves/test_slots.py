@@ -194,6 +194,32 @@ def test_elements_are_a_line_each(tmp_path: Path) -> None:
     assert [line["element"] for line in lines if line["doubts"]] == ["section 1 / beam 2"]
 
 
+def unseen_edge_row() -> RowMap:
+    """Of beam 2 of the first section, whose upper edge carries level 2, that edge was not seen; of upright 1 the top."""
+    ends = {"section 1 / beam 2": {"edges": "upper edge not seen"}, "upright 1": {"ends": "top assumed"}}
+    parts = []
+    for one in structures_of(surveyed_row()):
+        variances = np.tile(np.diag([1e-6, 1e-4, 1e-6]), (4, 1, 1))
+        parts.append(replace(one, covariances=variances, attributes={**one.attributes, **ends.get(one.id, {})}))
+    return row(structures=parts)
+
+
+def test_tables_say_what_was_not_measured(tmp_path: Path) -> None:
+    site = SiteMap({"A": unseen_edge_row()}, {})
+    write_elements(site, tmp_path / "elements.csv", "shelves")
+    elements = csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines())
+    assert {line["element"]: line["assumed"] for line in elements if line["assumed"]} == {
+        "upright 1": "top",
+        "section 1 / beam 2": "top",
+    }
+    write_csv(site, tmp_path / "slots.csv", "shelves")
+    slots = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
+    assert [slot["assumed"] for slot in slots[:3]] == ["depth", "depth", "clear height | load height | depth"]
+    (level,) = find(site, "bay 1 level 2")
+    assert level.structure.attributes["assumed"] == "clear height, load height assumed"
+    assert "assumed" not in find(site, "bay 1 level 1")[0].structure.attributes
+
+
 def test_json_is_as_the_published_schema_says(tmp_path: Path) -> None:
     assert (DOCS / "slots.schema.json").read_text(encoding="utf-8") == schema_text()
     write_json(SiteMap({"A": row("A", sign(HOSTILE, 1.0, 1.3, "section 1"))}, {}), tmp_path / "a.json", "shelves")

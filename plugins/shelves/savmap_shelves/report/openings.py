@@ -33,7 +33,7 @@ def places(
 ) -> list[Structure]:
     """The sections, "section 3", from the floor to their topmost beam, and their levels, "section 3 / level 2", which are the slots of the export: the
     space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A section is also called a bay. Clear
-    widths and heights are among the attributes, as the slots have them; what is not known is not there."""
+    widths and heights are among the attributes, as the slots have them; what is not known is not there. `assumed`: "clear height assumed"."""
     bays = bays_of(structures, joint, plugin)
     return [place for bay in bays for place in (_section(bay), *_levels(bay, joint, plugin))]
 
@@ -48,6 +48,8 @@ def _levels(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[St
         more: dict[str, Attribute] = {"level": opening.level}
         if opening.clear_height:
             more["clear_height_m"] = opening.clear_height
+        if opening.assumed:
+            more["assumed"] = f"{', '.join(opening.assumed)} assumed"
         yield _between(name, "level", bay, opening.floor, opening.roof or opening.floor, more)
 
 

@@ -63,6 +63,8 @@ class SlotEntry(_Part):
     """From the face to the back."""
     depth: Literal["given", "assumed"]
     """Whether the depth was given in the site file, or assumed to be the usual."""
+    assumed: tuple[Literal["clear height", "load height", "depth"], ...]
+    """Which of these lengths nothing measured: the plugin takes them to be the usual."""
     doubts: tuple[str, ...]
     """What speaks against the uprights and beams around the opening, by the row's verdict: look before its sizes are used."""
 
@@ -80,7 +82,7 @@ COLUMNS = [
     *("row", "frame", "bay", "level", "sign", "bay_sign"),
     *("x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m"),
     *("clear_width_m", "sigma_clear_width_m", "clear_height_m", "sigma_clear_height_m"),
-    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "doubts"),
+    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "assumed", "doubts"),
 ]
 
 
@@ -122,6 +124,7 @@ def _entry(slot: Slot) -> dict[str, Any]:
         **_measured("load_height", slot.load_height),
         "depth_m": _rounded(slot.depth_m, LENGTH),
         "depth": "assumed" if slot.depth_assumed else "given",
+        "assumed": list(slot.assumed),
         "doubts": list(slot.doubts),
     }
 
@@ -137,7 +140,8 @@ def _rounded(value: float, decimals: int) -> float:
 
 def _cells(slot: Slot) -> list[str]:
     entry = _entry(slot)
-    texts = {"sign": entry.pop("signs"), "bay_sign": entry.pop("bay_signs"), "doubts": entry.pop("doubts")}
+    texts = {"sign": entry.pop("signs"), "bay_sign": entry.pop("bay_signs")}
+    texts |= {key: entry.pop(key) for key in ("assumed", "doubts")}
     axes = zip("xyz", entry.pop("centre_m"), entry.pop("sigma_centre_m"), strict=True)
     entry |= {key: value for axis, at, sigma in axes for key, value in ((f"{axis}_m", at), (f"sigma_{axis}_m", sigma))}
     entry |= {key: BETWEEN.join(several) for key, several in texts.items()}

@@ -13,6 +13,7 @@ from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 FRAMES = ("world", "row")
 FLOOR = Measured(0.0, 0.0)
 """What all heights are above."""
+CLEAR_HEIGHT, LOAD_HEIGHT, DEPTH = "clear height", "load height", "depth"
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +23,8 @@ class Slot:
 
     `centre` (3,) m lies in the face, in the world's frame (z up), or, with `frame` "row", in the row's own turned z up; `covariance` (3, 3).
     The topmost opening is open above (`clear_height` None): its centre is on its load level. `load_height` is that of what goods stand on
-    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's. `doubts`: what speaks
-    against the uprights and beams around it.
+    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's. `assumed`: which of
+    these lengths rest on an edge that nothing measured. `doubts`: what speaks against the uprights and beams around it.
     """
 
     row: str
@@ -39,6 +40,7 @@ class Slot:
     load_height: Measured
     depth_m: float
     depth_assumed: bool
+    assumed: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
 
@@ -60,13 +62,14 @@ class Bay:
 @dataclass(frozen=True)
 class Opening:
     """A space of a bay: its level (0 on the floor), the height of what goods stand on, of the beam above and of the clear space between,
-    m; the last two are None where it is open above. `beams`: the ids of those below and above."""
+    m; the last two are None where it is open above. `beams`: the ids of those below and above. `assumed`: as in `Slot`."""
 
     level: int
     floor: Measured
     roof: Measured | None
     clear_height: Measured | None
     beams: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
 
 def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
@@ -148,7 +151,18 @@ def openings_of(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterato
         height = roof
         if above is not None and below is not None:
             height = gap(joint, plugin, (below, "upper"), (above, "lower"), 1)
-        yield Opening(level, floor, roof, height, tuple(beam.id for beam in (below, above) if beam is not None))
+        low = below is not None and _is_assumed(below, "upper", plugin, joint)
+        high = above is not None and (low or _is_assumed(above, "lower", plugin, joint))
+        assumed = tuple(name for name, is_so in ((CLEAR_HEIGHT, high), (LOAD_HEIGHT, low)) if is_so)
+        yield Opening(
+            level, floor, roof, height, tuple(beam.id for beam in (below, above) if beam is not None), assumed
+        )
+
+
+def _is_assumed(beam: Structure, side: str, plugin: str, joint: JointCovariance | None) -> bool:
+    """Whether nothing measured how high a side of a beam is."""
+    heights = beam.assumed(plugin, joint)[:, 1]
+    return any(bool(height) for height, label in zip(heights, beam.vertex_labels, strict=True) if side in label.split())
 
 
 def edge(structure: Structure, axis: int, side: str = "") -> Measured:
@@ -200,6 +214,7 @@ def _slots_of_bay(
             opening.clear_height,
             opening.floor,
             *depth,
+            (*opening.assumed, *([DEPTH] if bay.depth_assumed else [])),
             tuple(dict.fromkeys(doubt for name in (*bay.uprights, *opening.beams) for doubt in said.get(name, ()))),
         )
 
