@@ -15,10 +15,20 @@ Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
+class FootageFile(BaseModel):
+    """What a pass was filmed into: the file's name, or a folder's, and the size of its pictures, pixels (0: not known)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    width: Count = 0
+    height: Count = 0
+
+
 class RowRun(BaseModel):
     """One row: mapped now, kept from an earlier run, or failed (and why). `seconds` on the clock by stage (decode, aim, render,
     segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory
-    in MB, and the plugins that failed in it, without which it was mapped."""
+    in MB, the plugins that failed in it, without which it was mapped, and its `footage` by pass."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -29,10 +39,11 @@ class RowRun(BaseModel):
     skipped: Count = 0
     peak_mb: Seconds = 0.0
     plugins_failed: dict[str, str] = {}
+    footage: dict[str, FootageFile] = {}
 
 
 class RunLog(BaseModel):
-    """All rows of a run by name, its whole time on the clock, how many workers there were, and how it ended: with the map of all rows, with a map
+    """All rows of a run by name, its whole time on the clock, how many workers there were, when it `ended` (UTC, ISO 8601), and how: with the map of all rows, with a map
     that is `incomplete` (rows or plugins failed in it), or with no map at all (and why). `earlier_map`: the SHA-256 of the map.json that
     a run that failed found in its folder, and left there."""
 
@@ -46,6 +57,7 @@ class RunLog(BaseModel):
     rows: dict[str, RowRun]
     wall_s: Seconds = 0.0
     jobs: int = 1
+    ended: str = ""
 
 
 def write_log(log: RunLog, path: Path) -> None:

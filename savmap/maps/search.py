@@ -18,7 +18,8 @@ PART = " / "
 """Between the parts of an id."""
 BAY = "bay"
 """The attribute of what is written on a structure that says before which place it hangs, by that place's id."""
-SYNONYMS = {"section": "bay", "bay": "section"}
+OTHER_WORD = re.compile(r"\bsection\b")
+"""For a bay."""
 PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
 NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
 LONGEST_NAME, MOST_LABELS = 500, 8
@@ -104,8 +105,8 @@ def _slot(site: SiteMap, hit: SearchHit, places: Places) -> SearchHit | None:
     """The place that what is written on a structure names: of the bay's levels the lowest that ends above it."""
     if not _names_place(hit.structure):
         return None
-    names = _alike(str(hit.structure.attributes[BAY]))
-    bay = next((own for own in _places_of(hit.row, places) if own.id.lower() in names), None)
+    name = _plain(str(hit.structure.attributes[BAY]))
+    bay = next((own for own in _places_of(hit.row, places) if _plain(own.id) == name), None)
     if bay is None:
         return None
     x, y, _ = hit.structure.vertices.mean(axis=0)
@@ -136,14 +137,12 @@ def _vertices(structure: Structure) -> Iterator[Structure]:
 
 def _called(known: Sequence[InRow], name: str) -> list[InRow]:
     """What has this name."""
-    alike = _alike(name)
-    return [(row, own) for row, own in known if alike.intersection(key.lower() for key in names(own))]
+    return [(row, own) for row, own in known if _plain(name) in map(_plain, names(own))]
 
 
-def _alike(name: str) -> set[str]:
-    """A name in lower case, and the same with the other words for the same."""
-    words = name.lower()
-    return {words, *(re.sub(rf"\b{word}\b", other, words) for word, other in SYNONYMS.items())}
+def _plain(text: str) -> str:
+    """A text in lower case, with one word for a bay."""
+    return OTHER_WORD.sub(BAY, text.lower())
 
 
 def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
@@ -176,15 +175,11 @@ def _terms(name: str) -> list[str]:
 
 def _fits(structure: Structure, term: str) -> bool:
     """Whether a term is a part of a structure's id, its label, or says one of its attributes: "bay 2", where that is text or number."""
-    values = {key.lower(): value for key, value in structure.attributes.items()}
-    texts = {value.lower() for value in values.values() if isinstance(value, str)}
-    known = {*structure.id.lower().split(PART), structure.label.lower(), *texts}
-    for alike in _alike(term):
-        word, _, number = alike.rpartition(" ")
-        counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
-        if counted or alike in known:
-            return True
-    return False
+    values = {_plain(key): value for key, value in structure.attributes.items()}
+    texts = [value for value in values.values() if isinstance(value, str)]
+    word, _, number = _plain(term).rpartition(" ")
+    counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
+    return counted or _plain(term) in map(_plain, (*structure.id.split(PART), structure.label, *texts))
 
 
 def names(structure: Structure) -> list[str]:
