@@ -36,7 +36,7 @@ def with_confirmed(site_map: SiteMap, lines: Mapping[str, Sequence[str]]) -> Con
 
 def means(line: str, doubt: Doubt) -> bool:
     """Whether a line is a doubt's own words, with or without its kind before them."""
-    said, words = " ".join(line.split()).removeprefix(f"{doubt.kind}: "), " ".join(doubt.what.split())
+    said, words = " ".join(line.split()).removeprefix(f"{doubt.kind}: "), " ".join(doubt.line.split())
     figures = [[float(figure) for figure in _FIGURE.findall(text)] for text in (said, words)]
     same_words = _FIGURE.sub("", said) == _FIGURE.sub("", words)
     return same_words and all(abs(a - b) <= NEAR * abs(b) for a, b in zip(*figures, strict=True))
@@ -46,7 +46,7 @@ def _confirmed(row: RowMap, lines: Sequence[str]) -> RowMap:
     verdict = row.verdict or Verdict()
     settled = [doubt for doubt in verdict.doubts if _can_be_seen(doubt) and any(means(line, doubt) for line in lines)]
     kept = tuple(doubt for doubt in verdict.doubts if doubt not in settled)
-    notes = (*verdict.notes, *(f"confirmed in the site file: {doubt.what}" for doubt in settled))
+    notes = (*verdict.notes, *(f"confirmed in the site file: {doubt.line}" for doubt in settled))
     return replace(row, verdict=replace(verdict, doubts=kept, notes=notes)) if settled else row
 
 

@@ -24,7 +24,7 @@ Doubts = dict[str, list[Doubt]]
 
 def placement_doubts(known: Mapping[str, Placement], poses: SitePoses) -> Doubts:
     """A doubt for each row that does not stand where the site file says."""
-    return {name: [Doubt("site", line)] for name, prior in known.items() if (line := _off_prior(name, prior, poses))}
+    return {name: [doubt] for name, prior in known.items() if (doubt := _off_prior(name, prior, poses))}
 
 
 def match_doubts(left_out: Sequence[LandmarkMatch], poses: SitePoses) -> Doubts:
@@ -36,12 +36,15 @@ def match_doubts(left_out: Sequence[LandmarkMatch], poses: SitePoses) -> Doubts:
             (match.a, match.b, match.in_a, match.in_b),
             (match.b, match.a, match.in_b, match.in_a),
         ):
-            what = (
-                f"{own.id} is row {other}'s {its.id} by its place, but is {off} off where the rows' other landmarks fit: "
-                "one of the two is wrong"
+            line = (
+                f"{own.id} is row {other}'s {its.id} by its place, but is {off} off where the rows' other landmarks fit"
             )
             x, y, z = (float(value) for value in own.place)
-            doubts.setdefault(row, []).append(Doubt("site", what, (own.id,), (x, y, z)))
+            action = f"look which of them is wrong: {own.id}, or {its.id} of row {other}"
+            doubt = Doubt(
+                "site", "two rows put a landmark apart", (own.id,), (x, y, z), None, False, off, action, (line,)
+            )
+            doubts.setdefault(row, []).append(doubt)
     return doubts
 
 
@@ -54,12 +57,11 @@ def drive_doubts(overlaps: Sequence[Overlap], records: Sequence[CrossRowMatch]) 
         if off[worst] <= LEAST_OFF_M or sigmas[worst] < OFF_SIGMA:
             continue
         where = ("along the site's x", "in height", "along the site's z")[worst]
+        figure = f"{off[worst]:.2f} m apart {where}, {sigmas[worst]:.0f} sigma"
         for row, other in ((overlap.prior.a, overlap.prior.b), (overlap.prior.b, overlap.prior.a)):
-            what = (
-                f"rows {row} and {other} saw one drive, but put it {off[worst]:.2f} m apart {where}, "
-                f"{sigmas[worst]:.0f} standard deviations: check their references and their places"
-            )
-            doubts.setdefault(row, []).append(Doubt("site", what))
+            action = f"check the references and places of these rows: {row}, {other}"
+            doubt = Doubt("site", "two rows put their common drive apart", figure=figure, action=action)
+            doubts.setdefault(row, []).append(doubt)
     return doubts
 
 
@@ -77,14 +79,14 @@ def _doubted(row: RowMap, more: Sequence[Doubt]) -> RowMap:
     return replace(row, verdict=replace(verdict, doubts=(*verdict.doubts, *more)))
 
 
-def _off_prior(name: str, prior: Placement, poses: SitePoses) -> str | None:
-    """What there is to say of a row that does not stand where it was given."""
+def _off_prior(name: str, prior: Placement, poses: SitePoses) -> Doubt | None:
+    """A doubt about a row that does not stand where it was given."""
     place = poses.rows[name]
     heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
     off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
     if off @ np.linalg.solve(prior.covariance, off) < OFF_SIGMA**2:
         return None
-    return (
-        f"row {name} stands {np.hypot(*off[:2]):.2f} m and {abs(heading):.2f} degrees from the place it was given, "
-        "by what it has in common with other rows: check that place"
-    )
+    figure = f"{np.hypot(*off[:2]):.2f} m, {abs(heading):.2f} degrees off"
+    details = ("by what it has in common with other rows",)
+    what = "the row stands off its given place"
+    return Doubt("site", what, figure=figure, action=f"check the place given for row: {name}", details=details)

@@ -65,7 +65,7 @@ class LandmarkMatch:
     def residual_text(self, poses: SitePoses) -> str:
         """The residual, for a line to the user."""
         left = residual(self.constraint(), poses.relative(self.a, self.b))
-        return f"{np.linalg.norm(left):.2f} m, {self.residual_sigmas(poses):.0f} standard deviations,"
+        return f"{np.linalg.norm(left):.2f} m, {self.residual_sigmas(poses):.0f} sigma"
 
     def record(self, poses: SitePoses) -> CrossRowMatch:
         """The match with its residual in the site's frame."""

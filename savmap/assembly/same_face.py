@@ -13,9 +13,11 @@ MOSTLY = 0.5
 def same_face_doubts(rows: Mapping[str, Row]) -> dict[str, list[Doubt]]:
     """By row, a doubt for each other row that looks at the same face."""
     doubts: dict[str, list[Doubt]] = {}
-    for first, second, what in rows_with_same_face(rows):
+    for first, second, line in rows_with_same_face(rows):
+        action = f"correct the `side` of one: row {first} or {second}"
         for name in (first, second):
-            doubts.setdefault(name, []).append(Doubt("site", what))
+            doubt = Doubt("site", "two rows look at the same face", action=action, details=(line,))
+            doubts.setdefault(name, []).append(doubt)
     return doubts
 
 

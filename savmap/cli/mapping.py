@@ -58,7 +58,7 @@ def verdict_lines(site_map: SiteMap) -> Iterator[str]:
     for row in site_map.rows.values():
         if row.verdict:
             yield f"row {row.name}: {row.verdict.grade}"
-            yield from (f"  {doubt.kind}: {doubt.what}" for doubt in row.verdict.doubts)
+            yield from (f"  {doubt.kind}: {doubt.line}" for doubt in row.verdict.doubts)
             yield from (f"  note: {note}" for note in row.verdict.notes)
 
 

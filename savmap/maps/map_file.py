@@ -42,6 +42,7 @@ from savmap.types import (
     Verdict,
     ViewSpec,
 )
+from savmap.types.verdicts import MOST_WORDS
 
 COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
 """Decimals."""
@@ -131,14 +132,25 @@ def _verdict_entry(verdict: Verdict) -> Entry:
 def _doubt_entry(doubt: Doubt) -> Entry:
     place = None if doubt.place is None else _rounded(doubt.place, COORDINATE)
     where = {"structures": list(doubt.structures), "place_m": place, "frame": doubt.frame}
-    return {"kind": doubt.kind, "what": doubt.what, **where}
+    said = {"headline": doubt.headline, "figure": doubt.figure, "action": doubt.action, "details": list(doubt.details)}
+    return {"kind": doubt.kind, **said, **where}
 
 
 def _verdict(entry: schema.VerdictEntry | None) -> Verdict | None:
     if entry is None:
         return None
-    doubts = (Doubt(d.kind, d.what, tuple(d.structures), d.place_m, d.frame) for d in entry.doubts)
-    return Verdict(tuple(doubts), tuple(entry.notes))
+    return Verdict(tuple(map(_doubt, entry.doubts)), tuple(entry.notes))
+
+
+def _doubt(entry: schema.DoubtEntry) -> Doubt:
+    """A doubt; of an older map, which has one line of any length, that line's first words."""
+    where = tuple(entry.structures), entry.place_m, entry.frame
+    if not entry.what:
+        return Doubt(entry.kind, entry.headline, *where, False, entry.figure, entry.action, tuple(entry.details))
+    words = entry.what.split()
+    if len(words) <= MOST_WORDS:
+        return Doubt(entry.kind, entry.what, *where)
+    return Doubt(entry.kind, f"{' '.join(words[:MOST_WORDS])} \u2026", *where, details=(entry.what,))
 
 
 def _quaternion(rotation: Floats) -> list[float]:

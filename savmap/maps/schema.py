@@ -129,10 +129,15 @@ class ReferenceEntry(_Part):
 
 
 class DoubtEntry(_Part):
-    """What speaks against a part of a row's map, in one line, and which structures, place (m) and frame it is about."""
+    """What speaks against a part of a row's map: a headline of at most eight words, one figure, what to do, and further lines; which structures,
+    place (m) and frame it is about. `what`, of older maps: all in one line."""
 
     kind: DoubtKind
-    what: str
+    headline: str = ""
+    figure: str = ""
+    action: str = ""
+    details: list[str] = []
+    what: str = ""
     structures: list[str] = []
     place_m: Vector | None = None
     frame: int | None = None

@@ -92,16 +92,18 @@ class Expectation:
         """Each object at whose outline nothing was tracked, and a doubt about it."""
         for thing in self.there if self.points else ():
             if len(self._tracked_at(thing)) < LEAST_LANDMARKS:
-                what = f"all frames together show {thing.label} near {self._nearest(thing)} that was not measured: is it missing?"
-                yield thing, Doubt("support", what)
+                what = "all frames show something that is not mapped"
+                action = f"look whether it is missing: {thing.label} near {self._nearest(thing)}"
+                yield thing, Doubt("support", what, action=action)
 
     def unseen(self) -> Iterator[Doubt]:
         """A doubt about each object that is absent, and was tracked all the same."""
         for thing in self.objects:
             names = self._tracked_at(thing) if thing.absent else []
             if len(names) >= LEAST_LANDMARKS:
-                what = f"all frames together show no {thing.label} where {max(names, key=names.count)} was measured: is it one?"
-                yield Doubt("support", what)
+                what = "frames together do not show an element"
+                action = f"look whether it is {thing.label}: {max(names, key=names.count)}"
+                yield Doubt("support", what, action=action)
 
     def reaches_beyond(self, points: Mapping[str, Floats]) -> bool:
         """Whether an object that is there and was tracked lies beyond landmarks (3,) that are tracked later, by more than `BEYOND` of their extent."""
@@ -159,8 +161,9 @@ def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> R
 
 def not_followed(plugin: LoadedPlugin) -> Doubt:
     """A doubt where what was measured anew cannot be tracked, so that what was measured at first stays."""
-    what = f"what all frames together show of `{plugin.name}` could not be followed: what single frames show is mapped"
-    return Doubt("support", what)
+    details = ("what single frames show is mapped",)
+    action = f"look at what is mapped of: {plugin.name}"
+    return Doubt("support", "what all frames show could not be tracked", action=action, details=details)
 
 
 class PluginAlone:

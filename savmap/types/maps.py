@@ -341,7 +341,7 @@ class SiteMap:
         for row in self.rows.values():
             for doubt in row.verdict.doubts if row.verdict else ():
                 for name in doubt.structures:
-                    said.setdefault((row.name, name), []).append(doubt.what)
+                    said.setdefault((row.name, name), []).append(doubt.line)
         return said
 
     def _vertices(self) -> Iterator[dict[str, object]]:

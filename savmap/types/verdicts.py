@@ -10,23 +10,45 @@ DoubtKind = Literal["reference", "repeatability", "support", "shape", "camera", 
 frames show that should; an implausible shape or place among its likes; what the footage is; how the camera went; measurements that do
 not fit; rows that do not fit one another, or the places they were given."""
 
+MOST_WORDS = 8
+"""Of a headline."""
+
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something that speaks against a part of a map: `what` says what and where in one line, with what to do.
+    """Something that speaks against a part of a map: a `headline` of at most eight words that says what, without names, so that doubts of one cause
+    have the same; one `figure` with its unit, "" where there is none; and an `action`, an imperative sentence that ends with a colon and the
+    names that it is about, where it is about any. `details`: further lines, for those who ask.
 
     `structures`: ids of those that it is about, none where it is about the whole row. `place` (3,) m in the row's frame, and `frame`,
     the number of one that shows it best, where that is known. `minor`: it is told as a note, and is no reason to check the map."""
 
     kind: DoubtKind
-    what: str
+    headline: str
     structures: tuple[str, ...] = ()
     place: tuple[float, float, float] | None = None
     frame: int | None = None
     minor: bool = False
+    figure: str = ""
+    action: str = ""
+    details: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        require(bool(self.what.strip()) and "\n" not in self.what, self, "`what` must be one line")
+        words = len(self.headline.split())
+        require(0 < words <= MOST_WORDS, self, f"`headline` must have 1 to {MOST_WORDS} words: {self.headline!r}")
+        texts = (self.headline, self.figure, self.action, *self.details)
+        require(not any("\n" in text for text in texts), self, "each of its texts must be one line")
+
+    @property
+    def line(self) -> str:
+        """All but the details."""
+        what = f"{self.headline}: {self.figure}" if self.figure else self.headline
+        return f"{what}; {self.action}" if self.action else what
+
+    @property
+    def of_row(self) -> bool:
+        """Whether it is about the whole row: about no structures, nor whether something is missing at a place."""
+        return not self.structures and (self.place is None or self.kind not in ("shape", "support"))
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,11 @@ def _middle(lamp: Structure) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _where(*lamps: Structure) -> tuple[tuple[str, ...], tuple[float, float, float]]:
+    """The ids of lamps, and the place of the first one."""
+    return tuple(lamp.id for lamp in lamps), _middle(lamps[0])
+
+
 def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """A lamp with a vertex at another height than the others, further off than its uncertainty explains."""
     if len(lamps) < FEWEST:
@@ -65,8 +70,8 @@ def _heights(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         off = np.abs(heights - usual) - np.maximum(OFF_SIGMA * sigmas, OFF_M)
         if off.max() > 0:
             height = float(heights[off.argmax()])
-            what = f"{lamp.id} is at {height:.2f} m, the other lamps at {usual:.2f} m: is it a lamp, and theirs?"
-            yield Doubt("shape", what, (lamp.id,), _middle(lamp))
+            figure, action = f"{height:.2f} m, others {usual:.2f} m", f"look whether it is one of this row: {lamp.id}"
+            yield Doubt("shape", "a lamp has an unusual height", *_where(lamp), figure=figure, action=action)
 
 
 def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
@@ -87,9 +92,8 @@ def _lengths(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     usual = float(np.median(lengths)) if regular else float(lengths[alike.argmax()])
     for lamp, length, likes in zip(strips, lengths.tolist(), alike.tolist(), strict=True):
         if not 1 / LONGER < length / usual < LONGER and (regular or likes == 1):
-            which = "most" if regular else f"{alike.max()} others"
-            what = f"{lamp.id} is {length:.2f} m long, {which} are {usual:.2f} m: an end or a joint may be wrong"
-            yield Doubt("shape", what, (lamp.id,), _middle(lamp))
+            figure, action = f"{length:.2f} m, others {usual:.2f} m", f"look at its ends and joints: {lamp.id}"
+            yield Doubt("shape", "a lamp has an unusual length", *_where(lamp), figure=figure, action=action)
 
 
 def _parts(lamps: Sequence[Structure]) -> Iterator[Doubt]:
@@ -103,8 +107,9 @@ def _parts(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         alike = np.abs(lengths - together) < REGULAR * together
         between = gaps[alike[1:] & alike[:-1]]
         if alike.sum() >= FEWEST_ALIKE and len(between) and gaps[k] < NEARER * between.min():
-            what = f"{one.id} and {other.id} are together {together:.2f} m long, as {alike.sum()} others are: are they parts of one?"
-            yield Doubt("shape", what, (one.id, other.id), _middle(one))
+            figure = f"{together:.2f} m together, as {alike.sum()} others"
+            action = f"look whether they are parts of one: {one.id} and {other.id}"
+            yield Doubt("shape", "two lamps may be one", *_where(one, other), figure=figure, action=action)
 
 
 def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
@@ -117,8 +122,9 @@ def _gaps(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     for before, after in pairwise(lamps):
         step = float(after.vertices[:, 0].mean() - before.vertices[:, 0].mean())
         if is_whole(before) and is_whole(after) and step > GAP * usual and LIGHT_BEYOND in before.attributes:
-            what = f"{before.id} and {after.id} are {step:.2f} m apart, others {usual:.2f} m, and something shines between them: a lamp may be missing"
-            yield Doubt("shape", what, (before.id, after.id), _middle(before))
+            figure = f"{step:.2f} m apart, others {usual:.2f} m"
+            action = f"look at what shines between: {before.id} and {after.id}"
+            yield Doubt("shape", "a lamp may be missing in a gap", *_where(before, after), figure=figure, action=action)
 
 
 def _next_in_line(lamps: Sequence[Structure]) -> Iterator[Doubt]:
@@ -133,11 +139,8 @@ def _next_in_line(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         x, y, z = _middle(lamp)
         place = float(lamp.attributes.get(attribute, np.inf))
         if lamp in (lamps[0], lamps[-1]) and abs(place - x - way * usual) < REGULAR * usual:
-            what = (
-                f"something shines {place:.2f} m along the row, next to {lamp.id}, where a line with a lamp every {usual:.2f} m "
-                "would have one: it may be missing"
-            )
-            yield Doubt("shape", what, (), (place, y, z))
+            figure, action = f"at x {place:.2f} m", f"look at what shines beside: {lamp.id}"
+            yield Doubt("shape", "a lamp of the line may be missing", (), (place, y, z), figure=figure, action=action)
 
 
 def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
@@ -154,8 +157,15 @@ def _unexplained(lamps: Sequence[Structure]) -> Iterator[Doubt]:
         place = float(before.attributes[LIGHT_BEYOND])
         along, y, z = _middle(before)
         if pitch is None or abs(_off_multiple(place - along, pitch)) < NEAR_PITCH * pitch:
-            what = f"something shines {place:.2f} m along the row, between {before.id} and {after.id}, and no lamp explains it: one may be missing"
-            yield Doubt("shape", what, (before.id, after.id), (place, y, z))
+            figure, action = f"at x {place:.2f} m", f"look at what shines between: {before.id} and {after.id}"
+            yield Doubt(
+                "shape",
+                "something shines that is no mapped lamp",
+                (before.id, after.id),
+                (place, y, z),
+                figure=figure,
+                action=action,
+            )
 
 
 def _pitch(steps: Floats) -> float | None:
@@ -177,8 +187,15 @@ def _alone(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """Light beside the only lamp of a row that was seen about as often as that was."""
     if len(lamps) == 1 and float(lamps[0].attributes.get(LIGHT_OFTEN, 0.0)) >= OFTEN:
         (lamp,), place = lamps, float(lamps[0].attributes[LIGHT_BEYOND])
-        what = f"{lamp.id} is the only one, and something shines {place:.2f} m along the row that no lamp explains: others may be missing"
-        yield Doubt("shape", what, (lamp.id,), (place, *_middle(lamp)[1:]))
+        figure, action = f"at x {place:.2f} m", f"look at what shines beside the only lamp: {lamp.id}"
+        yield Doubt(
+            "shape",
+            "something shines that is no mapped lamp",
+            (lamp.id,),
+            (place, *_middle(lamp)[1:]),
+            figure=figure,
+            action=action,
+        )
 
 
 def _are_regular(sizes: Floats) -> bool:
@@ -190,14 +207,12 @@ def _open(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """A strip between others, one of whose ends no frame showed."""
     for lamp in lamps[1:-1]:
         if not is_whole(lamp):
-            yield Doubt(
-                "shape", f"an end of {lamp.id} was never seen: its length is not known", (lamp.id,), _middle(lamp)
-            )
+            yield Doubt("shape", "a lamp's end was never seen", *_where(lamp), action=f"look for its end: {lamp.id}")
 
 
 def _without_sides(lamps: Sequence[Structure]) -> Iterator[Doubt]:
     """A compact lamp whose sides do not show: what is around it is as bright, as in a skylight or on an overexposed ceiling."""
     for lamp in lamps:
         if lamp.attributes.get(SIDES) == SIDES_NOT_SEEN:
-            what = f"{lamp.id}: where it ends does not show, what is around it is as bright: is it a lamp, or a part of a skylight?"
-            yield Doubt("shape", what, (lamp.id,), _middle(lamp))
+            action = f"look whether it is a lamp, or a part of a skylight: {lamp.id}"
+            yield Doubt("shape", "a lamp's sides do not show", *_where(lamp), action=action)

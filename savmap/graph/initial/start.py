@@ -15,7 +15,7 @@ from savmap.graph.initial.outlier_references import (
     without_outliers,
 )
 from savmap.graph.problem import Estimate, Problem, first_poses
-from savmap.types import Floats, RowFacts, Trajectory
+from savmap.types import Doubt, Floats, RowFacts, Trajectory
 
 
 def published_start(
@@ -71,6 +71,12 @@ class Start:
     def refuted_notes(self) -> tuple[str, ...]:
         """What to tell the user about references that are left out."""
         return tuple(line_of(*one) for one in self.refuted)
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What speaks against the alternatives."""
+        what, action = "only a part of the row was found", "check that the footage shows no more"
+        return tuple(Doubt("support", what, action=action, details=(note,)) for note in self.notes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,8 @@ def _beside_refused(
     refused = [
         Doubt(
             "reference",
-            f"row {problems[other].camera.facts.name}, on the same drive, cannot be mapped, and what is wrong with it may be given for both",
+            "another row of its drive cannot be mapped",
+            action=f"check what is given for both: row {problems[other].camera.facts.name}",
         )
         for other, error in enumerate(results)
         if isinstance(error, SolveError) and set(moments[row]) & set(moments[other])
@@ -85,14 +86,19 @@ def _solutions(
     iterates: Sequence[Iterate], moments: Moments, site_wide: Collection[str]
 ) -> Sequence[Solution | SolveError]:
     shared = shared_frames([iterate.problem.used for iterate in iterates], moments)
-    apart: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     if shared:
         try:
             return JointRows(iterates, shared, moments, {*site_wide, MARKERS}).solutions()
         except SolveError as error:
-            apart = (f"mapped without the other rows of this drive, for together they make no sense: {error}",)
-    doubts = [Doubt("reference", line) for line in apart]
+            what, names = "the rows of a drive contradict one another", ", ".join(map(_name, iterates))
+            details = (f"each is mapped without the others: {error}",)
+            doubts = (Doubt("reference", what, action=f"check what is given for these rows: {names}", details=details),)
     return [_attempt(solution_of, reduce(Iterate.doubted, doubts, iterate)) for iterate in iterates]
+
+
+def _name(iterate: Iterate) -> str:
+    return iterate.problem.camera.facts.name
 
 
 def _with_checks(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:

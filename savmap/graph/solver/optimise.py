@@ -14,7 +14,7 @@ from savmap.graph.calibration.report import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.initial.observability import UnknownScaleError, robust_fit
-from savmap.graph.initial.outlier_references import START_SIGMA_M
+from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
@@ -154,8 +154,8 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     numbers = ", ".join(map(str, astray.tolist()))
     left = without_frames(problem, astray)
     if left is problem:
-        what = f"frame {numbers} was solved far from those before and after: what was seen in it may be something else"
-        return iterate.doubted(Doubt("motion", what, frame=int(astray[0])))
+        what, action = "a frame was solved far from its neighbours", f"look at what was seen in frame: {numbers}"
+        return iterate.doubted(Doubt("motion", what, frame=int(astray[0]), action=action))
     again = _converged(left, chosen)
     note = f"frame {numbers} is left out: too little was seen in it to tell where the camera was"
     return replace(again, notes=(*again.notes, note))
@@ -167,8 +167,7 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     *_, last = _rounds(found.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    partial = [Doubt("support", note) for note in begin.notes]
-    return reduce(Iterate.doubted, partial, replace(last, notes=(*begin.notes, *found.notes), judgement=found))
+    return reduce(Iterate.doubted, begin.doubts, replace(last, notes=(*begin.notes, *found.notes), judgement=found))
 
 
 def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
@@ -182,7 +181,7 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not options.judge and max(misfits.values(), default=0.0) < FAR_OFF_M:
         return roughly
     if similarity.scale <= 0:
-        doubts = tuple(Doubt("reference", line) for line in begin.refuted_notes)
+        doubts = tuple(not_seen(*one) for one in begin.refuted)
         return Judgement(begin.problem, doubts=doubts), estimate, None
     if not misfits:
         return roughly
@@ -215,7 +214,7 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
             problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, aside
         )
     except UnknownScaleError as error:
-        doubts = "; ".join(doubt.what for doubt in judgement.doubts if doubt.kind == "reference")
+        doubts = "; ".join(doubt.line for doubt in judgement.doubts if doubt.kind == "reference")
         row = problem.camera.facts.name
         raise SolveError(f"row {row}: {doubts}; what is left does not give the scale") if doubts else error from None
     return replace(solution, doubts=(*solution.doubts, *judgement.doubts), unchecked=judgement.unchecked)

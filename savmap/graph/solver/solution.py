@@ -14,8 +14,10 @@ from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.directions import DirectionalErrors, directional_errors
 from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.judgement.reference_tests import (
+    CONTRADICTED,
     GROSS_SIGMA,
     ReferenceTest,
+    off_by,
     reference_tests,
     refuse_contradiction,
 )
@@ -197,7 +199,11 @@ def build_solution(
 
 def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
     """A doubt about each reference that the solve contradicts, whatever was judged of it before."""
-    return (Doubt("reference", test.line) for test in tests if test.deviation > GROSS_SIGMA)
+    for test in tests:
+        if test.deviation > GROSS_SIGMA:
+            off = abs(test.predicted - test.use.value)
+            figure, action = off_by(off, off / test.deviation), f"measure it again: {test.use.name}"
+            yield Doubt("reference", CONTRADICTED, figure=figure, action=action, details=(test.line,))
 
 
 def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
@@ -209,10 +215,12 @@ def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
         times = float(fit.scales[of_class].max(initial=0.0))
         if rejected > MANY_REJECTED or times > MISFIT:
             how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
-            what = f"what was measured of `{name}` does not fit together: {how}"
+            line = f"what was measured of `{name}` does not fit together: {how}"
             if times > NONSENSE:
-                raise SolveError(f"row {problem.camera.facts.name}: {what}: are these whole panoramas, of one aisle?")
-            yield Doubt("residuals", what)
+                raise SolveError(f"row {problem.camera.facts.name}: {line}: are these whole panoramas, of one aisle?")
+            what, figure = "measurements do not fit together", f"{rejected:.0%} rejected"
+            action = f"check that these are whole panoramas of one aisle: {name}"
+            yield Doubt("residuals", what, figure=figure, action=action, details=(line,))
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:

@@ -16,7 +16,7 @@ def without_beyond(
     kept, notes = [], []
     for doubt in doubts:
         if _is_outside(doubt, outside, ends):
-            notes.append(f"beyond the row's ends: {doubt.what}")
+            notes.append(f"beyond the row's ends: {doubt.line}")
         else:
             kept.append(doubt)
     return kept, notes

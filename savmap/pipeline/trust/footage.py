@@ -18,7 +18,7 @@ def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[Doubt, ...]
     other, found = kind_of(keys)
     if other:
         raise VideoError(f"{path}: {other}")
-    return tuple(replace(doubt, what=f"{path.name}: {doubt.what}") for doubt in found)
+    return tuple(replace(doubt, action=f"{doubt.action}: {path.name}") for doubt in found)
 
 
 def require_course(name: str, path: Path, steps: Steps, attitude: Floats | None, side: str | None) -> tuple[Doubt, ...]:
@@ -30,7 +30,7 @@ def require_course(name: str, path: Path, steps: Steps, attitude: Floats | None,
     against = contradiction(course, side)
     if against:
         raise StructureError(f"{path}: {name}: {against}")
-    return tuple(replace(doubt, what=f"{name}: {doubt.what}") for doubt in doubts(course))
+    return tuple(replace(doubt, figure=f"{name}, {doubt.figure}") for doubt in doubts(course))
 
 
 def _bearing_deg(direction: Floats) -> float:
@@ -42,4 +42,4 @@ def with_doubts(error: SavmapError, found: Sequence[Doubt]) -> SavmapError:
     """An error of tracking or solving, with what speaks against the footage, which may be why."""
     if not found or type(error) not in (StructureError, SolveError):
         return error
-    return type(error)(f"{error} (perhaps because of the footage: {'; '.join(doubt.what for doubt in found)})")
+    return type(error)(f"{error} (perhaps because of the footage: {'; '.join(doubt.line for doubt in found)})")

@@ -42,7 +42,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         solution = row.solution, plugin.name
         doubts += [*_unmapped(row, plugin.name), *plugin.doubt(structures), *_weak(structures, support)]
         doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    serious, minor = [one for one in doubts if not one.minor], [one.what for one in doubts if one.minor]
+    serious, minor = [one for one in doubts if not one.minor], [one.line for one in doubts if one.minor]
     kept, beyond = without_beyond(serious, found, row.measurements.locators)
     notes = (*row.solution.unchecked, *row.notes, *minor, *beyond)
     return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
@@ -64,8 +64,8 @@ def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
         for frame, of in enumerate(facts.frames.passes)
     )
     if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
-        what = f"nothing of `{plugin}` is mapped, but {seen} of {looked} frames show something like it: all of it may be missing"
-        yield Doubt("support", what)
+        figure, action = f"{seen} of {looked} frames", f"look whether all of it is missing: {plugin}"
+        yield Doubt("support", "nothing is mapped of what frames show", figure=figure, action=action)
 
 
 def _stretched(solution: Solution) -> Iterator[Doubt]:
@@ -73,11 +73,13 @@ def _stretched(solution: Solution) -> Iterator[Doubt]:
     error = solution.vertical_scale
     if error is None or abs(error.share) < max(STRETCHED, STRETCHED_SIGMA * error.sigma):
         return
-    how = f"{100 * abs(error.share):.2f} ± {100 * error.sigma:.2f} % too {'large' if error.share > 0 else 'small'}"
+    how = "large" if error.share > 0 else "small"
     yield Doubt(
         "camera",
-        f"all elevations are {how} in the pictures: they were cropped or stretched, and heights and distances are wrong by it; export whole panoramas, or "
-        "have it estimated with `calibration: {vertical_scale: true}`",
+        "the pictures were cropped or stretched",
+        figure=f"elevations {100 * abs(error.share):.2f} ± {100 * error.sigma:.2f} % too {how}",
+        action="export whole panoramas, or set `calibration: {vertical_scale: true}`",
+        details=("heights and distances are wrong by it",),
     )
 
 
@@ -86,11 +88,12 @@ def _bent(solution: Solution) -> Iterator[Doubt]:
     error = solution.lens_distance
     if error is None or not error.significant:
         return
-    how = f"{100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm"
     yield Doubt(
         "camera",
-        f"the pictures are bent at a seam that crosses the face, as of lenses {how} apart: heights and distances are wrong by it; mount the camera "
-        "with a lens towards the row, or have it estimated with `calibration: {lens_distance: true}`",
+        "the pictures are bent at a seam",
+        figure=f"lenses {100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm apart",
+        action="turn a lens towards the row, or set `calibration: {lens_distance: true}`",
+        details=("the seam crosses the face: heights and distances are wrong by it",),
     )
 
 
@@ -105,13 +108,16 @@ def _no_panorama(row: DescribedRow) -> Iterator[Doubt]:
     located = sorted(off.keys() & row.measurements.locators)
     if not located:
         return
-    what = (
-        f"what {' and '.join(f'`{plugin}`' for plugin in sorted(off))} measured is up to {max(off.values()):.2f} degrees off in the same directions of the "
-        "camera in all frames"
+    names, alone = " and ".join(sorted(off)), len(off) == 1
+    line = f"what was measured of {names} is off in the same directions of the camera in all frames"
+    yield Doubt(
+        "camera",
+        "the pictures may be no true panoramas",
+        minor=alone,
+        figure=f"up to {max(off.values()):.2f} degrees off",
+        action="do not crop or stretch pictures, and turn a lens towards the row",
+        details=(line, *(["or it looks different from aslant"] if alone else [])),
     )
-    wrong = "then errors are larger than their standard deviations say: do not crop or stretch its pictures, and mount it with a lens towards the row"
-    why = "its pictures" if len(off) > 1 else "it looks different from aslant, or the pictures"
-    yield Doubt("camera", f"{what}: {why} are no true panoramas; {wrong}", minor=len(off) == 1)
 
 
 def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:
@@ -121,9 +127,9 @@ def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> It
         own = support[structure.id]
         limit = min(LEAST_SUPPORT, LEAST_OF_USUAL * float(np.median(alike)))
         if own.expected >= LEAST_EXPECTED and own.share < limit:
-            counts = f"{own.seen} of the {own.expected} frames that should show it"
-            what = f"{structure.id} was measured in {counts}: it may not be there, or be something else"
-            yield Doubt("support", what, (structure.id,), place_of(structure))
+            figure, action = f"{own.seen} of {own.expected} frames", f"look whether it is there: {structure.id}"
+            what = "an element was measured in few frames"
+            yield Doubt("support", what, (structure.id,), place_of(structure), figure=figure, action=action)
 
 
 def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
@@ -143,9 +149,12 @@ def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: s
         if own and excess[own].max() > 1:
             worst = own[int(np.argmax(excess[own].max(axis=1)))]
             axis = int(np.argmax(excess[worst]))
-            where = f"{halves[worst].name} ({AXES[axis]})"
-            what = f"odd and even frames put {where} {100 * apart[worst, axis]:.1f} cm apart: what was measured may not be one thing"
-            yield Doubt("repeatability", what, (structure.id,), place_of(structure))
+            figure = f"{100 * apart[worst, axis]:.1f} cm apart"
+            action = f"look whether it is one element: {structure.id}"
+            details = (f"{halves[worst].name} along {AXES[axis]}",)
+            said = None, False, figure, action, details
+            what = "odd and even frames put an element apart"
+            yield Doubt("repeatability", what, (structure.id,), place_of(structure), *said)
 
 
 def _usual_limit(ratios: Floats) -> Floats:
@@ -166,12 +175,13 @@ def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: s
         offsets, limit = _offsets(own[structure.id]), max(SCATTERED_M, SCATTERED * usual[structure.label])
         rejected = sum(int((landmark.offsets[landmark.observations :] > FAR_M).sum()) for landmark in own[structure.id])
         if rejected > MOST_REJECTED * len(offsets):
-            what = f"{rejected} of the {len(offsets)} measurements of {structure.id} do not fit where it was mapped"
+            figure = f"{rejected} of {len(offsets)} rejected"
         elif len(offsets) and np.median(offsets) > limit:
-            what = f"half of the measurements of {structure.id} are more than {100 * np.median(offsets):.1f} cm off where it was mapped"
+            figure = f"half over {100 * np.median(offsets):.1f} cm off"
         else:
             continue
-        yield Doubt("residuals", what, (structure.id,), place_of(structure))
+        what, action = "measurements of an element do not fit it", f"look whether it is one element: {structure.id}"
+        yield Doubt("residuals", what, (structure.id,), place_of(structure), figure=figure, action=action)
 
 
 def _usual_offset(structures: Sequence[Structure], landmarks: Mapping[str, Sequence[Landmark]], label: str) -> float:

@@ -78,7 +78,7 @@ def _subject(doubt: Doubt, structures: Mapping[Key, Structure]) -> Subject | Non
     points = [structures[key].vertices for key in sorted(keys)]
     if doubt.place is not None and not points:
         points = [np.array([doubt.place])]
-    return (doubt.what, np.concatenate(points), keys) if points else None
+    return (doubt.line, np.concatenate(points), keys) if points else None
 
 
 def _support(structure: Structure) -> float:

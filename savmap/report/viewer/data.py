@@ -115,10 +115,10 @@ def _doubt(doubt: Doubt) -> Entry:
     place = None if doubt.place is None else list(doubt.place)
     return {
         "kind": doubt.kind,
-        "headline": visible(doubt.what),
-        "figure": "",
-        "action": "",
-        "details": [],
+        "headline": visible(doubt.headline),
+        "figure": visible(doubt.figure),
+        "action": visible(doubt.action),
+        "details": [visible(line) for line in doubt.details],
         "of_row": not doubt.structures and (doubt.place is None or doubt.kind not in ("shape", "support")),
         "structures": named,
         "place": place,

@@ -26,6 +26,7 @@ SURELY_BROKEN, SURELY_UNLIKE = 0.85, 0.2
 SMOOTH_PX = 6.0
 UNEVEN, EVEN = 0.5, 0.3
 BLACK, BLACK_SHARE = 8.0, 0.15
+NO_STEREO, PANORAMAS = "check that it is no stereo video", "check that these are whole equirectangular panoramas"
 WHOLE = "write one whole panorama a frame in the camera maker's program"
 
 Grey = NDArray[np.float32]
@@ -56,17 +57,12 @@ def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
     likeness = {"left and right": _usual(pictures, beside), "upper and lower": _usual(pictures, above)}
     for halves, alike in likeness.items():
         if alike > NEARLY_ALIKE:
-            yield Doubt(
-                "camera", f"the {halves} halves of the pictures are much alike: is it stereo, two eyes in one picture?"
-            )
+            details = (f"the {halves} halves of the pictures are much alike",)
+            yield Doubt("camera", "two halves of the pictures are alike", action=NO_STEREO, details=details)
     if _is_broken(pictures):
-        yield Doubt(
-            "camera", "the pictures' left and right edges do not meet: are they whole equirectangular panoramas?"
-        )
+        yield Doubt("camera", "the pictures' side edges do not meet", action=PANORAMAS)
     elif _usual(pictures, unevenness) > UNEVEN:
-        yield Doubt(
-            "camera", "the pictures' top and bottom rows are not even: are they whole equirectangular panoramas?"
-        )
+        yield Doubt("camera", "the pictures' first and last lines are uneven", action=PANORAMAS)
 
 
 def _usual(pictures: Sequence[Grey], measure: Callable[[Grey], float]) -> float:

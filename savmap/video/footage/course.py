@@ -21,7 +21,7 @@ STILL_PACE, STILL_SHARE, PAUSE_STEPS = 0.05, 0.5, 5
 HANDS = {"left": 1, "right": -1}
 CUTS_APART = 6
 SPLIT = "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)"
-BETWEEN = f"what lies between may be missing, or counted wrongly; {SPLIT}"
+BETWEEN = "what lies between may be missing, or counted wrongly"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,8 @@ def doubts(course: Course) -> Iterator[Doubt]:
     if course.usual <= 0:
         return
     for step, swept in _back(course):
-        yield Doubt("motion", f"{_turning(course, step)} (what is abeam passes by {-swept:.0f} degrees): {SPLIT}")
+        figure, details = f"at {course.seconds(step)}", (f"{_turning(course, step)}, by {-swept:.0f} degrees",)
+        yield Doubt("motion", "the camera goes back", figure=figure, action=SPLIT, details=details)
     yield from _turns(course)
     yield from _stands(course)
 
@@ -104,20 +105,21 @@ def _breaks(course: Course) -> Iterator[Doubt]:
     far = spans * course.usual > GAP_DEG
     missing = long & (course.broken | far)
     for step in np.flatnonzero(missing).tolist():
-        what = f"frames are missing from {course.seconds(step)} to {course.seconds(step + 1)}"
-        yield Doubt("motion", f"{what}: {BETWEEN}")
+        yield Doubt("motion", "frames are missing", figure=_span(course, step, step), action=SPLIT, details=(BETWEEN,))
     for first, last in _close(course.broken & ~missing, CUTS_APART):
-        yield Doubt("motion", _cut(course, first) if first == last else _cuts(course, first, last))
+        yield _cut(course, first) if first == last else _cuts(course, first, last)
 
 
-def _cut(course: Course, step: int) -> str:
-    return f"the picture changes all at once at {course.seconds(step + 1)}: a cut to another place, or frames are missing: {BETWEEN}"
+def _cut(course: Course, step: int) -> Doubt:
+    figure, details = f"at {course.seconds(step + 1)}", ("a cut to another place, or missing frames", BETWEEN)
+    return Doubt("motion", "the picture changes all at once", figure=figure, action=SPLIT, details=details)
 
 
-def _cuts(course: Course, first: int, last: int) -> str:
-    """In words, that steps from `first` to `last` belong to no drive, and what to do."""
-    what = f"the picture changes all at once again and again {_span(course, first, last)}, as of a camera that is carried or covered"
-    return f"{what}: {_without(course, first, last) or BETWEEN}"
+def _cuts(course: Course, first: int, last: int) -> Doubt:
+    """Steps from `first` to `last` belong to no drive."""
+    figure, details = _span(course, first, last), ("as of a camera that is carried or covered", BETWEEN)
+    action = _without(course, first, last) or SPLIT
+    return Doubt("motion", "the picture changes again and again", figure=figure, action=action, details=details)
 
 
 def _span(course: Course, first: int, last: int) -> str:
@@ -161,10 +163,12 @@ def _turns(course: Course) -> Iterator[Doubt]:
     """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
     heading = course.steps.heading_deg
     turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
-    for what, away in (("is turned away from the row", turned), ("leaves the row's direction", _astray(course))):
-        for first, last in _runs(away, BACK_STEPS)[:1]:
-            advice = _without(course, first, last) or SPLIT
-            yield Doubt("motion", f"the camera {what} {_span(course, first, last)}: {advice}")
+    for first, last in _runs(turned, BACK_STEPS)[:1]:
+        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
+        yield Doubt("motion", "the camera is turned away from the row", figure=figure, action=action)
+    for first, last in _runs(_astray(course), BACK_STEPS)[:1]:
+        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
+        yield Doubt("motion", "the camera leaves the row's direction", figure=figure, action=action)
 
 
 def _astray(course: Course) -> Bools:
@@ -186,10 +190,8 @@ def _stands(course: Course) -> Iterator[Doubt]:
     stood = sum(float(course.steps.spans_s[first : last + 1].sum()) for first, last in pauses)
     if stood > STILL_SHARE * float(course.steps.spans_s.sum()):
         first = max(pauses, key=lambda run: run[1] - run[0])[0]
-        yield Doubt(
-            "motion",
-            f"the camera stands for {stood:.0f} s, most of the pass, first at {course.seconds(first)}: leave that out",
-        )
+        figure, action = f"{stood:.0f} s", f"leave that out (`start_s`, `end_s`), first at {course.seconds(first)}"
+        yield Doubt("motion", "the camera stands most of the pass", figure=figure, action=action)
 
 
 def _runs(flags: Bools, least: int) -> list[tuple[int, int]]:

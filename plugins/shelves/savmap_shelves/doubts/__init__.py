@@ -2,6 +2,7 @@
 lacks, and a size that no rack has."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,17 +17,14 @@ def doubts_of(structures: Sequence[Structure], lowest_known: bool = False) -> li
     which the solve compares with the map."""
     by_id = {structure.id: structure for structure in structures}
 
-    def doubt(what: str, ids: tuple[str, ...], minor: bool = False) -> Doubt:
-        return Doubt("shape", what, ids, _place([by_id[name] for name in ids]), minor=minor)
-
     checks = (odd_scale, odd_bays, odd_sizes, beams_with_sides, odd_levels, adjoining_beams)
     found = [*unmeasured_edges(structures, told_by_profile=False)]
     found += [implausible for check in checks for implausible in check(structures)]
     if not lowest_known:
-        told = {ids for _, ids in found}
-        found += [(what, ids) for what, ids in high_lowest_beams(structures) if ids not in told]
-    by_profile = unmeasured_edges(structures, told_by_profile=True)
-    return [*(doubt(*one) for one in found), *(doubt(*one, minor=True) for one in by_profile)]
+        told = {doubt.structures for doubt in found}
+        found += [doubt for doubt in high_lowest_beams(structures) if doubt.structures not in told]
+    found += [replace(doubt, minor=True) for doubt in unmeasured_edges(structures, told_by_profile=True)]
+    return [replace(doubt, place=_place([by_id[name] for name in doubt.structures])) for doubt in found]
 
 
 def _place(structures: Sequence[Structure]) -> tuple[float, float, float]:

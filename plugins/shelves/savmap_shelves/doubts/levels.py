@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from savmap.types import Structure
+from savmap.types import Doubt, Structure
 from savmap_shelves.evidence.wide_steps import wide_steps
 from savmap_shelves.mapping import MappedSection, sections_of
 
@@ -18,7 +18,7 @@ HIGHER_M, PASSAGE_M, LEAST_SECTIONS, LEAST_LEVELS = 0.5, 2.0, 3, 3
 """A lowest beam so much above those of most sections, of so many at least, may hide one below it; not one that leaves room to pass."""
 
 
-def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def odd_levels(structures: Sequence[Structure]) -> Iterator[Doubt]:
     """In a rack whose sections have the same levels: one that has one more, or lacks one that both its neighbours have; in any other, steps from
     level to level that are too wide for their section, and room for one more below the highest ones of the others."""
     sections = sections_of(structures)
@@ -30,16 +30,16 @@ def odd_levels(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str
         beside = [sections[k] for k in (number - 1, number + 1) if 0 <= k < len(sections)]
         for name, level in zip(section.beams.ids, _heights(section), strict=True):
             if not any(_has(other, level) for other in beside):
-                yield f"{name} is at {level:.2f} m, where no section beside it has a beam: is it one?", (name,)
+                what, figure = "no bay beside has such a beam", f"{level:.2f} m"
+                yield Doubt("shape", what, (name,), figure=figure, action=f"look whether it is a beam: {name}")
         for level in _heights(beside[0]):
             if all(_has(other, level) for other in beside) and not _has(section, level):
-                yield (
-                    f"the sections beside have a beam at {level:.2f} m that is missing beside {section.beams.ids[0]}",
-                    section.beams.ids[:1],
-                )
+                what, figure = "a beam is missing that bays beside have", f"{level:.2f} m"
+                action = f"look whether it is missing: in the bay of {section.beams.ids[0]}"
+                yield Doubt("shape", what, section.beams.ids[:1], figure=figure, action=action)
 
 
-def adjoining_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def adjoining_beams(structures: Sequence[Structure]) -> Iterator[Doubt]:
     """Beams with less room between them than a beam is high: what stands on one, or hangs from it, was taken for another."""
     for section in sections_of(structures):
         intervals, ids = section.beams.intervals, section.beams.ids
@@ -47,13 +47,12 @@ def adjoining_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tupl
             room = float(intervals[lower + 1, 0] - intervals[lower, 1])
             if room < float(np.ptp(intervals, axis=1).min()):
                 pair = ids[lower], ids[lower + 1]
-                yield (
-                    f"between {pair[0]} and {pair[1]} are {100 * room:.1f} cm, less than a beam is high: is one of them none?",
-                    pair,
-                )
+                what, figure = "two beams adjoin", f"{100 * room:.1f} cm between them"
+                action = f"look whether both are beams: {pair[0]} and {pair[1]}"
+                yield Doubt("shape", what, pair, figure=figure, action=action)
 
 
-def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[Doubt]:
     """Sections whose lowest beam is far above those of the others, and is no lintel of a passage: what stands before a section in all frames hides a
     beam, and leaves no step to see that by."""
     sections = [section for section in sections_of(structures) if len(section.beams.ids)]
@@ -62,22 +61,21 @@ def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[tuple[str, tu
         usual = float(np.median(np.delete(lowest, number)))
         if usual + HIGHER_M < lowest[number] < PASSAGE_M:
             name = section.beams.ids[0]
-            yield (
-                f"{name} is {lowest[number]:.2f} m above the floor, the lowest of most sections {usual:.2f} m: is one below it hidden? "
-                "If not, give the heights of the lowest beams",
-                (name,),
-            )
+            figure = f"{lowest[number]:.2f} m above the floor, others {usual:.2f} m"
+            action = f"look below it; if there is none, give the lowest beams' heights: {name}"
+            yield Doubt("shape", "a lowest beam may be hidden", (name,), figure=figure, action=action)
 
 
-def _steps(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _steps(sections: Sequence[MappedSection]) -> Iterator[Doubt]:
     for section, lower, usual in wide_steps([np.array(_heights(one)) for one in sections]):
         heights, ids = _heights(sections[section]), sections[section].beams.ids
         pair = ids[lower], ids[lower + 1]
-        apart = f"{heights[lower + 1] - heights[lower]:.2f} m apart, others of their section {usual:.2f} m"
-        yield f"{pair[0]} and {pair[1]} are {apart}: is one between them missing?", pair
+        figure = f"{heights[lower + 1] - heights[lower]:.2f} m apart, others {usual:.2f} m"
+        action = f"look for one between: {pair[0]} and {pair[1]}"
+        yield Doubt("shape", "a beam may be missing between others", pair, figure=figure, action=action)
 
 
-def _low_highest(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _low_highest(sections: Sequence[MappedSection]) -> Iterator[Doubt]:
     """Sections with room for one more beam below the height of the others' highest ones, which are within a step: goods may hang over it."""
     sections = [section for section in sections if len(section.beams.ids)]
     highest = np.array([_heights(section)[-1] for section in sections])
@@ -87,10 +85,8 @@ def _low_highest(sections: Sequence[MappedSection]) -> Iterator[tuple[str, tuple
         usual = float(np.median(others))
         if np.ptp(others) < step and usual - heights[-1] > ROOM_STEPS * step:
             name = section.beams.ids[-1]
-            yield (
-                f"{name} at {heights[-1]:.2f} m is the highest of its section, those of the others are at {usual:.2f} m: is one above it missing?",
-                (name,),
-            )
+            figure, action = f"{heights[-1]:.2f} m, others {usual:.2f} m", f"look for one above: {name}"
+            yield Doubt("shape", "a highest beam may be missing", (name,), figure=figure, action=action)
 
 
 def _regularity(sections: Sequence[MappedSection]) -> float:

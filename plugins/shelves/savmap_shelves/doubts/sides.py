@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from savmap.types import Floats, Structure
+from savmap.types import Doubt, Floats, Structure
 from savmap_shelves.mapping import sections_of
 
 LEAST_BEAMS, LEAST_LEVELS = 6, 3
@@ -18,7 +18,7 @@ RISE_M, UNEXPLAINED = 0.01, 0.4
 ROUNDS, TIGHT_M = 8, 0.001
 
 
-def beams_with_sides(structures: Sequence[Structure]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def beams_with_sides(structures: Sequence[Structure]) -> Iterator[Doubt]:
     """One line for a row whose beams' heights grow with their distance from one level, the camera's, by a centimetre or more, and vary little besides."""
     beams = [section.beams for section in sections_of(structures)]
     intervals = np.concatenate([np.zeros((0, 2)), *(group.intervals for group in beams)])
@@ -32,12 +32,13 @@ def beams_with_sides(structures: Sequence[Structure]) -> Iterator[tuple[str, tup
     if np.percentile(most, 90) < RISE_M or off > UNEXPLAINED * usual_off:
         return
     worst = int(np.argmax(most))
-    yield (
-        f"beams are the higher the further they are from {camera:.1f} m above the floor ({100 * face:.1f} cm there, {ids[worst]} "
-        f"{100 * height[worst]:.1f} cm): their undersides, tops or decks may be taken for their faces; lower edges above and upper edges below "
-        f"that are up to {100 * most.max():.1f} cm off",
-        tuple(name for name, error in zip(ids, most.tolist(), strict=True) if error >= RISE_M),
+    details = (
+        f"they are the higher the further they are from {camera:.1f} m above the floor: {100 * face:.1f} cm there, {ids[worst]} {100 * height[worst]:.1f} cm",
+        "lower edges above that and upper edges below it are off: undersides, tops or decks may be taken for faces",
     )
+    wrong = tuple(name for name, error in zip(ids, most.tolist(), strict=True) if error >= RISE_M)
+    figure, action = f"up to {100 * most.max():.1f} cm", f"compare with the pictures: {ids[worst]}"
+    yield Doubt("shape", "beams seem higher far from the camera", wrong, None, None, False, figure, action, details)
 
 
 def growing(level: Floats, height: Floats) -> tuple[float, float, float, float]:

@@ -15,11 +15,18 @@ from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance
 from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import SCALE_LIMIT
-from savmap.graph.initial.outlier_references import REFUTED_M, REFUTED_SIGMA, contradiction, is_gross, line_of
+from savmap.graph.initial.outlier_references import (
+    REFUTED_M,
+    REFUTED_SIGMA,
+    contradiction,
+    is_gross,
+    line_of,
+    not_seen,
+)
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
 from savmap.graph.solver.judgement.lookalikes import Span, spans_of
-from savmap.graph.solver.judgement.reference_tests import solved_references
+from savmap.graph.solver.judgement.reference_tests import CONTRADICTED, off_by, solved_references
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.types import Doubt, Floats, ReferenceUse
 
@@ -201,15 +208,25 @@ def _left_out(
     for name in sorted(wrong):
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
+        place = _place(problem, soft, relation)
         if relation is not None and _is_of_another(relation, otherwise):
-            line, harmless = line_of(relation, otherwise), relation.may_be_missing
+            notes.append(line_of(relation, otherwise))
+            harmless, doubt = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
-            line, harmless = f"{_line(agreed, name, out)}: it is not used; {_advice(problem, agreed, name, out)}", False
-        notes.append(line)
+            line = f"{_line(agreed, name, out)}: it is not used"
+            notes.append(f"{line}; measure it again")
+            details = (line, *_missing(problem, agreed, name, out))
+            action = f"measure it again: {name}"
+            harmless = False
+            doubt = Doubt("reference", CONTRADICTED, (), place, None, False, _off(agreed, name, out), action, details)
         if doubted and not harmless:
-            doubts.append(Doubt("reference", line, place=_place(problem, soft, relation)))
+            doubts.append(doubt)
     if len(doubts) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
-        doubts.insert(0, Doubt("reference", _elsewhere(len(doubts), len(agreed.all_names))))
+        figure, action = (
+            f"{len(doubts)} of {len(agreed.all_names)}",
+            "check whether they are of this row, and its `side`",
+        )
+        doubts.insert(0, Doubt("reference", "many references do not fit the pictures", figure=figure, action=action))
     doubts += _granted(problem, agreed, out)
     unchecked = tuple(_unchecked(problem, agreed, out))
     return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
@@ -220,30 +237,34 @@ def _is_of_another(relation: Relation, otherwise: float) -> bool:
     return bool(relation.presumed or (relation.note_if_outlier and otherwise > relation.value + REFUTED_M))
 
 
-def _elsewhere(wrong: int, given: int) -> str:
-    return f"{wrong} of {given} references do not fit what was seen: are they of this row, and is its `side` right?"
-
-
 def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
     """With references that are used although something else was seen: that is sure where two landmarks are one (`flat`); otherwise it only
     is the likeliest, whatever the user wants to do about wrong references."""
     notes = [
         f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(flat)
     ]
-    lines = [
-        f"{_line(agreed, name, out)}: it is used, for what was seen looks odd; look at it"
-        for name in sorted(mistaken - flat)
-    ]
-    doubts = tuple(Doubt("reference", line) for line in lines)
-    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes, *lines), doubts=(*found.doubts, *doubts))
+    odd = {
+        name: f"{_line(agreed, name, out)}: it is used, for what was seen looks odd" for name in sorted(mistaken - flat)
+    }
+    doubts = tuple(
+        Doubt(
+            "reference",
+            "what was seen does not fit its reference",
+            figure=_off(agreed, name, out),
+            action=f"look at what was mapped: {name}",
+            details=(line,),
+        )
+        for name, line in odd.items()
+    )
+    notes += odd.values()
+    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes), doubts=(*found.doubts, *doubts))
 
 
-def _advice(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
-    """What to do about a reference that is not used."""
-    if not is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
-        return "measure it again"
-    gap = where_frames_are_missing(problem)
-    return f"measure it again, and see whether a part of the row is missing from the map{f' ({gap})' if gap else ''}"
+def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:
+    """What else may be wrong where a reference that is not used is off by far."""
+    if is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
+        gap = where_frames_are_missing(problem)
+        yield f"a part of the row may be missing from the map{f' ({gap})' if gap else ''}"
 
 
 def _uncertain(
@@ -251,15 +272,27 @@ def _uncertain(
 ) -> Judgement:
     """With all of them, each as uncertain as it deviates."""
     wider = {name: abs(_given(agreed, name).value - agreed.rest(name, out)[0]) for name, out in suspects}
-    what = f"references contradict one another, and which one is wrong is not clear: {'; or '.join(lines[:NAMED])}; measure them again{_or_the_camera(problem)}"
-    return Judgement(with_sigmas(problem, wider), notes=(what,), doubts=(Doubt("reference", what),))
+    details = (
+        "which one is wrong is not clear; each is used as inaccurate as it is off",
+        *lines,
+        *_or_the_camera(problem),
+    )
+    worst = max(suspects, key=lambda one: wider[one[0]])
+    names = " or ".join(name for name, _ in suspects[:NAMED])
+    doubt = Doubt(
+        "reference",
+        "references contradict one another",
+        figure=_off(agreed, *worst),
+        action=f"measure them again: {names}",
+        details=details,
+    )
+    return Judgement(with_sigmas(problem, wider), notes=(doubt.line,), doubts=(doubt,))
 
 
-def _or_the_camera(problem: Problem) -> str:
+def _or_the_camera(problem: Problem) -> Iterator[str]:
     """What else may be wrong, where the camera is taken to be perfect: lenses that are not in one place bend the scene."""
-    if problem.camera.calibration is not None:
-        return ""
-    return "; if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or `{panorama: true}`"
+    if problem.camera.calibration is None:
+        yield "if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or `{panorama: true}`"
 
 
 def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
@@ -312,11 +345,12 @@ def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[Doubt]
     )
     for name in names:
         if _is_alone(agreed, frozenset({name}), out):
-            what = (
-                f"scale or place rest on the {name}, which nobody measured, and the floor itself does not show where it is: "
-                "guards or goods may hide it, and the map is wrong by as much then; add a length, or a height on the structure"
+            why = (
+                f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods may hide it, and the map is wrong "
+                "by as much then"
             )
-            yield Doubt("reference", what)
+            what, action = "nobody measured what gives scale or place", "give a length, or a height on the structure"
+            yield Doubt("reference", what, action=action, details=(why,))
 
 
 def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
@@ -337,6 +371,12 @@ def _scales(problem: Problem) -> Names:
 
 def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
     return any(is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]) for name, out in suspects)
+
+
+def _off(agreed: Agreement, name: str, out: Names) -> str:
+    """By how much a reference is off what the rest says, and by how many standard deviations of both."""
+    use, (otherwise, sigma) = _given(agreed, name), agreed.rest(name, out)
+    return off_by(otherwise - use.value, float(np.hypot(use.sigma, sigma)))
 
 
 def _line(agreed: Agreement, name: str, out: Names) -> str:

@@ -13,6 +13,7 @@ from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Floats, ReferenceUse
 
+CONTRADICTED = "a reference contradicts the rest"
 GROSS_SIGMA = 5.0
 LEAST_SPARE = 1e-6
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1
@@ -37,6 +38,11 @@ class ReferenceTest:
         """What it says, for the user."""
         given = f"{self.use.name} is given as {self.use.value:.3f} m +- {self.use.sigma:.3f} m"
         return f"{given}, but the rest says {self.predicted:.3f} m"
+
+
+def off_by(off_m: float, sigma_m: float) -> str:
+    """A reference's difference from what the rest says, for the user."""
+    return f"{abs(off_m):.2f} m off, {abs(off_m) / sigma_m:.0f} sigma"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,80 @@
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from savmap.types import Doubt
+from savmap.types.verdicts import MOST_WORDS
+
+ROOT = Path(__file__).parents[2]
+MADE_FROM_FILES = {"savmap/maps/map_file.py"}
+"""Of a doubt that was made elsewhere."""
+
+
+def constants(node: ast.expr, names: dict[str, list[ast.expr]]) -> Iterator[str | None]:
+    """The texts that an expression may be; None for one that is not written out."""
+    if isinstance(node, ast.Constant):
+        yield node.value if isinstance(node.value, str) else None
+    elif isinstance(node, ast.IfExp):
+        yield from constants(node.body, names)
+        yield from constants(node.orelse, names)
+    elif isinstance(node, ast.Name) and node.id in names:
+        for value in names[node.id]:
+            yield from constants(value, names)
+    else:
+        yield None
+
+
+def bound(tree: ast.AST) -> Iterator[tuple[str, ast.expr]]:
+    for node in ast.walk(tree):
+        for target in node.targets if isinstance(node, ast.Assign) else ():
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = zip(target.elts, node.value.elts, strict=False)
+                yield from ((name.id, value) for name, value in pairs if isinstance(name, ast.Name))
+            elif isinstance(target, ast.Name):
+                yield target.id, node.value
+
+
+def headlines() -> Iterator[tuple[str, str | None]]:
+    """Each place of the product that makes a doubt, and the headline that it writes out."""
+    trees = {
+        path.relative_to(ROOT).as_posix(): ast.parse(path.read_text())
+        for folder in ("savmap", "plugins")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+    }
+    shared = {name: [value] for tree in trees.values() for name, value in bound(tree) if name.isupper()}
+    for path, tree in trees.items():
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        calls = (
+            (function, node)
+            for function in functions
+            for node in ast.walk(function)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Doubt"
+        )
+        for function, call in calls:
+            names = {**shared}
+            for name, value in bound(function):
+                names.setdefault(name, []).append(value)
+            if path not in MADE_FROM_FILES:
+                yield from ((f"{path}:{call.lineno}", text) for text in constants(call.args[1], names))
+
+
+def test_headlines_have_eight_words_and_no_names() -> None:
+    found = dict(headlines())
+    assert len(found) > 40
+    assert not [place for place, text in found.items() if text is None]
+    assert not [(place, text) for place, text in found.items() if not 0 < len(str(text).split()) <= MOST_WORDS]
+
+
+def test_longer_headline_is_refused() -> None:
+    with pytest.raises(ValueError, match="`headline` must have 1 to 8 words"):
+        Doubt("shape", "upright 2 and upright 3 are 3.69 m apart, others 1.36 m")
+    with pytest.raises(ValueError, match="one line"):
+        Doubt("shape", "an upright may be missing", details=("one\ntwo",))
+
+
+def test_line_has_headline_figure_action() -> None:
+    doubt = Doubt("shape", "a lamp is odd", figure="3.1 m", action="look at it: light 1", details=("more",))
+    assert doubt.line == "a lamp is odd: 3.1 m; look at it: light 1"
+    assert Doubt("shape", "a lamp is odd").line == "a lamp is odd"
