@@ -1,6 +1,6 @@
 """Doubts that a person looked at and found wrong: the row is as it was mapped, and they become notes.
 
-A doubt is named by its own words, as savmap prints it. So a line confirms what was looked at and nothing else: where the map has changed, and the words
+A doubt is named by its own line: headline, figure and action. So a line confirms what was looked at and nothing else: where the map has changed, and the words
 with it, the doubt is back.
 """
 
@@ -8,7 +8,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from savmap.types import Doubt, RowMap, SiteMap, Verdict
+from savmap.types import Doubt, SiteMap, Verdict
+from savmap.types.verdicts import by_cause
 
 NEAR = 0.1
 """Figures with decimals may differ by that share: mapping again, or elsewhere, changes the last digits. Whole numbers, which count or name things, may not."""
@@ -26,11 +27,18 @@ class Confirmed:
 
 
 def with_confirmed(site_map: SiteMap, lines: Mapping[str, Sequence[str]]) -> Confirmed:
-    """The map, where doubts of its rows that `lines` by row name are notes: those of `KINDS` that have structures or a place."""
+    """The map, where doubts of its rows that `lines` by row name are notes: those of `KINDS` that have structures or a place. The others of one cause
+    are one doubt, which a line of its own may settle."""
     rows, unused = dict(site_map.rows), list[str]()
-    for name in rows.keys() & lines.keys():
-        rows[name] = _confirmed(rows[name], lines[name])
-        unused += (f"row {name}: {why}" for why in _without_effect(site_map.rows[name], lines[name]))
+    for name, row in site_map.rows.items():
+        if row.verdict is None:
+            continue
+        of_row = lines.get(name, ())
+        first = _settled(row.verdict, of_row)
+        together = replace(first, doubts=by_cause(first.doubts))
+        rows[name] = replace(row, verdict=_settled(together, of_row))
+        doubts = (*row.verdict.doubts, *together.doubts)
+        unused += (f"row {name}: {why}" for why in _without_effect(doubts, of_row))
     return Confirmed(replace(site_map, rows=rows), tuple(sorted(unused)))
 
 
@@ -42,16 +50,14 @@ def means(line: str, doubt: Doubt) -> bool:
     return same_words and all(abs(a - b) <= NEAR * abs(b) for a, b in zip(*figures, strict=True))
 
 
-def _confirmed(row: RowMap, lines: Sequence[str]) -> RowMap:
-    verdict = row.verdict or Verdict()
+def _settled(verdict: Verdict, lines: Sequence[str]) -> Verdict:
     settled = [doubt for doubt in verdict.doubts if _can_be_seen(doubt) and any(means(line, doubt) for line in lines)]
     kept = tuple(doubt for doubt in verdict.doubts if doubt not in settled)
     notes = (*verdict.notes, *(f"confirmed in the site file: {doubt.line}" for doubt in settled))
-    return replace(row, verdict=replace(verdict, doubts=kept, notes=notes)) if settled else row
+    return Verdict(kept, notes)
 
 
-def _without_effect(row: RowMap, lines: Sequence[str]) -> Iterator[str]:
-    doubts = row.verdict.doubts if row.verdict else ()
+def _without_effect(doubts: Sequence[Doubt], lines: Sequence[str]) -> Iterator[str]:
     for line in lines:
         meant = [doubt for doubt in doubts if means(line, doubt)]
         if not meant:

@@ -33,7 +33,8 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
             say(f"wrote {file}")
         if run.evaluation is not None:
             say_all(as_table(run.evaluation))
-        for line in (*site_lines(run.site_map), *alignment_lines(run.site_map), *verdict_lines(run.site_map)):
+        placed = (*site_lines(run.site_map), *alignment_lines(run.site_map))
+        for line in (*placed, *verdict_lines(run.site_map, job.output)):
             say(line)
         run.raise_if_incomplete(job)
 
@@ -53,13 +54,20 @@ def failures_told(source: Path, output: Path) -> Iterator[None]:
         raise
 
 
-def verdict_lines(site_map: SiteMap) -> Iterator[str]:
-    """A line for each row's verdict, and one for each doubt and each note."""
-    for row in site_map.rows.values():
-        if row.verdict:
-            yield f"row {row.name}: {row.verdict.grade}"
-            yield from (f"  {doubt.kind}: {doubt.line}" for doubt in row.verdict.doubts)
-            yield from (f"  note: {note}" for note in row.verdict.notes)
+def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
+    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the rest is said."""
+    verdicts = {row.name: row.verdict for row in site_map.rows.values() if row.verdict}
+    for name, verdict in verdicts.items():
+        yield f"row {name}: {verdict.grade}"
+        for doubt in verdict.doubts:
+            yield f"  {doubt.headline}: {doubt.figure}" if doubt.figure else f"  {doubt.headline}"
+            if doubt.action:
+                yield f"    {doubt.action}"
+        if verdict.notes:
+            more = len(verdict.notes) - 1
+            yield f"  note: {verdict.notes[0]}{f' (and {more} more)' if more else ''}"
+    if any(verdict.doubts or len(verdict.notes) > 1 for verdict in verdicts.values()):
+        yield f"details: {folder / 'report.html'}, {folder / MAP}, savmap view {folder}"
 
 
 def preview_and_print(job: Job) -> None:

@@ -61,21 +61,16 @@ class SiteRun:
     def raise_if_incomplete(self, job: Job) -> None:
         """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed, DoubtfulError where something
         speaks against a row's map."""
+        banner = self.site_map.banner
         if self.failed_rows:
-            names = ", ".join(self.failed_rows)
-            count = f"{len(self.failed_rows)} of {len(job.site.rows)}"
-            raise RowsFailedError(f"{count} rows could not be mapped: {names}; {job.output / MAP} says why")
+            raise RowsFailedError(f"{banner}; {job.output / MAP} says why")
         if self.failed_plugins:
             names = ", ".join(sorted(self.failed_plugins))
             raise PluginsLeftOutError(
                 f"mapped without plugins that failed: {names}; {job.output / MESSAGES} says where and why"
             )
-        doubtful = [row.name for row in self.site_map.rows.values() if row.verdict and row.verdict.doubts]
-        if doubtful:
-            raise DoubtfulError(
-                f"mapped, but check {'row' if len(doubtful) == 1 else 'rows'} {', '.join(doubtful)} before use: the reasons are above and in "
-                f"{job.output / REPORT}"
-            )
+        if banner:
+            raise DoubtfulError(f"mapped, but {banner}; the reasons are above and in {job.output / REPORT}")
 
 
 def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:

@@ -215,8 +215,10 @@ def _reference_entry(use: ReferenceUse) -> Entry:
     """The residual is that of the rounded numbers, which a reader has."""
     value, sigma, solved = _rounded((use.value, use.sigma, use.solved), FIGURE)
     (residual,) = _rounded((solved - value,), FIGURE)
-    numbers = {"value": value, "sigma": max(sigma, LEAST_SIGMA), "solved": solved, "residual": residual}
-    return {"name": use.name, "unit": use.unit, **numbers}
+    sigma = max(sigma, LEAST_SIGMA)
+    used = None if use.sigma_used is None else max(round(use.sigma_used, FIGURE), sigma)
+    numbers = {"value": value, "sigma": sigma, "sigma_used": used, "solved": solved, "residual": residual}
+    return {"name": use.name, "unit": use.unit, **numbers, "state": use.state}
 
 
 def _placement_entry(placement: Placement) -> Entry:
@@ -302,11 +304,18 @@ def _row_map(name: str, row: schema.RowEntry) -> RowMap:
         views={view: _view(view, entry) for view, entry in row.views.items()},
         trajectory=_trajectory(row.trajectory),
         structures={plugin: tuple(map(_structure, group)) for plugin, group in row.structures.items()},
-        references=tuple(ReferenceUse(use.name, use.value, use.sigma, use.solved, use.unit) for use in row.references),
+        references=tuple(map(_reference, row.references)),
         report=row.report,
         verdict=_verdict(row.verdict),
         joint=joint_of(row),
     )
+
+
+def _reference(entry: schema.ReferenceEntry) -> ReferenceUse:
+    """A reference; an older map has one standard deviation, that which was used."""
+    softened = entry.sigma_used if entry.sigma_used is not None and entry.sigma_used > entry.sigma else None
+    given = entry.name, entry.value, entry.sigma, entry.solved, entry.unit
+    return ReferenceUse(*given, softened, entry.state == "left out")
 
 
 def _frame_table(entries: list[schema.FrameEntry]) -> FrameTable:

@@ -118,14 +118,17 @@ class ViewEntry(_Part):
 
 
 class ReferenceEntry(_Part):
-    """A reference of the solve; residual = solved - value."""
+    """A reference of the solve; residual = solved - value. `sigma`: given; `sigma_used`: larger where references contradict one another, null where this
+    one is not used. `state`: `contradicted` where it is used and the residual is more than three given sigmas."""
 
     name: str
     unit: str
     value: Number
     sigma: float = Field(gt=0, le=LARGEST)
+    sigma_used: Annotated[float, Field(gt=0, le=LARGEST)] | None = None
     solved: Number
     residual: Number
+    state: Literal["used", "softened", "contradicted", "left out"] = "used"
 
 
 class DoubtEntry(_Part):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, 
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
-from savmap.types.verdicts import Verdict
+from savmap.types.verdicts import Doubt, Verdict
 
 if TYPE_CHECKING:
     import pandas
@@ -20,6 +20,8 @@ ASSUMED_M = 0.03
 """A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption."""
 ENDS = ("ends", "edges")
 """Attributes in which plugins say which ends were not measured: "top assumed", "upper edge not seen", "neither edge seen"."""
+OFF_SIGMAS = 3.0
+"""What differs by more standard deviations than these is contradicted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +121,35 @@ class CrossRowLandmark:
 
 @dataclass(frozen=True)
 class ReferenceUse:
-    """A reference as the solve used it: its name, the given value, its standard deviation and the solved value, all in `unit`."""
+    """A reference of the solve: its name, the given value, its given standard deviation and the solved value, all in `unit`. `softened`: the larger
+    standard deviation that it was used with, where references contradict one another. `left_out`: it was not used."""
 
     name: str
     value: float
     sigma: float
     solved: float
     unit: str = "m"
+    softened: float | None = None
+    left_out: bool = False
+
+    @property
+    def sigma_used(self) -> float | None:
+        """The standard deviation that it was used with; None where it was not used."""
+        return None if self.left_out else max(self.softened or 0.0, self.sigma)
+
+    @property
+    def deviation(self) -> float:
+        """Solved less given, in given standard deviations."""
+        return (self.solved - self.value) / self.sigma
+
+    @property
+    def state(self) -> Literal["used", "softened", "contradicted", "left out"]:
+        """In a word: how it was used, or that it was used and the solution contradicts it."""
+        if self.left_out:
+            return "left out"
+        if abs(self.deviation) > OFF_SIGMAS:
+            return "contradicted"
+        return "softened" if self.softened else "used"
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,19 +354,29 @@ class SiteMap:
     def to_dataframe(self) -> "pandas.DataFrame":
         """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and
         standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, assumed (the axes along which nothing measured it, such as "y"), doubts
-        (what the row's verdict says against the structure; empty where it says nothing), and the structure's attributes."""
+        (what the row's verdict says against the structure, or the whole row; empty where it says nothing), and the structure's attributes."""
         import pandas  # slow to import
 
         return pandas.DataFrame(list(self._vertices()))
 
     def doubts(self) -> Mapping[tuple[str, str], Sequence[str]]:
-        """What the rows' verdicts say against structures, by row and id; nothing of those that no doubt names."""
-        said = dict[tuple[str, str], list[str]]()
-        for row in self.rows.values():
-            for doubt in row.verdict.doubts if row.verdict else ():
-                for name in doubt.structures:
-                    said.setdefault((row.name, name), []).append(doubt.line)
-        return said
+        """What the rows' verdicts say against structures, by row and id, in lines: see `doubts_of`."""
+        return {
+            (row.name, structure.id): [doubt.line for doubt in doubts_of(row, structure.id)]
+            for row in self.rows.values()
+            for structures in row.structures.values()
+            for structure in structures
+        }
+
+    @property
+    def banner(self) -> str:
+        """Which rows could not be mapped, and which must be checked before their map is used, in one line; "" where there are none."""
+        doubtful = [name for name, row in self.rows.items() if row.verdict and row.verdict.doubts]
+        count = len(self.rows.keys() | self.failed.keys())
+        parts = (([*self.failed], "could not be mapped"), (doubtful, "must be checked"))
+        return "; ".join(
+            f"{len(names)} of {_counted(count)} {what}: {', '.join(names)}" for names, what in parts if names
+        )
 
     def _vertices(self) -> Iterator[dict[str, object]]:
         said = self.doubts()
@@ -357,6 +391,16 @@ def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | Non
     """For each vertex the axes along which nothing measured it: "", "y", "xy"."""
     assumed = structure.assumed(plugin, joint)
     return ["".join(axis for axis, one in zip("xyz", vertex, strict=True) if one) for vertex in assumed]
+
+
+def _counted(rows: int) -> str:
+    return "1 row" if rows == 1 else f"{rows} rows"
+
+
+def doubts_of(row: RowMap, structure: str) -> tuple[Doubt, ...]:
+    """What a row's verdict says against one of its structures: what is about it, and what is about the whole row."""
+    doubts = row.verdict.doubts if row.verdict else ()
+    return tuple(doubt for doubt in doubts if doubt.of_row or structure in doubt.structures)
 
 
 def _vertex_lines(row: RowMap, plugin: str, structure: Structure, doubts: str) -> Iterator[dict[str, object]]:

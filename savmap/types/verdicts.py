@@ -1,6 +1,8 @@
 """Records of trust: what speaks against a row's map, and the verdict that follows from it."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from savmap.types.common import require
@@ -12,6 +14,11 @@ not fit; rows that do not fit one another, or the places they were given."""
 
 MOST_WORDS = 8
 """Of a headline."""
+NAMED = 2
+"""Of those that a doubt about several is about."""
+COUNTED = {"reference": "references", "motion": "times", "camera": "passes", "site": "rows", "residuals": "classes"}
+SIZE = re.compile(r"(\d+\.?\d*) (?:m|cm|mm|degrees) (?:off|apart)\b")
+"""A figure of which the largest is the worst."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,41 @@ class Doubt:
     def of_row(self) -> bool:
         """Whether it is about the whole row: about no structures, nor whether something is missing at a place."""
         return not self.structures and (self.place is None or self.kind not in ("shape", "support"))
+
+
+def by_cause(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
+    """The doubts, those of one cause as one: they are of one kind and have the same headline. Its figure is how many they are, and the worst one's; its
+    details are their lines."""
+    causes: dict[tuple[str, str], list[Doubt]] = {}
+    for doubt in doubts:
+        causes.setdefault((doubt.kind, doubt.headline), []).append(doubt)
+    return tuple(alike[0] if len(alike) == 1 else _as_one(alike) for alike in causes.values())
+
+
+def _as_one(alike: Sequence[Doubt]) -> Doubt:
+    sizes = [float(size[1]) if (size := SIZE.match(doubt.figure)) else None for doubt in alike]
+    known = [size for size in sizes if size is not None]
+    worst = alike[sizes.index(max(known))] if len(known) == len(alike) else alike[0]
+    structures = tuple(dict.fromkeys(name for doubt in alike for name in doubt.structures))
+    each = all(len(doubt.structures) == 1 for doubt in alike)
+    noun = "elements" if each else "places" if structures else COUNTED.get(alike[0].kind, "places")
+    count = f"{len(structures) if each else len(alike)} {noun}"
+    return replace(
+        worst,
+        structures=structures,
+        figure=f"{count}, up to {worst.figure}" if len(known) == len(alike) else count,
+        action=_common_action(dict.fromkeys(doubt.action for doubt in alike)),
+        details=tuple(dict.fromkeys(line for doubt in alike for line in (doubt.line, *doubt.details))),
+    )
+
+
+def _common_action(actions: Iterable[str]) -> str:
+    """What to do about all: where actions differ in what they name alone, with the first names."""
+    parts = [action.partition(": ") for action in actions]
+    if len(parts) == 1 or len({head for head, _, _ in parts}) > 1:
+        return "".join(parts[0])
+    names, more = [name for _, _, name in parts[:NAMED]], len(parts) - NAMED
+    return f"{parts[0][0]}: {', '.join(names)}{f' and {more} more' if more else ''}"
 
 
 @dataclass(frozen=True)

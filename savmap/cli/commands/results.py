@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -163,12 +164,9 @@ def export(
 
 def _left_out_or_doubted(site_map: "SiteMap", row: str | None) -> Iterator[str]:
     """What a file that was written of a map does not show: the rows that it lacks, and those that are to be checked first."""
-    for name in site_map.failed if row is None else ():
-        yield f"row {name} could not be mapped, and is not in it"
-    for name, mapped in site_map.rows.items():
-        count = len(mapped.verdict.doubts) if mapped.verdict else 0
-        if count:
-            yield f"check row {name} before use: its verdict names {count} {'doubts' if count > 1 else 'doubt'} (`savmap view`, report.html)"
+    banner = (site_map if row is None else replace(site_map, failed={})).banner
+    if banner:
+        yield f"{banner} (`savmap view`, report.html)"
 
 
 def align(

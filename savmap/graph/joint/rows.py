@@ -25,7 +25,7 @@ from savmap.graph.keys import centre_key, frame_key, rekey, row_of
 from savmap.graph.problem import Problem
 from savmap.graph.solver.elimination import KeyPosition, aisle_positions, hub_keys, ordering_of
 from savmap.graph.solver.halves import half_differences
-from savmap.graph.solver.judgement.contradictions import LOOSELY
+from savmap.graph.solver.judgement.contradictions import UNCHECKED
 from savmap.graph.solver.judgement.reference_tests import tested_keys
 from savmap.graph.solver.levenberg_marquardt import LevenbergMarquardt
 from savmap.graph.solver.optimise import (
@@ -155,12 +155,9 @@ class JointRows:
 
     def _by_itself(self, row: Solution) -> tuple[str, ...]:
         """What nothing would notice in a row by itself: the others' references give the scale of all."""
-        return tuple(
-            line
-            if line.startswith(LOOSELY)
-            else f"{line} ({self._names} are solved together: another's references count here, too)"
-            for line in row.unchecked
-        )
+        if not any(UNCHECKED in line for line in row.unchecked):
+            return row.unchecked
+        return (*row.unchecked, f"{self._names} are solved together: another's references count here, too")
 
     @property
     def _names(self) -> str:

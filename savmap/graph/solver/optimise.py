@@ -23,7 +23,12 @@ from savmap.graph.solver.astray import frames_astray, without_frames
 from savmap.graph.solver.elimination import aisle_ordering
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
-from savmap.graph.solver.judgement.reference_tests import refuse_unseen, solved_references, tested_keys
+from savmap.graph.solver.judgement.reference_tests import (
+    reference_uses,
+    refuse_unseen,
+    solved_references,
+    tested_keys,
+)
 from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
@@ -167,6 +172,7 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     *_, last = _rounds(found.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
+    found = replace(found, given=begin.given)
     return reduce(Iterate.doubted, begin.doubts, replace(last, notes=(*begin.notes, *found.notes), judgement=found))
 
 
@@ -217,7 +223,9 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
         doubts = "; ".join(doubt.line for doubt in judgement.doubts if doubt.kind == "reference")
         row = problem.camera.facts.name
         raise SolveError(f"row {row}: {doubts}; what is left does not give the scale") if doubts else error from None
-    return replace(solution, doubts=(*solution.doubts, *judgement.doubts), unchecked=judgement.unchecked)
+    uses = tuple(reference_uses(judgement.given or problem, problem, estimate))
+    every = (*solution.doubts, *judgement.doubts)
+    return replace(solution, references=uses, doubts=every, unchecked=judgement.unchecked)
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:

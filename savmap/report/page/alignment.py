@@ -3,9 +3,9 @@
 import numpy as np
 
 from savmap.report.numbers import fixed
-from savmap.report.page.summary import OFF_SIGMAS
 from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, heads, number_cell
 from savmap.types import Alignment, AlignmentResidual
+from savmap.types.maps import OFF_SIGMAS
 
 
 def alignment_table(alignment: Alignment | None) -> Table | None:

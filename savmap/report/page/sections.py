@@ -61,7 +61,7 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
     if score:
         facts += [("mean absolute error", f"{centimetres(mean_absolute_error(score))} cm")]
         facts += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
-    facts += [("references, off by > 3 \u03c3", f"{references}, {off}")] if references else []
+    facts += [("references, contradicted", f"{references}, {off}")] if references else []
     facts += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {ties_off}")] if ties else []
     return (*facts, *_run_tiles(report))
 
@@ -85,7 +85,7 @@ def _facts(row: Summary) -> Facts:
     facts += [("length", f"{row.length_m:.3f} m")] if row.length_m is not None else []
     facts += [("place in the site", _placed(row.place))] if row.place else []
     facts += [("frames", f"{len(row.row.trajectory.frames)} placed of {len(row.row.frames)}; {passes}")]
-    references = f"{len(row.references)}, {row.references_off} off by more than 3 \u03c3"
+    references = f"{len(row.references)}, {row.references_off} contradicted"
     facts += [("references", references)] if row.references else []
     if row.score:
         facts += [("mean absolute error", f"{centimetres(row.error_m)} cm")]

@@ -13,7 +13,8 @@ from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
 from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap, Still
 
-OFF_SIGMAS = 3.0
+OFF = ("contradicted", "left out")
+"""The states of references that the solution contradicts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,8 @@ class Summary:
 
     @property
     def references_off(self) -> int:
-        """How many references the solution contradicts."""
-        return sum(1 for reference in self.references if is_off(reference))
+        """How many references the solution contradicts, used or not."""
+        return sum(1 for reference in self.references if reference.state in OFF)
 
     @property
     def error_m(self) -> float | None:
@@ -95,7 +96,7 @@ class Summary:
         missing, spurious = (named_counts(part) for part in counts)
         remarks = (
             (self.doubts, f"to be checked: {len(self.doubts)} {'doubts' if len(self.doubts) > 1 else 'doubt'}"),
-            (off, f"{off} {'references' if off > 1 else 'reference'} off by more than {OFF_SIGMAS:g} \u03c3"),
+            (off, f"{off} {'references' if off > 1 else 'reference'} contradicted"),
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),
             (skipped, f"{skipped} frames skipped"),
@@ -128,16 +129,6 @@ def summaries(report: Report) -> tuple[Summary, ...]:
         )
         for name in names
     )
-
-
-def in_sigmas(reference: ReferenceUse) -> float:
-    """A reference's residual, solved - given, in its standard deviations."""
-    return (reference.solved - reference.value) / reference.sigma
-
-
-def is_off(reference: ReferenceUse) -> bool:
-    """Whether the solution contradicts a reference."""
-    return abs(in_sigmas(reference)) > OFF_SIGMAS
 
 
 def total_counts(rows: Sequence[Summary]) -> dict[str, int]:

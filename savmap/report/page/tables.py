@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from savmap.report.numbers import NOTHING, centimetres, fixed
-from savmap.report.page.summary import Summary, in_sigmas, is_off, total_counts
+from savmap.report.page.summary import OFF, Summary, total_counts
 from savmap.types import ReferenceUse
 
 
@@ -100,14 +100,25 @@ def row_table(rows: Sequence[Summary]) -> Table:
 
 def reference_table(rows: Sequence[Summary]) -> Table:
     """A line for each reference of each row."""
-    names = ("reference", "'row", "given", "\u03c3", "solved", "residual", "in \u03c3", "'unit")
+    names = (
+        "reference",
+        "'row",
+        "'state",
+        "given",
+        "solved",
+        "residual",
+        "\u03c3 given",
+        "\u03c3 used",
+        "in \u03c3 given",
+        "'unit",
+    )
     lines = tuple(_reference_line(row, reference) for row in rows for reference in row.references)
     caption = "References: residual is solved \u2212 given"
-    return Table("references-table", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
+    return Table("references-table", caption, heads(*names), lines, "only those contradicted or left out")
 
 
 def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
-    worst = max((abs(in_sigmas(reference)) for reference in row.references), default=None)
+    worst = max((abs(reference.deviation) for reference in row.references), default=None)
     mapped, nothing = row.row is not None, Cell(NOTHING)
     cells = (
         row_cell(row),
@@ -123,15 +134,16 @@ def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
 
 
 def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
-    sigmas = in_sigmas(reference)
     cells = (
         Cell(reference.name),
         row_cell(row),
+        Cell(reference.state),
         number_cell(reference.value, 4),
-        number_cell(reference.sigma, 4),
         number_cell(reference.solved, 4),
         number_cell(reference.solved - reference.value, 4, True),
-        Cell(fixed(sigmas, 2, True), abs(sigmas)),
+        number_cell(reference.sigma, 4),
+        number_cell(reference.sigma_used, 4),
+        Cell(fixed(reference.deviation, 2, True), abs(reference.deviation)),
         Cell(reference.unit),
     )
-    return Line(cells, "off" if is_off(reference) else "")
+    return Line(cells, "off" if reference.state in OFF else "")

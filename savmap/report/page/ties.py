@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from savmap.report.numbers import centimetres, natural
-from savmap.report.page.summary import OFF_SIGMAS
 from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads, number_cell
 from savmap.types import CrossRowMatch, Floats
+from savmap.types.maps import OFF_SIGMAS
 
 _AXES = "xyz"
 

@@ -51,21 +51,13 @@ def page_data(
         rows += [_gone(row, before, site_map, labels, beside.get(row.name, {})) for row in before.missing]
     return {
         "title": visible(title),
-        "banner": _banner(site_map),
+        "banner": visible(site_map.banner),
         "surveyed": evaluation is not None,
         "rows": rows,
         "vertex_labels": list(labels),
         "alignment": _alignment(site_map.alignment),
         "dates": site_entry(before),
     }
-
-
-def _banner(site_map: SiteMap) -> str:
-    """Which rows must be checked, in one line; empty where none must."""
-    names = [row.name for row in site_map.rows.values() if row.verdict and row.verdict.doubts]
-    if not names or len(site_map.rows) == 1:
-        return "This row must be checked" if names else ""
-    return visible(f"{len(names)} of {len(site_map.rows)} rows must be checked: {', '.join(names)}")
 
 
 def _gone(row: RowMap, before: Before, site_map: SiteMap, labels: Labels, lies: Entry) -> Entry:
@@ -119,7 +111,7 @@ def _doubt(doubt: Doubt) -> Entry:
         "figure": visible(doubt.figure),
         "action": visible(doubt.action),
         "details": [visible(line) for line in doubt.details],
-        "of_row": not doubt.structures and (doubt.place is None or doubt.kind not in ("shape", "support")),
+        "of_row": doubt.of_row,
         "structures": named,
         "place": place,
         "frame": doubt.frame,

@@ -19,7 +19,7 @@ from savmap.graph import (
     published_start,
     solve,
 )
-from savmap.types import Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
+from savmap.types import Doubt, Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
 
 NOMINAL = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
@@ -109,6 +109,11 @@ def seen_from(
             seen.setdefault(point, []).append((frame, pixel, covariance))
     tracks = [_track(point, *places[point], seen[point], view) for point in sorted(seen) if len(seen[point]) > 2]
     return World(truth, poses, tracks, facts, rng)
+
+
+def said(doubt: Doubt) -> str:
+    """All that a doubt says."""
+    return " ".join((doubt.line, *doubt.details))
 
 
 def foot(made: World, upright: int, above: float) -> Track:

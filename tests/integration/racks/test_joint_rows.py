@@ -80,15 +80,15 @@ def test_references_that_contradict_across_the_aisle_are_named(aisle: tuple[made
     solutions = solve_rows([a, b], SAME)
     for solution in solutions:
         assert "solved_together" not in solution.report
-        assert sum("mapped without the other rows" in doubt.what for doubt in solution.doubts) == 1
-    apart = next(doubt.what for doubt in solutions[0].doubts if "mapped without" in doubt.what)
+        assert sum("mapped without the others" in made.said(doubt) for doubt in solution.doubts) == 1
+    apart = next(made.said(doubt) for doubt in solutions[0].doubts if "mapped without" in made.said(doubt))
     assert "standard deviations off what the rows say together" in apart
     assert "row A: length upright 1 / left to upright 4 / right" in apart
 
 
 def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World]) -> None:
     solutions = solve_rows(two_faces.problems(*aisle), [range(FRAMES), range(3, 3 + FRAMES)])
-    assert "do not fit one camera path" in solutions[0].doubts[-1].what
+    assert "do not fit one camera path" in made.said(solutions[0].doubts[-1])
 
 
 def test_row_beside_a_refused_one_is_doubted(aisle: tuple[made.World, made.World]) -> None:
@@ -99,7 +99,9 @@ def test_row_beside_a_refused_one_is_doubted(aisle: tuple[made.World, made.World
     refused, beside = solve_rows([wrong, b], SAME)
     assert isinstance(refused, SolveError)
     assert isinstance(beside, Solution)
-    assert "row A, on the same drive, cannot be mapped" in beside.doubts[-1].what
+    assert "another row of its drive cannot be mapped; check what is given for both: row A" in made.said(
+        beside.doubts[-1]
+    )
 
 
 def test_a_camera_height_counts_once(aisle: tuple[made.World, made.World]) -> None:

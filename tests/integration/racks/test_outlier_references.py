@@ -39,14 +39,17 @@ def test_a_missed_lowest_beam_is_told_and_does_no_harm(
     assert "its height is not used" in told[0]
     found = four.rack.beams[section - 1][1, 0]
     assert float(told[0].split("is at ")[1].split()[0]) == pytest.approx(found, abs=0.05)
-    assert f"height of the lowest edge of section {section}" not in {use.name for use in solution.references}
+    (use,) = (use for use in solution.references if use.name == f"height of the lowest edge of section {section}")
+    assert (use.state, use.sigma_used) == ("left out", None)
+    assert use.solved == pytest.approx(found, abs=0.05)
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 
 
 def test_two_missed_beams_are_two_doubts(four: made.World) -> None:
     solution = solve(blind(four, {1, 2}))
-    assert [doubt.what.split(":")[0] for doubt in solution.doubts] == ["section 1", "section 2"]
+    assert [doubt.headline for doubt in solution.doubts] == ["a reference's landmark was not seen"] * 2
+    assert [doubt.details[0].split(":")[0] for doubt in solution.doubts] == ["section 1", "section 2"]
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 

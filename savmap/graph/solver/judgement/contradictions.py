@@ -45,22 +45,26 @@ SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 MIDDLE = (0.1, 0.9)
 """Quantiles of what was measured between which the place of a doubt lies."""
-LOOSELY = "nothing would notice an error"
+LOOSELY, UNCHECKED = "nothing would notice an error", "nothing checks"
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
-SAME_IN_UNIT = 0.02
+UNIT_SIGMA, BY_CHANCE = 2.0, 0.05
+"""A value is taken to be in another unit where it is right in that to so many standard deviations, and where a wrong value would be so in one of
+the units in at most such a share of cases: a mistake in reading, typing or of the landmark may give any value up to the larger one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
     contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user,
-    what remains doubtful, and errors of references that nothing would notice."""
+    what remains doubtful, and errors of references that nothing would notice. `given`: the problem with all references as they were given, where they
+    differ."""
 
     problem: Problem
     mistaken: Names = frozenset()
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     unchecked: tuple[str, ...] = ()
+    given: Problem | None = None
 
 
 def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
@@ -100,7 +104,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
         return Judgement(problem, doubts=tuple(granted), unchecked=tuple(unchecked))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
-    lines = [_line(agreed, name, out) for name, out in suspects]
+    lines = [f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}" for name, out in suspects]
     wanted = problem.camera.references.on_contradiction
     mistaken = _mistaken(agreed, explained[0], spans) if clear else frozenset[str]()
     flat = frozenset(name for name in mistaken if spans[name].is_flat)
@@ -213,19 +217,16 @@ def _left_out(
             notes.append(line_of(relation, otherwise))
             harmless, doubt = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
-            line = f"{_line(agreed, name, out)}: it is not used"
+            line = f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}: it is not used"
             notes.append(f"{line}; measure it again")
+            unit, harmless = _unit_of(agreed, name, out), False
+            action = f"give it in metres, not in {unit}: {name}" if unit else f"measure it again: {name}"
             details = (line, *_missing(problem, agreed, name, out))
-            action = f"measure it again: {name}"
-            harmless = False
             doubt = Doubt("reference", CONTRADICTED, (), place, None, False, _off(agreed, name, out), action, details)
         if doubted and not harmless:
             doubts.append(doubt)
     if len(doubts) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
-        figure, action = (
-            f"{len(doubts)} of {len(agreed.all_names)}",
-            "check whether they are of this row, and its `side`",
-        )
+        figure, action = f"{len(doubts)} of {len(agreed.all_names)}", "check that they are of this row, and its `side`"
         doubts.insert(0, Doubt("reference", "many references do not fit the pictures", figure=figure, action=action))
     doubts += _granted(problem, agreed, out)
     unchecked = tuple(_unchecked(problem, agreed, out))
@@ -309,23 +310,19 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
             loose.append((unnoticed, what))
     if len(alone) == 1:
         what = "scale" if alone[0] in _scales(problem) else "place"
-        yield f"one reference gives the {what}, {alone[0]}: nothing checks it; a measured length would"
+        yield f"one reference gives the {what}, {alone[0]}: {UNCHECKED} it; measure a length"
     elif alone:
-        yield f"nothing checks {' and '.join(alone)}: scale and place are as right as these; a second measured length would tell"
+        yield f"{UNCHECKED} {' and '.join(alone)}, which give scale and place; measure a second length"
     loose.sort(key=lambda one: -one[0])
-    sizes = [f"of {unnoticed:.2f} m in {name}{_otherwise(agreed, name, out)}" for unnoticed, name in loose[:NAMED]]
+    for number, (unnoticed, name) in enumerate(loose[:NAMED]):
+        line = f"{LOOSELY} of {unnoticed:.2f} m in {name}"
+        yield f"{line}; measure a second length" if number == 0 else line
     if len(loose) > NAMED:
-        sizes.append(f"of {loose[NAMED][0]:.2f} m in others")
-    if loose:
-        yield f"{LOOSELY} {', '.join(sizes)}; a second measured length would tell"
-
-
-def _otherwise(agreed: Agreement, name: str, out: Names) -> str:
-    """What the others say of a reference; nothing of several together."""
-    if name not in agreed.all_names:
-        return ""
-    value, sigma = agreed.rest(name, out)
-    return f" (without it {value:.3f} m +- {sigma:.3f} m)"
+        yield f"{LOOSELY} of {loose[NAMED][0]:.2f} m in others"
+    for _, name in loose[:NAMED]:
+        if name in agreed.all_names:
+            value, sigma = agreed.rest(name, out)
+            yield f"without {name} it would be {value:.3f} m +- {sigma:.3f} m"
 
 
 def _is_alone(agreed: Agreement, names: Names, out: Names) -> bool:
@@ -385,14 +382,28 @@ def _line(agreed: Agreement, name: str, out: Names) -> str:
     says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
     if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
         says = "does not fit it at all"
-    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}{_in_other_units(use.value, otherwise, sigma)}"
+    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}"
 
 
-def _in_other_units(value: float, otherwise: float, sigma: float) -> str:
-    """A hint where a value is what the rest says in a unit other than metres."""
+def _unit_of(agreed: Agreement, name: str, out: Names) -> str:
+    """The unit in which a reference seems to be given instead of metres; "" where none is the likeliest cause."""
+    use, (otherwise, sigma) = _given(agreed, name), agreed.rest(name, out)
+    return unit_of(use.value, use.sigma, otherwise, sigma)
+
+
+def _in_unit(agreed: Agreement, name: str, out: Names) -> str:
+    """A hint, where a reference seems to be given in another unit."""
+    unit, value = _unit_of(agreed, name, out), _given(agreed, name).value
+    return f" ({value:.3f} {unit} are {value * UNITS[unit]:.3f} m)" if unit else ""
+
+
+def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) -> str:
+    """The unit other than metres in which a value, with its given standard deviation, is what the rest says, and that for no chance; "" where there is none."""
     for unit, metres in UNITS.items():
-        if abs(value * metres - otherwise) < max(2 * sigma, SAME_IN_UNIT * abs(otherwise)) and value:
-            return f" ({value:.3f} {unit} are {value * metres:.3f} m)"
+        within = UNIT_SIGMA * float(np.hypot(given_sigma * metres, sigma))
+        if abs(value * metres - otherwise) <= within:
+            by_chance = len(UNITS) * 2 * within / max(abs(value), abs(otherwise))
+            return unit if by_chance < BY_CHANCE else ""
     return ""
 
 

@@ -1,7 +1,7 @@
 """Tests of each reference against the rest: Baarda's test, and references that contradict all measurements."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,25 @@ def solved_references(problem: Problem, estimate: Estimate) -> Iterator[SolvedRe
         use = ReferenceUse(height.name, height.value_m, height.sigma_m, float(estimate.heights[number]))
         yield SolvedReference(use, np.eye(3)[1], [camera_height_key(number)])
     yield from (_solved(problem, relation, estimate) for relation in problem.relations if relation.name)
+
+
+def reference_uses(given: Problem, used: Problem, estimate: Estimate) -> Iterator[ReferenceUse]:
+    """Every reference as it was given, with how it was used, and its value in the solution of the `used` problem: of a camera height that was left out,
+    the camera's mean height."""
+    uses: dict[str, list[ReferenceUse]] = {}
+    for solved in solved_references(used, estimate):
+        uses.setdefault(solved.use.name, []).append(solved.use)
+    heights = () if given.camera.fixed is not None else given.camera.references.camera_heights
+    mean_height = float(estimate.poses[:, 1, 3].mean())
+    every = [ReferenceUse(one.name, one.value_m, one.sigma_m, mean_height) for one in heights]
+    every += [_solved(used, relation, estimate).use for relation in given.relations if relation.name]
+    for own in every:
+        of_name = uses.get(own.name)
+        use = of_name.pop(0) if of_name else None
+        if use is None:
+            yield replace(own, left_out=True)
+        else:
+            yield replace(use, sigma=own.sigma, softened=use.sigma if use.sigma > own.sigma else None)
 
 
 def tested_keys(problem: Problem) -> frozenset[int]:
