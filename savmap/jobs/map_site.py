@@ -1,7 +1,7 @@
 """A job from its footage to a site map with its scores, and the files that are written of it."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -10,7 +10,15 @@ from pathlib import Path
 from savmap.assembly import aligned, assembled, with_doubts
 from savmap.assembly.confirmed import with_confirmed
 from savmap.assembly.same_face import same_face_doubts
-from savmap.errors import DoubtfulError, OutputError, PluginsLeftOutError, RowsFailedError, SavmapError, format_error
+from savmap.errors import (
+    DoubtfulError,
+    OutputError,
+    PluginsLeftOutError,
+    RowsFailedError,
+    SavmapError,
+    VideoError,
+    format_error,
+)
 from savmap.files.atomic import file_name, read_json, sha256, write_text
 from savmap.files.kinds import kind_of
 from savmap.files.texts import json_visible
@@ -19,24 +27,27 @@ from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
+from savmap.maps.exports.json_text import timestamp
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
-from savmap.maps.run_record import LOG, RunLog, write_log
+from savmap.maps.run_record import LOG, FootageFile, RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.pipeline.measure import recordings
 from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for, shown_places
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for
 from savmap.report.viewer import View, write_view
 from savmap.report.viewer.beside import PARTS, script_names
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
+from savmap.site.model import Pass, pass_names
 from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
+from savmap.video.reader import probe
 from savmap.vision.networks.providers import runtime_version
 
 DRAWN = "drawn"
@@ -151,6 +162,28 @@ def in_users_world(job: Job, site_map: SiteMap) -> tuple[SiteMap, tuple[str, ...
     return result.site_map, result.notes
 
 
+def with_footage(job: Job, log: RunLog) -> RunLog:
+    """The record of a run that ends now, with what its rows' footage is."""
+    rows = {
+        name: run.model_copy(
+            update={"footage": _footage_of(job.site.rows[name].passes)} if name in job.site.rows else {}
+        )
+        for name, run in log.rows.items()
+    }
+    return log.model_copy(update={"rows": rows, "ended": timestamp()})
+
+
+def _footage_of(passes: Sequence[Pass]) -> dict[str, FootageFile]:
+    """By pass; without a size where the footage is gone since."""
+    found = {}
+    for name, one in zip(pass_names(passes), passes, strict=True):
+        found[name] = FootageFile(name=one.video.name)
+        with suppress(VideoError):
+            info = probe(one.video)
+            found[name] = FootageFile(name=one.video.name, width=info.width, height=info.height)
+    return found
+
+
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
@@ -188,6 +221,7 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     mapped = map_rows_of(
         job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)
     )
+    mapped = replace(mapped, log=with_footage(job, mapped.log))
     failed = {name: str(error) for name, error in mapped.failed.items()}
     plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
@@ -230,8 +264,7 @@ def _write_results(
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / REPORT)
     origin = origin_of(job.output / MAP, job.site.survey)
-    title, places = report.title, shown_places(site_map)
-    view = View(site_map, report.evaluation, title, photos, stills, origin, places=places)
+    view = View(site_map, report.evaluation, report.title, photos, stills, origin, places=report.places)
     write_view(view, job.output / VIEW)
     files += [job.output / REPORT, job.output / VIEW]
     _remove_files_of(gone, set(site_map.rows), job.output)

@@ -1,14 +1,14 @@
 """A row's face view and plan as figures in the row's frame, in millimetres (the paper's figures of the baseline aisle)."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 
-from savmap.report.scene import MM, Figure, Frame, Label, Layer, Shape, frame_of, joined, metre_grid, path
-from savmap.types import Drawing, Floats, Picture, Role, RowMap
+from savmap.report.scene import MM, Figure, Frame, Label, Layer, Shape, frame_of, hatching, joined, metre_grid, path
+from savmap.types import Bools, Drawing, Floats, Picture, Role, RowMap, Structure
 
 # Around what must be seen; and as parts of the width, where that is more, beside it and above and below it.
 _MARGIN_MM, _PARTS = 900.0, (0.03, 0.02)
@@ -18,6 +18,8 @@ _ROLES: Mapping[Role, str] = {
     "doubted": "map, doubted",
     "off": "map, off by more than 5 cm or spurious",
 }
+SAME_M = 0.001
+ASSUMED = "not measured, assumed to a standard deviation"
 _MOST_POSES = 120
 _PATH_COLOURS = 5
 
@@ -75,6 +77,7 @@ def row_view(
     frame = (left, round(top * stretch), width, round(height * stretch))
     grid, labels = metre_grid(frame, projection.down, stretch)
     floor = Layer("floor", (Shape(f"M{left} 0h{width}"),))
+    ends = _assumed_layers(row, projection)
     paths = (_camera_layers(name, projection(cameras[name]), k, width) for k, name in enumerate(cameras))
     counts = ", ".join(f"{count} {label}" for label, count in label_counts(row).items())
     size = f"The picture is {width / MM:.1f} m wide and {height / MM:.1f} m high."
@@ -84,12 +87,34 @@ def row_view(
         title=f"Row {row.name}: {projection.title}",
         description=f"The row {projection.description}: {counts}. {size}",
         frame=frame,
-        layers=(grid, floor, *layers(shown, hints or {}, projection), *chain.from_iterable(paths)),
+        layers=(grid, floor, *layers(shown, hints or {}, projection), *ends, *chain.from_iterable(paths)),
         labels=(*labels, *_captions(shown, projection)),
-        legend=_legend(shown, cameras),
+        legend=(*_legend(shown, cameras), *(("assumed", ASSUMED) for _ in ends)),
         axes=projection.axes,
         note=f"{projection.note}{scale}",
     )
+
+
+def _assumed_layers(row: RowMap, projection: Projection) -> tuple[Layer, ...]:
+    """Ends that nothing measured, hatched."""
+    bands = [
+        projection(band)
+        for plugin, group in row.structures.items()
+        for structure in group
+        for axis in (0, projection.across)
+        for band in _bands(structure, structure.assumed(plugin, row.joint)[:, axis], axis)
+    ]
+    strokes = [(stroke, False) for band in bands for stroke in hatching(band)]
+    return (Layer("assumed", (Shape(joined(strokes)),)),) if strokes else ()
+
+
+def _bands(structure: Structure, assumed: Bools, axis: int) -> Iterator[Floats]:
+    """Corners (n, 3) m around vertices of a structure that are assumed (n,) to stand at one place along an axis, give or take a standard deviation."""
+    points = structure.vertices[assumed]
+    reach = np.sqrt(structure.covariances[assumed, axis, axis])[:, None] * np.eye(3)[axis]
+    for place in np.unique(points[:, axis].round(3)):
+        at = np.abs(points[:, axis] - place) < SAME_M
+        yield np.concatenate([points[at] - reach[at], points[at] + reach[at]])
 
 
 def drawn_in(drawings: Iterable[Drawing], picture: Picture) -> list[Drawing]:

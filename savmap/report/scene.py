@@ -87,6 +87,22 @@ def joined(outlines: Iterable[tuple[Floats, bool]]) -> str:
     return "".join(path(points, closed) for points, closed in outlines)
 
 
+HATCH_MM = 60.0
+"""Between two strokes of a hatching, along either axis."""
+
+
+def hatching(points: Floats) -> list[Floats]:
+    """Strokes (2, 2) that fill the upright rectangle around points (n, 2) mm, rising to the right; none where it has no area."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    width, height = high - low
+    if min(width, height) <= 0:
+        return []
+    starts = np.arange(HATCH_MM / 2, width + height, HATCH_MM)
+    x, y = np.minimum(starts, width), np.maximum(starts - width, 0.0)
+    ends = np.stack([np.maximum(starts - height, 0.0), np.minimum(starts, height)], axis=1)
+    return [low + np.array([start, end]) for start, end in zip(np.stack([x, y], axis=1), ends, strict=True)]
+
+
 def swatch(style: str, unit: float = 1.0, x: float = 0.0, y: float = 0.0) -> str:
     """The path that shows a style in a legend: 26 by 14 units, its left top corner at (x, y)."""
     kinds = style.split()
@@ -95,6 +111,8 @@ def swatch(style: str, unit: float = 1.0, x: float = 0.0, y: float = 0.0) -> str
         return path(unit * np.array([[13.0, 7.0]]) + corner)
     if "polygon" in kinds or style == "box":
         return path(unit * np.array([[2.0, 3.0], [24.0, 3.0], [24.0, 11.0], [2.0, 11.0]]) + corner, closed=True)
+    if style == "assumed":
+        return "".join(path(unit * np.array([[4.0 + k, 11.0], [12.0 + k, 3.0]]) + corner) for k in (0, 5, 10))
     if style == "failed":
         strokes = np.array([[[9.0, 3.0], [17.0, 11.0]], [[9.0, 11.0], [17.0, 3.0]]])
         return "".join(path(unit * stroke + corner) for stroke in strokes)

@@ -13,7 +13,7 @@ from savmap.files.atomic import sha256, write_text
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
 from savmap.maps.map_file import map_in, read_map, require_other
 from savmap.maps.orthophoto_file import read_orthophotos
-from savmap.maps.run_record import RunLog, read_log
+from savmap.maps.run_record import LOG, RunLog, read_log
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
@@ -54,7 +54,8 @@ def report_for(
         for name, row in site_map.rows.items()
     }
     remarks = (_NO_ROW_IN_COMMON,) if survey and not common else ()
-    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {})
+    places = shown_places(site_map)
+    return Report(site_map, drawings, log, evaluation, remarks, title, photos or {}, stills=stills or {}, places=places)
 
 
 def write_report(
@@ -69,13 +70,21 @@ def write_report(
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     site_map = read_map(map_file)
-    log = _log_of(site_map, run_file) if run_file else None
+    log = _log_of(site_map, run_file) if run_file else _log_beside(site_map, map_file)
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
     viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
     comparison = _before(map_in(against), site_map, LEVEL).comparison if against else None
     write_page(replace(report, viewer=viewer, comparison=comparison), path)
+
+
+def _log_beside(site_map: SiteMap, map_file: Path) -> RunLog | None:
+    """The record of the run that made a map, where it lies beside it."""
+    try:
+        return _log_of(site_map, map_file.with_name(LOG))
+    except OutputError:
+        return None
 
 
 def _log_of(site_map: SiteMap, run_file: Path) -> RunLog:
@@ -204,7 +213,7 @@ def shown_places(site_map: SiteMap) -> StructuresByRow:
     try:
         return places_of(site_map)
     except SavmapError as error:
-        log.warning("the viewer has no sizes of the places between structures: %s", error)
+        log.warning("report and viewer have no sizes of the places between structures: %s", error)
         return {}
 
 

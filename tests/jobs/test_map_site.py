@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginError, SolveError
-from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into
+from savmap.jobs.map_site import in_one_frame, in_users_world, map_job_into, with_footage
 from savmap.jobs.scheduler import MappedRows, RunOptions, _Progress
 from savmap.jobs.tasks import Failure
 from savmap.maps.map_file import write_map
-from savmap.maps.run_record import RunLog
+from savmap.maps.run_record import FootageFile, RowRun, RunLog
 from savmap.report.site_report import viewed
 from savmap.site.job import job_for
 from savmap.site.overrides import overrides_of
@@ -76,6 +76,19 @@ def test_viewer_of_a_run_is_of_its_map(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped)
     map_job_into(job, RunOptions(jobs=0), NoteCollector())
     assert viewed(tmp_path, job.site.survey) == (tmp_path / "view.html", False)
+
+
+def test_record_of_a_run_tells_when_it_ended_and_its_footage(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1770000000")
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path)
+    name, passes = next((name, row.passes) for name, row in job.site.rows.items())
+    log = with_footage(job, RunLog(rows={name: RowRun(status="mapped"), "gone": RowRun(status="failed")}))
+    assert log.ended == "2026-02-02T02:40:00.00Z"
+    assert log.rows[name].footage == {"pass 1": FootageFile(name=passes[0].video.name, width=2048, height=1024)}
+    missing = passes[0].model_copy(update={"video": tmp_path / "gone.mp4"})
+    rows = {name: job.site.rows[name].model_copy(update={"passes": (missing,)})}
+    log = with_footage(replace(job, site=job.site.model_copy(update={"rows": rows})), log)
+    assert log.rows[name].footage == {"pass 1": FootageFile(name="gone.mp4")}
 
 
 def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
 """A site of made-up rows for the report's tests: posts and bars, a camera, references, places, ties, a run, scores."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from savmap.maps.run_record import RowRun, RunLog
+from savmap.maps.run_record import FootageFile, RowRun, RunLog
 from savmap.report.page import Report
 from savmap.types import (
     CrossRowMatch,
@@ -12,6 +13,7 @@ from savmap.types import (
     Drawing,
     Evaluation,
     FrameTable,
+    Measured,
     Placement,
     ReferenceUse,
     RowMap,
@@ -51,6 +53,33 @@ def row(name: str, off: float = 0.0, sections: int = 2, levels: int = 2) -> RowM
     )
 
 
+def assumed_top(own: RowMap) -> RowMap:
+    """The row, of whose first post nobody measured the top, which may be 0.6 m higher, and of whose first bar nobody saw an edge."""
+    post, *others = own.structures["racks"]
+    unsure = np.tile(np.diag([4e-6, 4e-6, 4e-6]), (4, 1, 1))
+    unsure[2:, 1, 1] = 0.36
+    labels = ("left / bottom", "right / bottom", "right / top", "left / top")
+    post = replace(post, covariances=unsure, vertex_labels=labels, attributes={"ends": "top assumed"})
+    bar = next(one for one in others if one.label == "bar")
+    guessed = replace(bar, attributes={"height_m": 0.1, "height_sigma_m": 0.025, "edges": "neither edge seen"})
+    return replace(own, structures={"racks": (post, *(guessed if one is bar else one for one in others))})
+
+
+def openings(*names: str) -> dict[str, dict[str, list[Structure]]]:
+    """A bay of two levels, the upper of which is open above and stands on a bar that nobody saw."""
+    bay = thing("bay 1", "bay", (0.1, 0), (2.8, 4.1))
+    width = {"clear_width_m": Measured(2.7, 0.0042)}
+    levels = [
+        {**width, "clear_height_m": Measured(1.9, 0.002)},
+        {**width, "clear_height_m": Measured(0.8, 0.02)},
+        width,
+    ]
+    levels[1]["assumed"] = "clear height, load height assumed"
+    own = [replace(bay, attributes=width)]
+    own += [replace(bay, id=f"bay 1 / level {k}", attributes=level) for k, level in enumerate(levels)]
+    return {name: {"racks": own} for name in names}
+
+
 def drawings(own: RowMap) -> list[Drawing]:
     """What a plugin might draw of it: outlines in the face view, feet in the plan, the survey of the first post."""
     found = []
@@ -76,11 +105,13 @@ def report(names: Sequence[str] = ("A2", "A10", EVIL, ODD), placed: bool = True)
         CrossRowMatch(names[0], names[1], "post 1", "post 3", np.array([0.01, 0.0, np.nan]), sigma),
         CrossRowMatch(names[0], names[1], "post 2", "post 2", np.array([-0.04, 0.0, np.nan]), sigma),
     )
-    runs = {name: RowRun(status="mapped", seconds=STAGES, used=30, peak_mb=500) for name in names}
+    filmed = {"pass 1": FootageFile(name="aisle.mp4", width=3840, height=1920)}
+    runs = {name: RowRun(status="mapped", seconds=STAGES, used=30, peak_mb=500, footage=filmed) for name in names}
     runs["B2"] = RowRun(status="failed", error="no structure", seconds={"decode": 5.0}, skipped=2)
     site = SiteMap(rows, {"savmap": "0.1.0"}, failed, places if placed else {}, ties if placed else ())
-    log = RunLog(rows=runs, wall_s=3700.0, jobs=3)
-    return Report(site, {name: drawings(own) for name, own in rows.items()}, log, evaluation(names))
+    log = RunLog(rows=runs, wall_s=3700.0, jobs=3, ended="2026-11-27T18:42:10.00Z")
+    drawn = {name: drawings(own) for name, own in rows.items()}
+    return Report(site, drawn, log, evaluation(names), places=openings(*names))
 
 
 def evaluation(names: Sequence[str]) -> Evaluation:

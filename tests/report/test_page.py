@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_page import EVIL, ODD, drawings, evaluation, report, row
+from made_up_page import EVIL, ODD, assumed_top, drawings, evaluation, report, row
 from parsed_page import Element, parsed
 
 from savmap.errors import OutputError, visible
@@ -171,6 +171,49 @@ def test_what_is_mapped_is_told_with_its_sigmas(page: Element) -> None:
     assert face.one("g", "mapped").one("path").given["d"] == "M0 0h100v-5000h-100z"
     assert [line[0] for line in lines(page, "sigmas")] == ["post: height", "bar: height"]
     assert lines(page, "sigmas")[0][3] == "0.30"
+
+
+def test_page_says_when_and_from_what_it_was_mapped(page: Element) -> None:
+    assert page.one("time").text == "2026-11-27 18:42 UTC"
+    assert lines(page, "footage-table")[1] == [
+        "A2",
+        "pass 1",
+        "aisle.mp4",
+        "3840 \u00d7 1920",
+        "30",
+        "30",
+        *["0.0", "29.0", "29.0"],
+    ]
+    without = parsed(page_text(Report(SiteMap({"A": row("A")}, {}), {})))
+    assert not without.all("time")
+    assert lines(without, "footage-table")[0][2:5] == ["\u2013", "\u2013", "30"]
+
+
+def test_openings_are_a_table_of_bays_and_levels(page: Element) -> None:
+    table = page.one(id="row-A2-openings")
+    heads = [own.text for own in table.one("thead").all("th")]
+    assert heads == ["bay", "clear width, m", "level 0: clear height, m", "level 1: clear height, m"]
+    assert lines(page, "row-A2-openings") == [
+        ["bay 1", "2.700 \u00b1 0.004", "1.900 \u00b1 0.002", "0.800 \u00b1 0.020"]
+    ]
+    assert [cell.text for cell in table.all("td") if "data-assumed" in cell.given] == ["0.800 \u00b1 0.020"]
+
+
+def test_what_is_assumed_is_hatched_and_left_out_of_sigmas(page: Element) -> None:
+    own = assumed_top(row("A"))
+    assumed = parsed(page_text(Report(SiteMap({"A": own}, {}), {"A": drawings(own)})))
+    measured = {line[0]: line for line in lines(page, "sigmas")}
+    found = {line[0]: line for line in lines(assumed, "sigmas")}
+    assert found["bar: height"][2:] == ["3", "0.30", "0.30", "0.30"]
+    assert max(float(line[5]) for line in found.values()) == float(measured["bar: height"][5]) == 0.3
+    assert "6 vertices with an assumed coordinate are left out" in assumed.one(id="sigmas").one("caption").text
+    (hatched,) = assumed.one(id="row-A-face").all("g", "assumed")
+    strokes = re.findall(r"M(\d+) (-?\d+)", hatched.one("path").given["d"])
+    assert min(int(y) for _, y in strokes) < -5400
+    assert not page.one(id="row-A2-face").all("g", "assumed")
+    said = {title.text.split(":")[0]: title.text for title in assumed.one(id="row-A-face").all("title")}
+    assert said["post 1"].endswith("\u03c3 up to x 0.002, y 0.002, z 0.002 m; y of 2 of 4 vertices assumed")
+    assert "height 0.100 \u00b1 0.025 m, assumed" in said["section 1 / bar 1"]
 
 
 def test_tables_have_headings_and_figures_have_words(page: Element) -> None:

@@ -5,9 +5,9 @@ import pytest
 
 from savmap.report.box_plot import box_of, box_plot
 from savmap.report.numbers import anchors, duration, fixed, natural, shortened
-from savmap.report.page.alignment import alignment_table
+from savmap.report.page.alignment import alignment_facts, alignment_table
 from savmap.report.page.uncertainty import histogram
-from savmap.report.scene import path, ticks
+from savmap.report.scene import hatching, path, ticks
 from savmap.types import Alignment, AlignmentResidual, Evaluation, Score
 
 
@@ -87,6 +87,16 @@ def test_equal_errors_have_a_box_too() -> None:
     assert box_plot(Evaluation({"A": Score({"H gap": np.full(3, 0.01)})})) is not None
 
 
+def test_hatching_stays_within_and_fills() -> None:
+    strokes = np.array(hatching(np.array([[100.0, 0.0], [400.0, -900.0]])))
+    assert strokes.reshape(-1, 2).min(axis=0) == pytest.approx([100, -900])
+    assert strokes.reshape(-1, 2).max(axis=0) == pytest.approx([400, 0])
+    rise, run = np.diff(strokes, axis=1)[:, 0, ::-1].T
+    np.testing.assert_allclose(rise, -run, atol=1e-9)
+    assert len(strokes) == 20
+    assert hatching(np.array([[1.0, 2.0], [1.0, 9.0]])) == []
+
+
 def test_histograms_are_logarithmic_and_lose_nothing() -> None:
     heights = histogram(np.array([1e-6, 0.01, 0.01, 5.0]))
     assert (heights[0], heights[16], heights[-1]) == (0.5, 1.0, 0.5)
@@ -98,9 +108,8 @@ def test_places_in_the_users_world_are_a_table() -> None:
         AlignmentResidual("A", "<b>", np.array([0.01, -0.02, np.nan]), np.full(3, 0.01), 1.25),
         AlignmentResidual("A", "c", np.array([0.5, 0.0, 0.1]), np.full(3, 0.01), 50.0, used=False),
     )
-    table = alignment_table(Alignment(1.0, 2.0, 30.0, np.diag([1e-4, 4e-4, 0.01]), residuals=residuals))
-    assert table is not None
-    assert table.caption.startswith("The site\u2019s origin is at x 1.000 \u00b1 0.010, y 2.000 \u00b1 0.020")
+    aligned = Alignment(1.0, 2.0, 30.0, np.diag([1e-4, 4e-4, 0.01]), residuals=residuals)
+    table = alignment_table(aligned)
+    assert dict(alignment_facts(aligned))["origin y"] == "2.000 \u00b1 0.020 m"
     assert [cell.text for cell in table.lines[0].cells] == ["<b>", "A", "+1.00", "\u22122.00", "\u2013", "1.2", "yes"]
     assert [line.style for line in table.lines] == ["", "off"]
-    assert alignment_table(None) is None

@@ -118,6 +118,13 @@ def test_a_run_and_a_survey_add_times_and_errors(map_file: Path, tmp_path: Path)
     assert "V gap" in text
 
 
+def test_record_beside_a_map_is_used_where_it_is_of_it(map_file: Path, tmp_path: Path) -> None:
+    for status, times in (("mapped", 1), ("failed", 0)):
+        write_log(RunLog(rows={"A": RowRun(status=status, seconds={"solve": 1.5})}), tmp_path / "run.json")
+        write_report(map_file, tmp_path / "page.html")
+        assert (tmp_path / "page.html").read_text(encoding="utf-8").count('<section id="time">') == times
+
+
 def test_the_record_of_another_run_is_refused(map_file: Path, tmp_path: Path) -> None:
     write_log(RunLog(rows={"A": RowRun(status="failed"), "B": RowRun(status="mapped")}), tmp_path / "run.json")
     with pytest.raises(OutputError, match=r"run\.json: is of another run than the map: row A is in one of them alone"):

@@ -8,18 +8,22 @@ from savmap.types import Alignment, AlignmentResidual
 from savmap.types.maps import OFF_SIGMAS
 
 
-def alignment_table(alignment: Alignment | None) -> Table | None:
-    """A line for each known place; None where the site is not aligned. The caption says where the site stands."""
-    if alignment is None:
-        return None
+def alignment_facts(alignment: Alignment) -> tuple[tuple[str, str], ...]:
+    """Where the site's origin is in the user's world, and where its x axis points."""
     x, y, turn = (float(sigma) for sigma in np.sqrt(np.diag(alignment.covariance)))
-    where = (
-        f"The site\u2019s origin is at x {fixed(alignment.x_m, 3)} \u00b1 {fixed(x, 3)}, y {fixed(alignment.y_m, 3)} \u00b1 {fixed(y, 3)}, "
-        f"z {fixed(alignment.z_m, 3)} m, its x axis at {fixed(alignment.heading_deg, 3)} \u00b1 {fixed(turn, 3)}\u00b0"
+    return (
+        ("origin x", f"{fixed(alignment.x_m, 3)} \u00b1 {fixed(x, 3)} m"),
+        ("origin y", f"{fixed(alignment.y_m, 3)} \u00b1 {fixed(y, 3)} m"),
+        ("origin z", f"{fixed(alignment.z_m, 3)} m"),
+        ("heading of the x axis", f"{fixed(alignment.heading_deg, 3)} \u00b1 {fixed(turn, 3)}\u00b0"),
     )
+
+
+def alignment_table(alignment: Alignment) -> Table:
+    """A line for each known place."""
     names = ("place", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3", "'used")
     lines = tuple(map(_line, alignment.residuals))
-    return Table("alignment", where, heads(*names), lines)
+    return Table("alignment", "Known places: given less mapped, along your world\u2019s axes", heads(*names), lines)
 
 
 def _line(residual: AlignmentResidual) -> Line:

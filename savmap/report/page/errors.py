@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from savmap.report.evaluation import all_errors, mean_absolute_error, named_counts, statistics
+from savmap.report.evaluation import all_errors, named_counts, statistics
 from savmap.report.numbers import centimetres
 from savmap.report.page.summary import Summary
 from savmap.report.page.tables import Cell, Line, Part, Table, centimetre_cell, count_cell, heads, row_cell
@@ -34,13 +34,6 @@ def row_errors(rows: Sequence[Summary]) -> Table:
     names = ("row", "'mean absolute error", "cm", "95 %, cm", "count", "'missing", "'spurious")
     lines = tuple(_row_line(row, score, largest) for row, score in scored)
     return Table("errors-by-row", "Errors by row", heads(*names), lines)
-
-
-def headline(score: Score) -> str:
-    """The mean absolute error and what is missing or spurious, in a sentence."""
-    error = mean_absolute_error(score)
-    mean = f"Mean absolute error {centimetres(error)} cm." if error is not None else "Nothing matched."
-    return f"{mean} Missing: {named_counts(score.missing)}. Spurious: {named_counts(score.spurious)}."
 
 
 def _class_line(name: str, errors: Floats, style: str = "") -> Line:

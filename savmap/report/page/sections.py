@@ -10,6 +10,7 @@ from savmap.report.numbers import centimetres, duration, fixed
 from savmap.report.orthophotos import photo_view
 from savmap.report.page.footage import FootageView, footage_views
 from savmap.report.page.summary import Report, Summary, total_counts
+from savmap.report.page.tables import Table, openings_table
 from savmap.report.page.ties import is_tie_off
 from savmap.report.page.uncertainty import hints
 from savmap.report.row_views import drawn_in, row_view
@@ -22,13 +23,14 @@ _PICTURES: tuple[Picture, ...] = ("face", "plan")
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """One row: what is known of it, the figures of its solve, and its pictures."""
+    """One row: what is known of it, the figures of its solve, its pictures, and its openings."""
 
     summary: Summary
     facts: Facts
     solve: Facts
     figures: tuple[Figure, ...]
     footage: tuple[FootageView, ...] = ()
+    openings: Table | None = None
 
 
 def section(row: Summary) -> Section:
@@ -42,7 +44,7 @@ def section(row: Summary) -> Section:
     if row.row and row.photo:
         figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
     footage = footage_views(row.row, row.stills) if row.row else ()
-    return Section(row, _facts(row), _solve(row), tuple(figures), footage)
+    return Section(row, _facts(row), _solve(row), tuple(figures), footage, openings_table(row))
 
 
 def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:
@@ -70,11 +72,8 @@ def _run_tiles(report: Report) -> Facts:
     log = report.log
     if log is None:
         return ()
-    memory = max((row.peak_mb for row in log.rows.values()), default=0.0)
     kept = sum(1 for row in log.rows.values() if row.status == "kept")
-    facts = [("time on the clock", duration(log.wall_s)), ("workers", str(log.jobs))]
-    facts += [("kept from earlier", str(kept))] if kept else []
-    return (*facts, *([("memory of a worker, at most", f"{memory:.0f} MB")] if memory else []))
+    return ("time on the clock", duration(log.wall_s)), *([("kept from earlier", str(kept))] if kept else [])
 
 
 def _facts(row: Summary) -> Facts:

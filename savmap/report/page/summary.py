@@ -11,7 +11,19 @@ from savmap.maps.run_record import RowRun, RunLog
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
-from savmap.types import Doubt, Drawing, Evaluation, Orthophoto, Placement, ReferenceUse, RowMap, Score, SiteMap, Still
+from savmap.types import (
+    Doubt,
+    Drawing,
+    Evaluation,
+    Orthophoto,
+    Placement,
+    ReferenceUse,
+    RowMap,
+    Score,
+    SiteMap,
+    Still,
+    Structure,
+)
 
 OFF = ("contradicted", "left out")
 """The states of references that the solution contradicts."""
@@ -21,7 +33,7 @@ OFF = ("contradicted", "left out")
 class Report:
     """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
     survey, remarks for the reader, orthophotos and stills of rows by name, the name of the viewer's page beside this one, and what changed since an
-    earlier map."""
+    earlier map. `places`: by row and plugin, places between structures that have a name and sizes."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -33,12 +45,13 @@ class Report:
     viewer: str = ""
     stills: Mapping[str, Sequence[Still]] = field(default_factory=dict)
     comparison: Comparison | None = None
+    places: Mapping[str, Mapping[str, Sequence[Structure]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
     """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its frames."""
+    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its frames; `places`: those between its structures."""
 
     name: str
     anchor: str
@@ -51,6 +64,7 @@ class Summary:
     place: Placement | None = None
     photo: Orthophoto | None = None
     stills: tuple[Still, ...] = ()
+    places: tuple[Structure, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -126,6 +140,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             place=site.placements.get(name),
             photo=report.photos.get(name),
             stills=tuple(report.stills.get(name, ())),
+            places=tuple(own for group in report.places.get(name, {}).values() for own in group),
         )
         for name in names
     )

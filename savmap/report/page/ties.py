@@ -43,14 +43,19 @@ def pair_table(ties: Sequence[CrossRowMatch]) -> Table:
     in_order = sorted(pairs, key=lambda pair: (order[pair[0]], order[pair[1]]))
     lines = tuple(_pair_line(pair, pairs[pair]) for pair in in_order)
     names = ("rows", "shared", "root mean square x, cm", "y, cm", "z, cm", "largest, \u03c3", "off by > 3 \u03c3")
-    return Table("ties-by-pair", "Rows that share something, and what is left between them", heads(*names), lines)
+    return Table(
+        "ties-by-pair",
+        "Rows that see the same things, or share a camera path: what is left between them, along the site\u2019s axes",
+        heads(*names),
+        lines,
+    )
 
 
 def tie_table(ties: Sequence[CrossRowMatch], anchors: Mapping[str, str]) -> Table:
     """A line for each structure that two rows see, the one that they place furthest apart first."""
     names = ("thing", "'in row", "'is", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3")
     lines = tuple(_tie_line(tie, anchors) for tie in sorted(ties, key=largest_residual, reverse=True))
-    caption = "What two rows share: what is left between its two places"
+    caption = "What two rows share: what is left between its two places, along the site\u2019s axes"
     return Table("ties", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
 
 

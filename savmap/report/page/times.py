@@ -34,13 +34,13 @@ def stage_table(log: RunLog) -> Table:
         share = number_cell(100 * seconds / whole, 1)
         lines.append(Line((Cell(name), Cell("", seconds, bar=bar), number_cell(seconds, 1), share)))
     caption = "Stages over all rows; those that overlap count each by itself"
-    return Table("stages", caption, heads("stage", "'time", "seconds", "%"), tuple(lines))
+    return Table("stages", caption, heads("stage", "'time", "time, s", "share, %"), tuple(lines))
 
 
 def time_table(rows: Sequence[Summary], log: RunLog) -> Table:
     """A line for each row: its stages as one bar, seconds, frames, memory."""
     longest = max((sum(run.seconds.values()) for run in log.rows.values()), default=0.0) or 1.0
-    names = ("row", "'state", "'stages", "seconds", "frames used", "skipped", "memory, MB")
+    names = ("row", "'state", "'stages", "time, s", "frames used", "frames skipped", "memory, MB")
     styles = stage_styles(log)
     lines = tuple(_line(row, row.run, styles, longest) for row in rows if row.run)
     return Table("times", "Stages by row", heads(*names), lines)

@@ -9,18 +9,18 @@ from markupsafe import Markup
 
 from savmap.files.atomic import write_bytes
 from savmap.report.box_plot import box_plot
-from savmap.report.page.alignment import alignment_table
+from savmap.report.page.alignment import alignment_facts, alignment_table
 from savmap.report.page.comparison import row_changes
-from savmap.report.page.errors import class_table, distance_table, headline, row_errors
+from savmap.report.page.errors import class_table, distance_table, row_errors
 from savmap.report.page.sections import section, tiles
 from savmap.report.page.site_plan import site_plan, without_place
 from savmap.report.page.summary import Report, Summary, summaries
-from savmap.report.page.tables import reference_table, row_table
+from savmap.report.page.tables import footage_table, reference_table, row_table
 from savmap.report.page.ties import pair_table, tie_table
 from savmap.report.page.times import stage_styles, stage_table, time_table
 from savmap.report.page.uncertainty import sigma_table
 from savmap.report.templating import rendered, resource
-from savmap.types import Score, pool
+from savmap.types import Alignment, Score, pool
 
 
 def write_page(report: Report, path: Path) -> None:
@@ -41,18 +41,25 @@ def page_text(report: Report) -> str:
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         tiles=tiles(report, rows, score),
         rows=row_table(rows),
+        footage=footage_table(rows),
         failed=[row for row in rows if row.row is None],
         sections=[section(row) for row in rows],
         plan=site_plan(rows, report.site_map),
         unplaced=without_place(rows, report.site_map),
         references=reference_table(rows),
         sigmas=sigma_table(rows),
-        alignment=alignment_table(report.site_map.alignment),
         changes=row_changes(report.comparison) if report.comparison else None,
+        **_aligned(report.site_map.alignment),
         **_ties(report, rows),
         **_errors(report, rows, score),
         **_times(report, rows),
     )
+
+
+def _aligned(alignment: Alignment | None) -> dict[str, Any]:
+    if alignment is None:
+        return {"alignment": None}
+    return {"alignment": alignment_table(alignment), "stands": alignment_facts(alignment)}
 
 
 def _errors(report: Report, rows: tuple[Summary, ...], score: Score | None) -> dict[str, Any]:
@@ -60,7 +67,6 @@ def _errors(report: Report, rows: tuple[Summary, ...], score: Score | None) -> d
         return {"errors": None}
     return {
         "errors": class_table(score),
-        "error_headline": headline(score),
         "boxes": box_plot(report.evaluation),
         "distances": distance_table(score.apart),
         "row_errors": row_errors(rows),
