@@ -14,7 +14,9 @@ from savmap.files.atomic import write_bytes
 from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
-JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+JPEG_START, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
+ORIENTATION, LYING = 0x0112, range(5, 9)
+"""The tag of EXIF, and its values that exchange width and height."""
 MOST_BYTES, HEADER_BYTES = 16, 1 << 24
 
 
@@ -36,31 +38,43 @@ def probe_folder(folder: Path, fps: float) -> VideoInfo:
 
 
 def picture_size(path: Path) -> tuple[int, int] | None:
-    """Width and height from a picture's header, or None where the header, or a PNG's check sum, is damaged."""
+    """Width and height of a picture as it is to be shown, turned as its EXIF data say; None where its header, or a PNG's check sum, is
+    damaged."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Pillow.open(path) as picture:
-                size = picture.size
+                width, height = picture.size  # of a TIFF, Pillow has turned it already
+                exif = Pillow.Exif()
+                exif.load(picture.info.get("exif", b""))
                 picture.verify()
-                return size
+                return (height, width) if exif.get(ORIENTATION) in LYING else (width, height)
     except Exception:  # Pillow's readers raise errors of many types for damaged headers
         return None
 
 
 def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
-    """RGB picture (H, W, 3), or None where the file is damaged or not of this width and height."""
+    """RGB picture (H, W, 3), turned as its EXIF data say, or None where the file is damaged or not of this width and height."""
     if picture_size(path) != size or path.stat().st_size > MOST_BYTES * size[0] * size[1] + HEADER_BYTES:
         return None
     try:
         data = path.read_bytes()
-        if data.startswith(JPEG_START) and JPEG_END not in data[-1024:]:
+        if data.startswith(JPEG_START) and is_cut_off(data):
             return None
         with _silent_opencv():
-            bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+            bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except (cv2.error, OSError):
         return None
     return None if bgr is None else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def is_cut_off(jpeg: bytes) -> bool:
+    """Whether a JPEG's pixels lack the marker of their end, whatever a camera wrote behind it. It cannot stand within them, but does in
+    previews, which are segments before them (ITU-T T.81, annex B)."""
+    at = len(JPEG_START)
+    while jpeg[at : at + 1] == JPEG_START[:1] and jpeg[at : at + 2] != JPEG_SCAN:
+        at += 1 if jpeg[at + 1 : at + 2] == JPEG_START[:1] else 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
+    return jpeg.find(JPEG_END, at) < 0
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """What the readers of labelling tools' sets share: labels as polygons and runs, drawn when they are needed; pictures; checks."""
 
 import hashlib
-import warnings
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Pillow
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import OutputError
@@ -24,7 +22,6 @@ Bytes = NDArray[np.uint8]
 Model = TypeVar("Model", bound=BaseModel)
 FARTHEST_PX = 1e6
 """No corner is further from its picture: no picture is as large."""
-_ORIENTATION, _LYING = 0x0112, {5, 6, 7, 8}
 Region = Sequence[Polygon] | Mask
 """One thing: polygons (each joined to the others), or its pixels (h, w)."""
 
@@ -89,17 +86,6 @@ def checked(model: type[Model], path: Path, content: object) -> Model:
         raise OutputError(f"{one_line(error, model, str(path))}; save or export it again") from None
 
 
-def shown_size(picture: Path) -> tuple[int, int] | None:
-    """Width and height as labelling tools, and OpenCV, show a picture: turned as its EXIF data say. None where it is damaged."""
-    size = picture_size(picture)
-    if size is None:
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with Pillow.open(picture) as opened:
-            return size[::-1] if opened.getexif().get(_ORIENTATION) in _LYING else size
-
-
 def home_of(folder: Path) -> Path:
     """The folder of a set whose labels are in `folder`, which may be an inner one."""
     return folder.parent if folder.name in {"annotations", "images"} else folder
@@ -130,7 +116,7 @@ def sample_in(
 ) -> Sample:
     """A picture of the set in `folder` with what is in it; `size` (width, height) is what the file `labels` says of it, if anything.
     Raises OutputError where it is of another, or damaged."""
-    shown = shown_size(picture)
+    shown = picture_size(picture)
     if shown is None:
         raise OutputError(f"{picture}: the picture cannot be read; save it again")
     if size is not None and size != shown:

@@ -8,8 +8,8 @@ from pydantic import BaseModel
 from savmap.errors import OutputError
 from savmap.files.atomic import read_text
 from savmap.train.data.dataset import NO_MAPPING, Dataset, Sample, require_classes
-from savmap.train.data.shapes import Region, checked, polygon_of, require_pictures, sample_in, shown_size, values_of
-from savmap.video.image_folder import SUFFIXES
+from savmap.train.data.shapes import Region, checked, polygon_of, require_pictures, sample_in, values_of
+from savmap.video.image_folder import SUFFIXES, picture_size
 
 RENDERER = "labelled (YOLO segments)"
 _SLACK = 0.01
@@ -87,7 +87,7 @@ def labels_file(picture: Path) -> Path:
 
 def sample_of(path: Path, picture: Path, values: Mapping[int, int]) -> Sample:
     """A picture with its polygons; none where there is no file of them. Raises OutputError."""
-    labels, size = labels_file(picture), shown_size(picture)
+    labels, size = labels_file(picture), picture_size(picture)
     regions = list(regions_of(labels, size, values)) if size is not None and labels.is_file() else []
     return sample_in(path.parent, path, picture, size, regions)
 
