@@ -4,7 +4,9 @@ import os
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
+from typing import BinaryIO
 
 import av
 import av.error
@@ -18,12 +20,23 @@ from savmap.errors import VideoError
 from savmap.files.urls import is_url
 from savmap.types import Floats
 from savmap.video.clip import END_TOLERANCE_S, MOST_PIXELS, VideoInfo, check_shape
+from savmap.video.image_folder import picture_size
+from savmap.video.order import in_order, several_recordings
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
 """FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists do."""
 OPENING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file", "max_pixels": str(MOST_PIXELS)}
 OPENING_S, READING_S = 60.0, 10.0
 """How long a header, and a packet, may take to come: a file may go on with many gigabytes of nothing."""
+BOXES = frozenset({b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"})
+"""Outermost boxes of MP4 and MOV."""
+LONG = (1).to_bytes(4, "big")
+"""In the place of a box's size where that takes 64 bits and follows."""
+MATROSKA = (b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67")
+"""Outermost elements of Matroska: the header, and the segment that follows it."""
+MOST_PARTS = 100_000
+SEARCHED_BY_TIME, LOOKS = ("mpegts", "mpeg"), 32
+"""Formats without an index, in which FFmpeg searches by the times it meets; how many places are looked at before."""
 SMALL_PIXELS = 1 << 16
 LARGE_PIXELS = 16_000_000
 LARGE_THREADS = 4
@@ -33,14 +46,19 @@ DEVICES = ("videotoolbox", "cuda", "vaapi", "d3d11va", "qsv")
 _WORKING: dict[Hashable, str | None] = {}
 
 
+def local_name(path: Path) -> str:
+    """A file of this machine as FFmpeg names it: without its protocol, FFmpeg takes what stands before a colon for one."""
+    return f"file:{path}"
+
+
 @contextmanager
 def open_video(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream. Raises VideoError where the file cannot be read."""
     try:
-        source = path.open("rb") if is_url(path) else str(path)
+        source = path.open("rb") if is_url(path) else local_name(path)
         container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
     except (av.error.FFmpegError, OSError) as error:
-        raise VideoError(_why_unreadable(path)) from error
+        raise VideoError(f"{path}: {_why_unreadable(path, error)}") from error
     with container:
         yield container, _main_stream(path, container)
 
@@ -64,25 +82,89 @@ def _main_stream(path: Path, container: InputContainer) -> VideoStream:
     return best
 
 
-def _why_unreadable(path: Path) -> str:
+def _why_unreadable(path: Path, error: Exception) -> str:
+    """What to say of a file that FFmpeg could not open."""
     try:
         with path.open("rb") as file:
-            head = file.read(12)
-    except OSError as error:
-        return f"{path}: cannot be read: {error.strerror}"
-    if head[4:8] == b"ftyp":
-        return f"{path}: the file is cut off or damaged (its index is missing); copy it from the camera again"
-    return f"{path}: not a video file of a kind that is read (MP4, MOV, Matroska, AVI, MPEG)"
+            kinds = list(part_kinds(file))
+    except OSError as unread:
+        return f"cannot be read: {unread.strerror}"
+    if picture_size(path) is not None or (kinds[:1] == [b"ftyp"] and b"meta" in kinds):
+        return "is one picture, not a video; give a video, or a folder of pictures"
+    if not BOXES.intersection(kinds):
+        return "not a video file of a kind that is read (see docs/video.md)"
+    if b"moov" not in kinds:
+        return "the file is cut off or damaged (its index is missing); copy it from the camera again"
+    return f"cannot be opened; FFmpeg says: {getattr(error, 'strerror', None) or error}"
+
+
+def part_kinds(file: BinaryIO) -> Iterator[bytes]:
+    """The kinds of a file's outermost parts, as far as their sizes lead: boxes of MP4 (ISO/IEC 14496-12, 4.2), elements of Matroska (RFC 8794,
+    4 to 6); four bytes at the boxes' place of any other file."""
+    at, end = 0, file.seek(0, os.SEEK_END)
+    for _ in range(MOST_PARTS):
+        file.seek(at)
+        head = file.read(16)
+        if len(head) < 8:
+            return
+        if head[:4] in MATROSKA:
+            digits = 9 - head[4].bit_length()
+            kind, size = head[:4], 4 + digits + (int.from_bytes(head[4 : 4 + digits], "big") & (1 << 7 * digits) - 1)
+        else:
+            kind, size = head[4:8], int.from_bytes(head[8:] if head[:4] == LONG else head[:4], "big")
+        yield kind
+        at += size
+        if size < 8 or at >= end:
+            return
 
 
 def probe_file(path: Path) -> VideoInfo:
-    """What a video file's header says. Raises VideoError for a file that is no video, damaged, or not 2:1."""
+    """What a video file's header says. Raises VideoError for a file that is no video, damaged, not 2:1, or two recordings."""
     with open_video(path) as (container, stream):
         context = stream.codec_context
         check_shape(path, context.width, context.height)
         duration = _duration_s(container, stream)
         rate = float(stream.average_rate or stream.guessed_rate or 0)
-        return VideoInfo(path, context.width, context.height, context.name, context.pix_fmt or "", rate, duration)
+        info = VideoInfo(path, context.width, context.height, context.name, context.pix_fmt or "", rate, duration)
+        _require_one_recording(info, container, stream)
+        return info
+
+
+def _require_one_recording(info: VideoInfo, container: InputContainer, stream: VideoStream) -> None:
+    """Raise VideoError for a recording behind another, as far as a few looks show it: in transport and program streams the times go back,
+    MP4 has two indices, of which FFmpeg reads the first alone, Matroska two headers. All packets are read only where these looks say so."""
+    kinds: list[bytes] = []
+    if container.format.name in SEARCHED_BY_TIME:
+        suspect = any(after < before for before, after in pairwise(_looks(container, stream)))
+    else:
+        with info.path.open("rb") as file:
+            kinds = list(part_kinds(file))
+        suspect = max(kinds.count(b"moov"), kinds.count(MATROSKA[0])) > 1
+    if suspect:
+        container.seek(0, unsupported_byte_offset=container.format.name in SEARCHED_BY_TIME)
+        for _ in in_order(_packet_times(container, stream), 0.0, info):
+            pass
+        if b"moov" in kinds and b"moof" not in kinds:
+            raise VideoError(several_recordings(info, f"what follows after {info.duration_s:.1f} s is never read"))
+
+
+def _looks(container: InputContainer, stream: VideoStream) -> Iterator[float]:
+    """The decoding times (s) of the packets at evenly spaced places of a file, up to the first place where none can be read."""
+    for look in range(LOOKS):
+        with suppress(av.error.FFmpegError):
+            container.seek(look * container.size // LOOKS, unsupported_byte_offset=True)
+        time = next((time for time, _ in _packet_times(container, stream)), None)
+        if time is None:
+            return
+        yield time
+
+
+def _packet_times(container: InputContainer, stream: VideoStream) -> Iterator[tuple[float, None]]:
+    """The decoding times (s) of the packets from here on, as far as they can be read."""
+    with suppress(av.error.FFmpegError):
+        for packet in container.demux(stream):
+            if packet.dts is not None:
+                yield seconds(packet.dts, stream), None
 
 
 def _duration_s(container: InputContainer, stream: VideoStream) -> float:

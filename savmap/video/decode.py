@@ -1,7 +1,6 @@
 """Decoding of video files, damaged ones too: all frames of a range, or frames at chosen times."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
 
 import av.error
 import numpy as np
@@ -16,15 +15,12 @@ from savmap.types import Floats, Planes
 from savmap.video.camera_metadata import check_frame
 from savmap.video.clip import DecodeReport, Picture, Source, VideoInfo
 from savmap.video.container import accelerator, configure, is_large, key_times, open_video, seconds, seek
+from savmap.video.order import in_order
 
-Frame = TypeVar("Frame")
 TimedFrames = Iterator[tuple[float, VideoFrame]]
 
 INSTANT_S = 1e-6
 SEEK_MARGIN_S = 0.5
-LEAP_S = 10.0
-LEAP_FRAMES = 20
-BELIEVED_AFTER = 5
 PLANAR = {"yuv420p", "yuvj420p", "nv12"}
 UNSPECIFIED, JPEG_RANGE = 2, 2
 WEIGHTS = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), UNSPECIFIED: (0.299, 0.114)}
@@ -41,7 +37,7 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
         expected: set[float] = set()
         good: set[float] = set()
         already, repeated = report.skipped, 0
-        for stamp, frame, follows in in_order(_frames(container, stream, expected), start_s, info.rate_fps):
+        for stamp, frame, follows in in_order(_frames(container, stream, expected), start_s, info):
             if follows and stamp >= end_s - INSTANT_S:
                 break
             repeated += stamp in good
@@ -70,7 +66,7 @@ def frames_from(
     Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. Where frames are shown in
     another order than they are decoded in (B frames), the first frames after a key frame may be missed unless the search begins
     `margin_s` earlier. Times at key frames need no margin otherwise, and cost one frame each. All decoded frames are counted in
-    `report`. Raises VideoError where the file says of itself that it holds no upright panoramas.
+    `report`. Raises VideoError where the file says of itself that it holds no upright panoramas, and where it holds two recordings.
     """
     report = DecodeReport() if report is None else report
     with open_video(info.path) as (container, stream):
@@ -81,13 +77,13 @@ def frames_from(
             exact[:] = False
         if 2 * np.count_nonzero(exact) > len(exact):
             stream.thread_type = "SLICE"  # gives each picture at once; frame threads decode some that are not needed
-        frames, last_key = _counted(_frames(container, stream, set()), report), 0
+        frames, last_key = _counted(_frames(container, stream, set()), info, report), 0
         for stamp, is_exact in zip(stamps_s, exact.tolist(), strict=True):
             reach = stamp + INSTANT_S - (0.0 if is_exact else margin_s)
             key = max(int(np.searchsorted(keys, reach, side="right")) - 1, 0)
             if key > last_key:
                 seek(container, stream, _within(keys, key))
-                frames, last_key = _counted(_frames(container, stream, set()), report), key
+                frames, last_key = _counted(_frames(container, stream, set()), info, report, stamp), key
             yield _from(frames, stamp, info)
 
 
@@ -104,8 +100,8 @@ def _from(frames: TimedFrames, start_s: float, info: VideoInfo) -> TimedFrames:
             yield stamp, frame
 
 
-def _counted(frames: TimedFrames, report: DecodeReport) -> TimedFrames:
-    for stamp, frame in frames:
+def _counted(frames: TimedFrames, info: VideoInfo, report: DecodeReport, start_s: float = 0.0) -> TimedFrames:
+    for stamp, frame, _ in in_order(frames, start_s, info):
         report.decoded += 1
         yield stamp, frame
 
@@ -133,25 +129,6 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
             sound = not frame.is_corrupt and (sound or frame.key_frame or frame.pict_type == PictureType.I)
             if sound and frame.pts is not None:
                 yield seconds(frame.pts, stream), frame
-
-
-def in_order(
-    frames: Iterator[tuple[float, Frame]], start_s: float, rate_fps: float
-) -> Iterator[tuple[float, Frame, bool]]:
-    """Frames with their times (s), and whether each follows the last one that did.
-
-    A time that is not after the last one does not follow. Nor does one that leaps ahead by more than LEAP_S or LEAP_FRAMES
-    frames' time, until BELIEVED_AFTER in a row have leapt: then the recording has a gap. The first is measured from `start_s`.
-    """
-    leap_s = max(LEAP_S, LEAP_FRAMES / rate_fps if rate_fps > 0 else 0.0)
-    last, leaps, begun = start_s, 0, False
-    for stamp, frame in frames:
-        leapt = stamp > last + leap_s
-        leaps = leaps + 1 if leapt else 0
-        follows = (stamp > last or not begun) and (not leapt or leaps > BELIEVED_AFTER)
-        if follows:
-            last, begun, leaps = stamp, True, 0
-        yield stamp, frame, follows
 
 
 def _fits(frame: VideoFrame, info: VideoInfo) -> bool:

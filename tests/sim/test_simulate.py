@@ -15,11 +15,11 @@ from savmap.errors import OutputError
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.sim.dataset import IGNORED, main, view_mask, write
 from savmap.sim.drive.views import sample_camera
-from savmap.sim.render.panorama import panorama
+from savmap.sim.render.panorama import encode, panorama
 from savmap.sim.render.raycast import Caster
 from savmap.sim.render.shade import Renderer, renderer
 from savmap.sim.scene.build import Built
-from savmap.sim.scene.files import Scene
+from savmap.sim.scene.files import Cart, Scene
 from savmap.sim.simulate import classes_in, simulate
 from savmap.types import ViewSpec
 
@@ -47,6 +47,13 @@ def test_the_folder_holds_footage_and_truth(folder: Path) -> None:
     assert len(images) == 3
     assert 60 < np.mean(images) < 200
     assert not list(folder.parent.glob(".*"))
+
+
+def test_footage_is_written_under_any_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("10:00").mkdir()
+    encode([np.zeros((64, 128, 3), np.uint8)] * 3, Cart(width=128), Path("10:00/footage.mp4"))
+    assert Path("10:00/footage.mp4").stat().st_size > 0
 
 
 def test_truth_is_consistent(folder: Path) -> None:

@@ -17,10 +17,11 @@ import broken_things  # noqa: E402
 import fuzz_walk  # noqa: E402
 
 from savmap.errors import VideoError  # noqa: E402
-from savmap.video.clip import Clip, DecodeReport  # noqa: E402
-from savmap.video.decode import BELIEVED_AFTER, in_order  # noqa: E402
+from savmap.video.clip import Clip, DecodeReport, VideoInfo  # noqa: E402
+from savmap.video.order import BELIEVED_AFTER, in_order  # noqa: E402
 from savmap.video.reader import panoramas, preview_frames, probe  # noqa: E402
 
+INFO = VideoInfo(Path("a.ts"), 128, 64, "h264", "yuv420p", 30.0, 60.0)
 SLOW = {"40 GB of nothing", "enormous pictures"}
 KINDS = {**broken.BYTEWISE, **broken_headers.HEADERS, **broken_streams.STREAMS, **broken_things.THINGS}
 
@@ -111,8 +112,19 @@ def test_a_gap_is_told(tmp_path: Path) -> None:
         ([0, 1, 0.5, 1, 2], [0, 1, 2]),
         ([500, 0, 1], [0, 1]),
         ([0, *range(100, 100 + BELIEVED_AFTER + 2)], [0, 100 + BELIEVED_AFTER, 101 + BELIEVED_AFTER]),
+        ([0, 1, 500, *range(2, 12)], [0, *range(1, 12)]),
+        ([50, *range(BELIEVED_AFTER), 51], [50, 51]),
+        ([50, 4, 3, 2, 1, 0, 4, 3, 2, 1, 51], [50, 51]),
     ],
 )
 def test_times_that_leap_or_go_back_are_not_believed(stamps: list[float], follow: list[float]) -> None:
     given = ((float(stamp), stamp) for stamp in stamps)
-    assert [stamp for stamp, _, follows in in_order(given, 0.0, 30.0) if follows] == follow
+    assert [stamp for stamp, _, follows in in_order(given, 45.0 if stamps[0] == 50 else 0.0, INFO) if follows] == follow
+
+
+def test_times_that_begin_again_are_another_recording_s() -> None:
+    given = ((float(stamp), stamp) for stamp in [*range(9), *range(BELIEVED_AFTER + 1)])
+    with pytest.raises(
+        VideoError, match=r"a.ts: holds two recordings.*: the times begin again after 8\.0 s; give each"
+    ):
+        list(in_order(given, 0.0, INFO))

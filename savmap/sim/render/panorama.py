@@ -20,6 +20,7 @@ from savmap.sim.render.surfaces import Indices, Singles
 from savmap.sim.scene.files import Cart
 from savmap.types import Floats, ViewSpec
 from savmap.types.scenes import Look
+from savmap.video.container import local_name
 
 _BAND_PIXELS = 250_000
 _METERING_HEIGHT = 64
@@ -113,7 +114,7 @@ def _one_opencv_thread() -> Iterator[None]:
 def encode(images: Iterable[Image], cart: Cart, path: Path) -> None:
     """Writes an H.264 video of panoramas of the cart's size and rate; along a path with a key frame a second, as cameras do."""
     options = _QUALITY if cart.path is None else {**_QUALITY, "g": str(max(1, round(cart.fps)))}
-    with av.open(str(path), "w") as container:
+    with av.open(local_name(path), "w") as container:
         rate = Fraction(cart.fps).limit_denominator(1001)
         stream = container.add_stream("libx264", rate=rate, options=options)
         stream.width, stream.height = cart.width, cart.width // 2
