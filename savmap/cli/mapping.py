@@ -1,6 +1,8 @@
 """What the commands `map` and `demo` do and print."""
 
 import os
+import shlex
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,10 +26,10 @@ from savmap.types import SiteMap
 
 def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluster: str | None = None) -> None:
     """Map a job into its folder. Progress goes to standard error and `savmap.log`; the files that were written, the scores and the rows'
-    places to standard output. Raises SavmapError; what could be mapped is written before."""
+    places to standard output. Raises SavmapError; what could be mapped is written before. An interrupt says what is kept, and how to go on."""
     require_ready(job)
     prepare(job.output, written_files(job))
-    with locked(job.output), Console(job.output / "savmap.log") as console:
+    with locked(job.output), going_on_told(job.output), Console(job.output / "savmap.log") as console:
         run = map_job_into(job, RunOptions(jobs, fresh, cluster), console)
         for file in run.files:
             say(f"wrote {file}")
@@ -37,6 +39,17 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
         for line in (*placed, *verdict_lines(run.site_map, job.output)):
             say(line)
         run.raise_if_incomplete(job)
+
+
+@contextmanager
+def going_on_told(output: Path) -> Iterator[None]:
+    """Say, where what is done meanwhile is interrupted, what an output folder keeps and which command goes on from there."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        command = shlex.join(["savmap", *(word for word in sys.argv[1:] if word != "--fresh")])
+        say(f"{output} keeps {str(interrupt) or 'all rows'}; go on with `{command}`", err=True)
+        raise
 
 
 @contextmanager

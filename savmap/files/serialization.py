@@ -24,11 +24,12 @@ NUMBERS = "biuf"
 PLAIN = {type(None), bool, int, float, str}
 
 
-def packed(record: object) -> bytes:
-    """A record as bytes. TypeError for what is neither a dataclass of savmap, a mapping, a sequence, an array, nor plain."""
+def packed(record: object, level: int = LEVEL) -> bytes:
+    """A record as bytes. TypeError for what is neither a dataclass of savmap, a mapping, a sequence, an array, bytes, nor plain. `level`: of
+    zlib's compression, from 0, none, to 9."""
     arrays = bytearray()
     tree = json.dumps(_tree(record, arrays), separators=(",", ":")).encode()
-    return zlib.compress(len(tree).to_bytes(HEAD, "little") + tree + arrays, LEVEL)
+    return zlib.compress(len(tree).to_bytes(HEAD, "little") + tree + arrays, level)
 
 
 def unpacked(content: bytes, kind: type[Record]) -> Record:
@@ -63,6 +64,9 @@ def _tree(value: Any, arrays: bytearray) -> Any:
         place = len(arrays)
         arrays.extend(np.ascontiguousarray(value).tobytes())
         return {"array": [value.dtype.str, list(value.shape), place]}
+    if isinstance(value, bytes):
+        arrays.extend(value)
+        return {"bytes": [len(arrays) - len(value), len(value)]}
     kind = type(value)
     if dataclasses.is_dataclass(kind) and kind.__module__.startswith(PACKAGE):
         fields = [_tree(getattr(value, field.name), arrays) for field in dataclasses.fields(kind)]
@@ -112,6 +116,9 @@ def _record(tree: Any, arrays: memoryview) -> Any:
         dtype, shape, place = content
         count = int(np.prod(shape))
         return np.frombuffer(arrays, np.dtype(dtype), count, place).reshape(shape).copy()
+    if kind == "bytes":
+        place, count = content
+        return bytes(arrays[place : place + count])
     if kind == "record":
         module, name, fields = content
         return _class(module, name)(*(_record(item, arrays) for item in fields))

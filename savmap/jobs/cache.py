@@ -12,13 +12,14 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.atomic import file_name, reason, write_bytes
+from savmap.files.journal import Parts
 from savmap.files.serialization import packed, unpacked
 from savmap.files.texts import bounded_bytes
 from savmap.files.urls import is_url
@@ -68,6 +69,10 @@ class RowCache(Protocol):
         """Keep what a stage of a row gave. Raises OutputError where it cannot be written."""
         ...
 
+    def frames(self, row: str, key: str) -> Parts | None:
+        """Where what was measured in single frames of a row is kept, until all of them are measured; None where nothing is."""
+        ...
+
 
 class NoCache:
     """Keeps nothing."""
@@ -77,6 +82,9 @@ class NoCache:
 
     def save(self, row: str, stage: str, key: str, content: bytes) -> None:
         """Nothing."""
+
+    def frames(self, row: str, key: str) -> None:
+        """None."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +105,39 @@ class FolderCache:
     def save(self, row: str, stage: str, key: str, content: bytes) -> None:
         write_bytes(self._path(row, stage), _head(key, content) + b"\n" + content)
 
+    def drop(self, row: str, stage: str) -> bool:
+        """Forget what a stage of a row gave; False where nothing is kept of it."""
+        try:
+            self._path(row, stage).unlink()
+        except OSError:
+            return False
+        return True
+
+    def frames(self, row: str, key: str) -> Parts:
+        return _FrameParts(self, row, key)
+
     def _path(self, row: str, stage: str) -> Path:
         return self.folder / FOLDER / file_name(row) / stage
+
+
+@dataclass(frozen=True)
+class _FrameParts:
+    """Parts of what was measured in single frames of a row, each in a file of its own."""
+
+    cache: FolderCache
+    row: str
+    key: str
+
+    def load(self, part: int) -> bytes | None:
+        """Part 0 tells what is there, which may be of this run, also where nothing of an earlier one is used."""
+        cache = self.cache if part else replace(self.cache, fresh=False)
+        return cache.load(self.row, f"frames-{part}", self.key)
+
+    def save(self, part: int, content: bytes) -> None:
+        self.cache.save(self.row, f"frames-{part}", self.key, content)
+
+    def drop(self, part: int) -> bool:
+        return self.cache.drop(self.row, f"frames-{part}")
 
 
 def _head(key: str, body: bytes) -> bytes:

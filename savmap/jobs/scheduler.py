@@ -10,13 +10,14 @@ from functools import partial
 from typing import Any, Literal
 
 from savmap.errors import PluginFailedError, SavmapError
+from savmap.files.journal import Parts, counts, forget
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
 from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, strips_key
 from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
 from savmap.jobs.kept import kept_map, kept_measurements
 from savmap.maps.run_record import RowRun, RunLog
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.measure import RowMeasurements, frames_of
 from savmap.plugin import trace
 from savmap.plugin.isolation import left_out
 from savmap.site.job import Job
@@ -67,19 +68,23 @@ class MappedRows:
 def map_rows_of(
     job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, with_pictures: bool = False
 ) -> MappedRows:
-    """Map all rows of a job, with the pictures of them that it asks for, if any are wanted. Raises the first row's error where none could be mapped."""
+    """Map all rows of a job, with the pictures of them that it asks for, if any are wanted. Raises the first row's error where none could be mapped,
+    and KeyboardInterrupt that says what is kept."""
     begin = time.monotonic()
     groups = groups_of(job)
     executor, workers = options.executor(job, len(groups), monitor)
     progress = _Progress(job, cache, executor, monitor, groups, with_pictures)
-    for group in groups:
-        progress.begin(group)
-    results = executor.results()
-    if executor.monitor is None:
-        pictures = len(job.site.rows) if with_pictures else 0
-        results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups) + pictures)
-    for key, result in results:
-        progress.take(key, result)
+    try:
+        for group in groups:
+            progress.begin(group)
+        results = executor.results()
+        if executor.monitor is None:
+            pictures = len(job.site.rows) if with_pictures else 0
+            results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups) + pictures)
+        for key, result in results:
+            progress.take(key, result)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(progress.kept() or "nothing yet") from interrupt
     if not progress.solved:
         raise next(iter(progress.failed.values()))
     maps = {name: progress.solved[name].record for name in job.site.rows if name in progress.solved}
@@ -169,6 +174,9 @@ class _Progress:
                 self.measured[name] = record
                 if name in done.strips:
                     self._keep_strips(name, done.strips[name])
+                frames = self._frames(name)
+                if frames is not None and not self.plugins_failed[name]:
+                    forget(frames)
             else:
                 self._save(name, SOLVED, self._solution_key(names), record)
                 self.solved[name] = record
@@ -213,7 +221,11 @@ class _Progress:
         self._measure(names[0]) if stage == MEASURED else self._solve(names)
 
     def _measure(self, name: str) -> None:
-        self._submit((MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures), name)
+        """Have a row measured. What a run kept of single frames is not for one that leaves a plugin out from the start: it may choose other views."""
+        frames = self._frames(name) if self.executor.monitor is not None and name not in self.crashed else None
+        self._submit(
+            (MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames), name
+        )
 
     def _solve(self, names: Group) -> None:
         self._submit((SOLVED, names), tasks.solve_task, {name: self.measured[name] for name in names})
@@ -282,6 +294,19 @@ class _Progress:
     def _strips_key(self, name: str) -> str:
         return strips_key(self.job, self.keys[name])
 
+    def _frames(self, name: str) -> Parts | None:
+        return self.cache.frames(name, self._strips_key(name))
+
+    def kept(self) -> str:
+        """What a second run will not do again, in words; "" where nothing is kept."""
+        stages = {"mapped": list(self.solved), "measured": [name for name in self.measured if name not in self.solved]}
+        said = [f"{_named(names)} ({stage})" for stage, names in stages.items() if names]
+        for name, row in self.job.site.rows.items():
+            frames = self._frames(name)
+            done = [] if frames is None or name in self.measured or name in self.solved else [*counts(frames).values()]
+            said += [f"row {name} ({done[0]} of {frames_of(row.passes)} frames)"] if done else []
+        return ", ".join(said) if self._frames(next(iter(self.keys))) is not None else ""
+
     def _solution_key(self, names: Group) -> str:
         if names not in self.solution_keys:
             self.solution_keys[names] = solution_key(self.job, {name: self.keys[name] for name in names})
@@ -298,6 +323,10 @@ class _Progress:
             self.monitor.note(f"row {name} is not mapped: {str(failure.error).removeprefix(f'row {name}: ')}")
         if failure.trace:
             log.error("row %s: %s", name, failure.trace)
+
+
+def _named(rows: Sequence[str]) -> str:
+    return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(rows)}"
 
 
 def _crashed(names: Group, error: BaseException) -> tasks.TaskResult:

@@ -1,4 +1,4 @@
-"""Tasks: what a worker does, in this process, in another one, or on another machine, without writing a file."""
+"""Tasks: what a worker does, in this process, in another one, or on another machine. No file is written but what is kept of single frames."""
 
 import logging
 import resource
@@ -13,10 +13,11 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from savmap.errors import PluginFailedError, SavmapError, SiteError, format_error
+from savmap.files.journal import Parts
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
 from savmap.pipeline.cutting import spaced_stills
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.measure import FrameJournal, FrameRecord, RowMeasurements
 from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.row import map_rows, measure
@@ -64,10 +65,16 @@ class TaskResult:
 
 
 def measure_task(
-    job: Job, row: str, failures: Mapping[str, Failures], monitor: Monitor | None = None, *, with_strips: bool = False
+    job: Job,
+    row: str,
+    failures: Mapping[str, Failures],
+    monitor: Monitor | None = None,
+    *,
+    with_strips: bool = False,
+    frames: Parts | None = None,
 ) -> TaskResult:
     """What is measured in one row's pictures, with strips of them if they are wanted. `failures`: by row, the plugins that failed in it
-    already."""
+    already. `frames`: where what is measured in single frames is kept meanwhile."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
@@ -75,10 +82,13 @@ def measure_task(
         request = request_for(job, row, failures.get(row))
         if with_strips:
             request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
-        try:
-            measured = measure(request, shown)
-        except SavmapError as error:
-            raise because(error, failed(request.plugins)) from error
+        with FrameJournal(FrameRecord, frames) as journal:
+            if journal.count:
+                shown.note(f"row {row}: what was measured in {journal.count} frames is kept from an earlier run")
+            try:
+                measured = measure(replace(request, journal=journal), shown)
+            except SavmapError as error:
+                raise because(error, failed(request.plugins)) from error
         plugins_failed[row] = measured.measurements.failed
         if with_strips:
             strips[row] = StoredRecord(RowStrips, measured.strips)

@@ -3,11 +3,14 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.pipeline.cutting import FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
+from savmap.files.journal import Journal
+from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.networks import choices_told, with_best_networks
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
@@ -25,6 +28,8 @@ from savmap.types import (
     Panorama,
     RowFacts,
     RowStrips,
+    Still,
+    Strip,
     View,
     ViewSpec,
 )
@@ -39,6 +44,52 @@ from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
 from savmap.vision.views import Renderer
 
 WORKERS, DEPTH = 2, 3
+MEASURING = "measuring"
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRecord:
+    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and what was cut of it."""
+
+    features: Mapping[str, Sequence[Feature]]
+    packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
+    cuts: Sequence[Cut] = ()
+
+    def fits(self, frame: int, plan: PassPlan) -> bool:
+        """Whether it is of a frame and its views, as only what is in a file that was forged or spoilt is not."""
+        views = {spec.name for spec in plan.plugins_by_view}
+        features = [item for items in self.features.values() for item in items]
+        packed_views = [item for items in self.packed_views.values() for item in items]
+        sound = all(isinstance(item, Feature) for item in features)
+        sound = sound and all(isinstance(item, PackedView) for item in packed_views)
+        sound = sound and all(isinstance(item, Cut) and item.frame == frame for item in self.cuts)
+        return sound and all(item.frame == frame and item.view in views for item in (*features, *packed_views))
+
+
+FrameJournal = Journal[FrameRecord]
+
+
+@dataclass(frozen=True, eq=False)
+class WalkJournal:
+    """What a journal has of one walk over the frames of a pass; nothing without one. What is measured once one of the plugins has failed is
+    not kept: it is tried again next time."""
+
+    journal: FrameJournal | None
+    walk: str
+    plan: PassPlan
+    plugins: Sequence[LoadedPlugin]
+
+    def get(self, frame: int) -> FrameRecord | None:
+        """What was measured in a frame before the run was cut off."""
+        record = self.journal.get(self.walk, frame) if self.journal else None
+        return record if record is not None and record.fits(frame, self.plan) else None
+
+    def add(self, frame: int, record: FrameRecord) -> FrameRecord:
+        """Keep what is measured in a frame."""
+        if self.journal and not failed(self.plugins):
+            self.journal.add(self.walk, frame, record)
+        return record
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +120,12 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
     return dict(zip(pass_names(passes), sources, strict=True))
 
 
+def frames_of(passes: Sequence[Pass]) -> int:
+    """Roughly how many panoramas passes give. Raises VideoError."""
+    clips = [row_pass.clip for row_pass in passes]
+    return sum(expected_frames(clip, probe(clip.path, clip.images_fps)) for clip in clips)
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredPasses:
     """What was measured in all passes of a row.
@@ -96,12 +153,13 @@ def measure_row(
     appearance: bool = False,
     strips: bool = False,
     stills: bool = False,
+    journal: FrameJournal | None = None,
 ) -> MeasuredPasses:
     """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
     appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an orthophoto; stills: whether to keep panoramas to be
-    looked at.
+    looked at; journal: keeps what is measured, and has what a run that was cut off measured.
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
@@ -111,9 +169,9 @@ def measure_row(
     plugins, first_plan = with_best_networks(*first, plugins, renderer, known.get(first[0]))
     segmenters = SegmenterPool(plugins)
     flow = FlowTracker() if appearance else NullFlowTracker()
-    floor = FloorCutter(renderer)
-    cutter = SeveralCutters([floor, *([FaceStrips(renderer)] if strips else []), *([Stills()] if stills else [])])
-    walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter)
+    floor, face = FloorCutter(renderer), FaceStrips(renderer)
+    cutter = SeveralCutters([floor, *([face] if strips else []), *([Stills()] if stills else [])])
+    walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter, journal)
     walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices_told(plugins))]
     walk.over(row, first_plan, monitor)
     plans = [first_plan]
@@ -137,7 +195,13 @@ def measure_row(
         skipped=walk.skipped,
     )
     return MeasuredPasses(
-        measurements, plans, walk.packed_views, plugins, cutter.strips(), floor.packed_views, floor.views
+        measurements,
+        plans,
+        walk.packed_views,
+        plugins,
+        RowStrips(face.views, walk.cuts_of(Strip), walk.cuts_of(Still)),
+        walk.cuts_of(PackedView),
+        floor.views,
     )
 
 
@@ -145,21 +209,21 @@ def rendered(
     clip: Clip,
     first: int,
     report: DecodeReport,
-    render: Callable[[Panorama], list[View]],
+    render: Callable[[Panorama], Item],
     monitor: Monitor,
     text: str,
-) -> Iterator[tuple[Panorama, list[View]]]:
-    """The frames of a clip, numbered from `first`, with their views, which other threads render ahead of their turn."""
-    total = expected_frames(clip, probe(clip.path))
+) -> Iterator[tuple[Panorama, Item]]:
+    """The frames of a clip, numbered from `first`, with what is rendered of them, which other threads do ahead of their turn."""
+    total = expected_frames(clip, probe(clip.path, clip.images_fps))
     with ThreadPoolExecutor(WORKERS) as pool:
         ahead = ((panorama, pool.submit(render, panorama)) for panorama in panoramas(clip, first, report))
         with prefetch(ahead, DEPTH) as frames:
-            for panorama, views in monitor.each(frames, text, total):
-                yield panorama, views.result()
+            for panorama, shown in monitor.each(frames, text, total):
+                yield panorama, shown.result()
 
 
 class RowWalk:
-    """Walks through a row's passes, frame by frame, and gathers what the plugins extract."""
+    """Walks through a row's passes, frame by frame, and gathers what the plugins extract. Frames that the journal has are only decoded."""
 
     def __init__(
         self,
@@ -169,9 +233,11 @@ class RowWalk:
         markers: MarkerTracker,
         flow: FlowTracker,
         cutter: StripCutter | None = None,
+        journal: FrameJournal | None = None,
     ) -> None:
         self.plugins, self.segmenters, self.renderer = plugins, segmenters, renderer
         self.markers, self.flow, self.cutter = markers, flow, cutter or NoStrips()
+        self.journal = journal
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -181,19 +247,26 @@ class RowWalk:
         self.locators: set[str] = set()
         self.notes: list[str] = []
         self.packed_views: dict[str, list[PackedView]] = {plugin.name: [] for plugin in plugins if plugin.has("planes")}
+        self.cuts: list[Cut] = []
         self.doubts: list[Doubt] = []
         self.skipped = 0
+
+    def cuts_of(self, kind: type[Item]) -> tuple[Item, ...]:
+        """What was cut of one kind, in the order of the frames."""
+        return tuple(cut for cut in self.cuts if isinstance(cut, kind))
 
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
         report, watch, first = DecodeReport(), PassWatch(), len(self.passes)
         self.cutter.begin(plan, next((name for name in self.packed_views if plan.plans[name].views), None))
         text = f"row {row}, {plan.name}: measuring"
-        for panorama, views in rendered(
-            plan.clip, first, report, lambda shown: self._render(shown, plan), monitor, text
-        ):
+        kept = WalkJournal(self.journal, MEASURING, plan, self.plugins)
+        render = partial(self._render, plan=plan, kept=kept)
+        for panorama, (views, cuts) in rendered(plan.clip, first, report, render, monitor, text):
             watch.update(panorama)
-            self._extract(panorama, views, plan)
+            self._follow(panorama, views, plan)
+            record = kept.get(panorama.frame)
+            self._take(record or kept.add(panorama.frame, self._measured(panorama, views, cuts, plan)))
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, len(self.passes) - first, plan.name))
         self.doubts += [
@@ -217,29 +290,46 @@ class RowWalk:
         if not report.complete:
             self.notes.append(f"{plan.clip.path}: {report.text()}")
 
-    def _render(self, panorama: Panorama, plan: PassPlan) -> list[View]:
-        """A panorama's views, about which the networks have been asked. Several threads may do this at once."""
-        self.cutter.cut(panorama)
+    def _render(self, panorama: Panorama, plan: PassPlan, kept: WalkJournal) -> tuple[list[View], list[Cut]]:
+        """A panorama's views, about which the networks have been asked, and what is cut of it. Several threads may do this at once. Of a
+        frame that is kept, only the views are needed in which points are followed."""
+        is_kept = kept.get(panorama.frame) is not None
+        if is_kept and isinstance(self.flow, NullFlowTracker):
+            return [], []
         views = [self.renderer.render(panorama, spec) for spec in plan.plugins_by_view if spec.shows(panorama.frame)]
-        for view in views:
+        for view in [] if is_kept else views:
             for plugin in self._plugins_at(view, plan):
                 self.segmenters.prefetch(plugin, view)
-        return views
+        return views, [] if is_kept else self.cutter.cut(panorama)
 
-    def _extract(self, panorama: Panorama, views: Sequence[View], plan: PassPlan) -> None:
-        """All plugins' features in a frame's views. Plugins are asked by one thread, in order."""
+    def _follow(self, panorama: Panorama, views: Sequence[View], plan: PassPlan) -> None:
+        """Go on to a frame with what is followed from each frame to the next."""
         self.stamps.append(panorama.stamp_s)
         self.passes.append(plan.name)
         self.markers.update(panorama)
         for view in views:
             if plan.locators().intersection(plan.plugins_by_view[view.spec]):
                 self.flow.update(view)
+
+    def _take(self, record: FrameRecord) -> None:
+        """Take what was measured in a frame."""
+        for name, features in self.features.items():
+            features += record.features.get(name, ())
+        for name, packed_views in self.packed_views.items():
+            packed_views += record.packed_views.get(name, ())
+        self.cuts += record.cuts
+
+    def _measured(self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut], plan: PassPlan) -> FrameRecord:
+        """All plugins' features in a frame's views, and these packed. Plugins are asked by one thread, in order."""
+        features: dict[str, list[Feature]] = {name: [] for name in self.features}
+        packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
+        for view in views:
             for plugin in self._plugins_at(view, plan):
-                self.features[plugin.name] += plugin.extract_features(
-                    view, self.segmenters.detect(plugin, view), panorama
-                )
-                if plugin.name in self.packed_views:
-                    self.packed_views[plugin.name].append(PackedView.of(view, self.segmenters.predict(plugin, view)))
+                detections = self.segmenters.detect(plugin, view)
+                features[plugin.name] += plugin.extract_features(view, detections, panorama)
+                if plugin.name in packed_views:
+                    packed_views[plugin.name].append(PackedView.of(view, self.segmenters.predict(plugin, view)))
+        return FrameRecord(features, packed_views, cuts)
 
     def _plugins_at(self, view: View, plan: PassPlan) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in plan.plugins_by_view[view.spec]]

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.measure import FrameJournal, RowMeasurements
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
 from savmap.types import PlanePatch, RowStrips, Structure, Track, Trajectory
@@ -16,7 +16,8 @@ class RowRequest:
 
     `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated. `appearance`: whether
     points of any kind help with the camera's motion. `measurements`: what an earlier run measured, if it is still valid. `strips`: whether
-    strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
+    strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at. `journal`: keeps what is measured in
+    single frames, for a run that is cut off.
     """
 
     name: str
@@ -30,6 +31,7 @@ class RowRequest:
     measurements: RowMeasurements | None = None
     strips: bool = False
     stills: bool = False
+    journal: FrameJournal | None = None
 
     @property
     def gauge_references(self) -> References:

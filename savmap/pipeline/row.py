@@ -75,6 +75,7 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         row.appearance,
         row.strips,
         row.stills,
+        row.journal,
     )
     return MeasuredRow(row, look_again(row, measured, monitor), strips=measured.strips)
 

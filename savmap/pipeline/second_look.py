@@ -21,7 +21,7 @@ from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
 from savmap.graph import References
 from savmap.pipeline.initial_poses import first_poses
-from savmap.pipeline.measure import MeasuredPasses, RowMeasurements, rendered
+from savmap.pipeline.measure import FrameRecord, MeasuredPasses, RowMeasurements, WalkJournal, rendered
 from savmap.pipeline.records import RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -211,7 +211,7 @@ def best_measurements(
     states = [(measurements, expect(alone, measured, measurements))]
     while len(states) <= LOOKS and (expectation := states[-1][1]) is not None:
         monitor.note(f"row {row}: `{plugin.name}` looks again for {len(expectation.there)} objects")
-        features = measure_again(row, plugin, measured, expectation, monitor)
+        features = measure_again(alone.row, plugin, measured, expectation, len(states), monitor)
         anew = replace(measurements, features={**measurements.features, plugin.name: features})
         located = alone.located(anew)
         if located is None:
@@ -352,18 +352,27 @@ def warnings_held_back() -> Iterator[None]:
 
 
 def measure_again(
-    row: str, plugin: LoadedPlugin, measured: MeasuredPasses, expectation: Expectation, monitor: Monitor
+    row: RowRequest,
+    plugin: LoadedPlugin,
+    measured: MeasuredPasses,
+    expectation: Expectation,
+    number: int,
+    monitor: Monitor,
 ) -> list[Feature]:
-    """The features of a plugin in all passes, measured where objects are expected."""
+    """The features of a plugin in all passes, measured where objects are expected, in its look of this number."""
     look = SecondLook(plugin, expectation)
     passes = measured.measurements.facts.frames.passes
     features: list[Feature] = []
     for plan in measured.plans:
         views = [spec for (owner, _), spec in plan.views().items() if owner == plugin.name]
-        text = f"row {row}, {plan.name}: looking again"
-        render = partial(look.render, views=views)
+        text = f"row {row.name}, {plan.name}: looking again"
+        kept = WalkJournal(row.journal, f"look {number} of {plugin.name}", plan, [plugin])
+        render = partial(look.render, views=views, kept=kept)
         for panorama, shown in rendered(plan.clip, passes.index(plan.name), DecodeReport(), render, monitor, text):
-            features += look.features(panorama, shown)
+            record = kept.get(panorama.frame) or kept.add(
+                panorama.frame, FrameRecord({plugin.name: look.features(panorama, shown)})
+            )
+            features += record.features.get(plugin.name, ())
     return features
 
 
@@ -375,9 +384,9 @@ class SecondLook:
         self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), DetectionSettings()
         self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
 
-    def render(self, panorama: Panorama, views: Sequence[ViewSpec]) -> list[View]:
-        """A panorama's views, about which the network has been asked; none where the camera's pose is not known."""
-        known = panorama.frame in self.poses
+    def render(self, panorama: Panorama, views: Sequence[ViewSpec], kept: WalkJournal) -> list[View]:
+        """A panorama's views, about which the network has been asked; none where the camera's pose is not known, or the frame is kept."""
+        known = panorama.frame in self.poses and kept.get(panorama.frame) is None
         shown = [self.renderer.render(panorama, spec) for spec in views if known and spec.shows(panorama.frame)]
         for view in shown:
             self.segmenters.predict(self.plugin, view)

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from savmap.errors import PluginFailedError, SavmapError
+from savmap.files.serialization import packed
 from savmap.geometry.pinhole import project
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.protocol import Plugin, class_faults
@@ -66,17 +67,19 @@ def _nothing_gives_no_features(plugin: LoadedPlugin) -> Iterator[str]:
 
 
 def _features_fit(plugin: LoadedPlugin) -> Iterator[str]:
-    """Whatever a mask looks like, features are of its frame and view and of a class of the plugin."""
-    features: list[Feature] = []
-    for seed in range(4):
+    """Whatever a mask looks like, features are of its frame and view and of a class of the plugin, and the same ones when it is asked again."""
+    found: list[list[Feature]] = []
+    for seed in (*range(4), *range(4)):
         detections = [_random_detection(label, seed) for label in plugin.classes]
         try:
-            features += plugin.extract_features(_view(SPEC, 7), detections, _panorama(7) if seed % 2 else None)
+            found.append(plugin.extract_features(_view(SPEC, 7), detections, _panorama(7) if seed % 2 else None))
         except SavmapError as error:
             yield f"extract_features raised on a mask: {error}"
             return
-    if any(feature.label not in plugin.classes for feature in features):
+    if any(feature.label not in plugin.classes for features in found for feature in features):
         yield "features must carry a class of the plugin"
+    if packed(found[:4]) != packed(found[4:]):
+        yield "extract_features must give the same for the same view, whatever it was asked before"
 
 
 def _nothing_gives_no_tracks(plugin: LoadedPlugin) -> Iterator[str]:

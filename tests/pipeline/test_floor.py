@@ -19,7 +19,7 @@ from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Panorama, Trajectory, ViewPlan, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, VideoInfo
-from savmap.vision.evidence import FloorTracks
+from savmap.vision.evidence import FloorTracks, PackedView
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.views import Renderer
 
@@ -86,19 +86,18 @@ def test_the_floor_is_kept_of_frames_in_which_the_face_is_looked_at(
     cutter.begin(plan, "one")
     image = np.full((100, 200, 3), 40, np.uint8)
     image[50:] = 200  # below the horizon
-    for frame in range(11):
-        cutter.cut(Panorama(frame, frame / 10, image))
+    cuts = [cut for frame in range(11) for cut in cutter.cut(Panorama(frame, frame / 10, image))]
     (spec,) = cutter.views.values()
     right, _, forward = (made.LEVEL @ spec.rig_from_view).T
     assert right == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
     assert forward == pytest.approx([0.0, -np.sin(np.radians(50)), -np.cos(np.radians(50))], abs=1e-9)
-    assert [packed_view.frame for packed_view in cutter.packed_views] == kept
-    assert np.median(cutter.packed_views[0].grey()) == pytest.approx(200, abs=3)
+    assert [cut.frame for cut in cuts] == kept
+    assert isinstance(cuts[0], PackedView)
+    assert np.median(cuts[0].grey()) == pytest.approx(200, abs=3)
 
 
 def test_nothing_is_kept_where_no_face_was_found() -> None:
     cutter = FloorCutter(Renderer())
     cutter.begin(PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan(())}), "one")
-    cutter.cut(Panorama(0, 0.0, np.zeros((100, 200, 3), np.uint8)))
-    assert cutter.packed_views == ()
+    assert cutter.cut(Panorama(0, 0.0, np.zeros((100, 200, 3), np.uint8))) == []
     assert not cutter.views

@@ -28,7 +28,7 @@ def test_every_frame_that_is_walked_through_is_looked_at() -> None:
     aimed = measure.PassPlan("pass 1", Clip(Path("none")), {})
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
-        walk._extract(panorama, walk._render(panorama, aimed), aimed)
+        walk._follow(panorama, [], aimed)
     assert walk.markers.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
 
 

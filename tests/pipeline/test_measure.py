@@ -6,20 +6,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image as Pillow
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError
+from savmap.files import journal as journals
+from savmap.files.serialization import packed
 from savmap.pipeline import measure
+from savmap.pipeline.cutting import SeveralCutters, Stills
 from savmap.pipeline.view_plans import PassPlan
+from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
-from savmap.vision.flow import NullFlowTracker
+from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
@@ -51,12 +56,25 @@ def aimed(tmp_path: Path) -> PassPlan:
     return PassPlan("pass 1", Clip(video), {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,))})
 
 
+class Shelf(dict[int, bytes]):
+    """Parts in memory."""
+
+    load, save = dict.get, dict.__setitem__
+
+    def drop(self, part: int) -> bool:
+        return self.pop(part, None) is not None
+
+
 def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
 
-def walk_of(rooms: list[LoadedPlugin]) -> measure.RowWalk:
-    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), MarkerTracker(()), NullFlowTracker())
+def walk_of(
+    rooms: list[LoadedPlugin], journal: measure.FrameJournal | None = None, flow: FlowTracker | None = None
+) -> measure.RowWalk:
+    markers, cutter = MarkerTracker([("tag36h11", 7)]), SeveralCutters([Stills()])
+    flow = flow or NullFlowTracker()
+    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), markers, flow, cutter, journal)
 
 
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: PassPlan) -> None:
@@ -137,3 +155,64 @@ def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None
     walk = walk_of([room("one", lambda view, detections: [])])
     walk.over("A", aimed, SilentMonitor())
     assert not walk.segmenters.networks["one"]._segmentations
+
+
+@pytest.mark.parametrize("footage", ["video", "pictures"])
+@pytest.mark.parametrize("cut_off_at", [0, 5, 11])
+def test_a_walk_that_was_cut_off_goes_on_there(
+    aimed: PassPlan, footage: str, cut_off_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(journals, "KEEP_S", 0.0)
+    asked: list[int] = []
+    stops = [True]
+
+    def extract(view: View, detections: list[Detection]) -> list[Feature]:
+        asked.append(view.frame)
+        if stops and view.frame == cut_off_at and view.spec.name.endswith("up"):
+            raise KeyboardInterrupt
+        middle = view.image.mean(axis=(0, 1))[:2]
+        return [Feature(view.frame, view.spec.name, "light", "centre", 0, middle[None], np.eye(2)[None] * middle[0])]
+
+    def walked(parts: Shelf | None) -> bytes:
+        rooms = [room("one", extract), room("two", extract)]
+        with measure.FrameJournal(measure.FrameRecord, parts) as journal:
+            walk = walk_of(rooms, journal, FlowTracker())
+            walk.over("A", plan, SilentMonitor())
+        seen = [walk.features, walk.packed_views, walk.stamps, walk.passes, walk.cuts, walk.notes, walk.flow.flows]
+        return packed([*seen, walk.markers.marks])
+
+    plan = aimed if footage == "video" else replace(aimed, clip=Clip(pictures_of(aimed, tmp_path), images_fps=15.0))
+    shelf = Shelf()
+    with pytest.raises(KeyboardInterrupt):
+        walked(shelf)
+    stops.clear()
+    asked.clear()
+    whole = walked(shelf)
+    assert sorted(set(asked)) == list(range(cut_off_at, 12))
+    assert whole == walked(None)
+    assert sorted(set(asked)) == list(range(12))
+
+
+def pictures_of(aimed: PassPlan, folder: Path) -> Path:
+    """The frames of a pass as pictures of a folder."""
+    (folder / "pictures").mkdir()
+    for panorama in panoramas(aimed.clip):
+        cv2.imwrite(str(folder / "pictures" / f"{panorama.frame:04d}.jpg"), panorama.image[..., ::-1])
+    return folder / "pictures"
+
+
+def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journals, "KEEP_S", 0.0)
+    shelf = Shelf()
+    rooms = isolated([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0), room("two", lambda *_: [])])
+    walk = walk_of([*rooms], measure.FrameJournal(measure.FrameRecord, shelf))
+    walk.over("A", aimed, SilentMonitor())
+    assert journals.counts(shelf) == {"measuring": 3}
+
+
+def test_kept_frames_of_other_views_are_measured_again(aimed: PassPlan) -> None:
+    feature = Feature(1, "pass 1 / ahead", "light", "centre", 0, np.ones((1, 2)), np.eye(2)[None])
+    assert measure.FrameRecord({"one": [feature]}).fits(1, aimed)
+    assert not measure.FrameRecord({"one": [feature]}).fits(2, aimed)
+    assert not measure.FrameRecord({"one": [replace(feature, view="pass 2 / ahead")]}).fits(1, aimed)
+    assert not measure.FrameRecord({"one": [1]}).fits(1, aimed)  # type: ignore[list-item]

@@ -1,5 +1,6 @@
 """Orthophotos: what stands on the face comes back at its place, sharp and evenly bright; strips are few and straight ahead."""
 
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from savmap.pipeline.cutting import face_strips as cutting
 from savmap.pipeline.cutting.face_strips import strip_views
 from savmap.pipeline.orthophoto import gains, orthophoto, shots_of
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Trajectory, ViewPlan, ViewSpec
+from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Strip, Trajectory, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, VideoInfo
 from savmap.vision.views import Renderer
 
@@ -62,9 +63,8 @@ def cut(**shown: Any) -> RowStrips:
     exposures = shown.pop("exposures", {})
     cutter = FaceStrips(Renderer())
     cutter.begin(PLAN, "one")
-    for frame in range(COUNT):
-        cutter.cut(panorama(frame, exposures.get(frame, 1.0), **shown))
-    return cutter.strips()
+    cuts = [cutter.cut(panorama(frame, exposures.get(frame, 1.0), **shown)) for frame in range(COUNT)]
+    return RowStrips(cutter.views, tuple(cut for cut in chain(*cuts) if isinstance(cut, Strip)))
 
 
 def picture(photo: Orthophoto | None) -> Floats:
@@ -163,5 +163,4 @@ def test_strips_of_a_long_pass_are_as_many_as_are_needed(monkeypatch: pytest.Mon
 def test_nobodys_face_is_not_cut() -> None:
     for cutter in (FaceStrips(Renderer()), NoStrips()):
         cutter.begin(PLAN, None)
-        cutter.cut(panorama(0))
-        assert cutter.strips().strips == ()
+        assert cutter.cut(panorama(0)) == []

@@ -11,9 +11,11 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import StructureError
+from savmap.files import journal as journals
+from savmap.files.serialization import packed
 from savmap.graph import References
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
+from savmap.pipeline.measure import FrameJournal, FrameRecord, MeasuredPasses, RowMeasurements
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.second_look import Expectation, PluginAlone, look_again, unexplained
 from savmap.pipeline.view_plans import PassPlan
@@ -40,6 +42,7 @@ from savmap.vision.networks.segmenter import Segmentation
 
 from ..plugin.made_up_plugin import plugin_class
 from ..video.made_up_video import evenly, write_video
+from .test_measure import Shelf
 
 ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
@@ -360,3 +363,30 @@ def test_a_plugin_is_asked_with_the_floor_before_its_planes(
     )
     assert second_look.expect(alone, walked, walked.measurements) is None
     assert told == [-1.5]
+
+
+def test_a_look_that_was_cut_off_goes_on_there(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journals, "KEEP_S", 0.0)
+    asked, stops = list[int](), [True]
+    own = watcher().instance.extract_features
+
+    def extract_features(self: object, view: View, detections: list[Detection]) -> list[Feature]:
+        asked.append(view.frame)
+        if stops and view.frame == 5:
+            raise KeyboardInterrupt
+        return list(own(view, detections))
+
+    def look(parts: Shelf | None) -> bytes:
+        with FrameJournal(FrameRecord, parts) as journal:
+            row = RowRequest("A", (), [], References(), journal=journal)
+            expectation = Expectation([rectangle(0.8)], PATH)
+            plugin = watcher(extract_features=extract_features)
+            return packed(second_look.measure_again(row, plugin, walked, expectation, 1, NoteCollector()))
+
+    shelf = Shelf()
+    with pytest.raises(KeyboardInterrupt):
+        look(shelf)
+    stops.clear()
+    asked.clear()
+    assert look(shelf) == look(None)
+    assert asked == [*range(5, COUNT), *range(COUNT)]

@@ -31,9 +31,7 @@ def panorama(frame: int, height: int = 100) -> Panorama:
 def kept(count: int) -> tuple[Still, ...]:
     cutter = SeveralCutters([Stills()])
     cutter.begin(PLAN, None)
-    for frame in range(count):
-        cutter.cut(panorama(frame))
-    return cutter.strips().stills
+    return tuple(cut for frame in range(count) for cut in cutter.cut(panorama(frame)) if isinstance(cut, Still))
 
 
 def test_stills_are_kept_now_and_then() -> None:

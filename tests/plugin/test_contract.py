@@ -1,5 +1,6 @@
 """Each of our plugins keeps the contract that any plugin must keep."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,12 @@ def middles(self: Any, view: Any, detections: Any) -> list[Feature]:
         )
         for k, one in enumerate(detections)
     ]
+
+
+def counted(self: Any, view: Any, detections: Any) -> list[Feature]:
+    """The middles, numbered through all that was asked before."""
+    self.count = getattr(self, "count", 0) + 1
+    return [replace(one, instance=self.count) for one in middles(self, view, detections)]
 
 
 def two_things(self: Any, features: Any) -> list[Track]:
@@ -79,6 +86,7 @@ class Lax(BaseModel):
         ({"extract_feature": lambda self: []}, "`extract_feature` is no hook: did you mean `extract_features`?"),
         ({"render_views": lambda self: 1}, "returned int from `render_views`"),
         ({"extract_features": lambda self: [1]}, "from `extract_features`"),
+        ({"extract_features": counted}, "must give the same for the same view"),
         ({"track": lambda self: None}, "returned NoneType from `track`"),
         ({"constrain": lambda self: 1 / 0}, "failed in `constrain`: ZeroDivisionError"),
         ({"describe": lambda self: 1 / 0}, "failed in `describe`: ZeroDivisionError"),

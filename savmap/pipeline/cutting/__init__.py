@@ -4,9 +4,9 @@ They are strips of the face (`face_strips`), whole panoramas (`stills`) and view
 interface. A second pass over the video would cost the time to decode it again.
 """
 
-from savmap.pipeline.cutting.cutter import NoStrips, SeveralCutters, StripCutter
+from savmap.pipeline.cutting.cutter import Cut, NoStrips, SeveralCutters, StripCutter
 from savmap.pipeline.cutting.face_strips import FaceStrips
 from savmap.pipeline.cutting.floor_views import FloorCutter
 from savmap.pipeline.cutting.stills import Stills, spaced_stills
 
-__all__ = ["FaceStrips", "FloorCutter", "NoStrips", "SeveralCutters", "Stills", "StripCutter", "spaced_stills"]
+__all__ = ["Cut", "FaceStrips", "FloorCutter", "NoStrips", "SeveralCutters", "Stills", "StripCutter", "spaced_stills"]

@@ -7,22 +7,21 @@ import cv2
 import numpy as np
 
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Panorama, RowStrips
+from savmap.types import Panorama, Still, Strip
+from savmap.vision.evidence import PackedView
+
+Cut = Strip | Still | PackedView
 
 
 class StripCutter(Protocol):
-    """Cuts strips from the frames of a row's passes."""
+    """Cuts parts from the frames of a row's passes."""
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         """Begin a pass. `plugin` is the one whose views show the face; None if no plugin's do."""
         ...
 
-    def cut(self, panorama: Panorama) -> None:
-        """Cut a frame of this pass, if it is one of those to keep. Several threads may call this at once."""
-        ...
-
-    def strips(self) -> RowStrips:
-        """All that was cut."""
+    def cut(self, panorama: Panorama) -> list[Cut]:
+        """What is kept of a frame of this pass. Several threads may call this at once."""
         ...
 
 
@@ -36,15 +35,8 @@ class SeveralCutters:
         for cutter in self._cutters:
             cutter.begin(plan, plugin)
 
-    def cut(self, panorama: Panorama) -> None:
-        for cutter in self._cutters:
-            cutter.cut(panorama)
-
-    def strips(self) -> RowStrips:
-        parts = [cutter.strips() for cutter in self._cutters]
-        views = {name: spec for part in parts for name, spec in part.views.items()}
-        strips = tuple(strip for part in parts for strip in part.strips)
-        return RowStrips(views, strips, tuple(still for part in parts for still in part.stills))
+    def cut(self, panorama: Panorama) -> list[Cut]:
+        return [cut for cutter in self._cutters for cut in cutter.cut(panorama)]
 
 
 class NoStrips:
@@ -53,12 +45,9 @@ class NoStrips:
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         """Nothing."""
 
-    def cut(self, panorama: Panorama) -> None:
+    def cut(self, panorama: Panorama) -> list[Cut]:
         """Nothing."""
-
-    def strips(self) -> RowStrips:
-        """None."""
-        return RowStrips()
+        return []
 
 
 def packed_jpeg(

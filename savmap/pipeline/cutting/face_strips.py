@@ -5,14 +5,13 @@ Networks use wide views of few pixels. An orthophoto needs the opposite: of each
 
 from collections.abc import Iterator
 from dataclasses import replace
-from threading import Lock
 
 import numpy as np
 
 from savmap.geometry import pinhole
-from savmap.pipeline.cutting.cutter import packed_jpeg
+from savmap.pipeline.cutting.cutter import Cut, packed_jpeg
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Panorama, RowStrips, Strip, ViewSpec
+from savmap.types import Panorama, Strip, ViewSpec
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.views import Renderer
 
@@ -28,26 +27,20 @@ class FaceStrips:
     """Cuts upright strips in the directions of the face's views."""
 
     def __init__(self, renderer: Renderer) -> None:
-        self._renderer, self._lock = renderer, Lock()
+        self._renderer = renderer
         self._current: tuple[ViewSpec, ...] = ()
-        self._views: dict[str, ViewSpec] = {}
-        self._cut: list[Strip] = []
+        self.views: dict[str, ViewSpec] = {}
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         self._current = tuple(strip_views(plan, plugin)) if plugin is not None else ()
-        self._views |= {spec.name: spec for spec in self._current}
+        self.views |= {spec.name: spec for spec in self._current}
 
-    def cut(self, panorama: Panorama) -> None:
-        for spec in self._current:
-            if spec.shows(panorama.frame):
-                strip = Strip(
-                    panorama.frame, spec.name, packed_jpeg(self._renderer.render(panorama, spec).image, JPEG_QUALITY)
-                )
-                with self._lock:
-                    self._cut.append(strip)
-
-    def strips(self) -> RowStrips:
-        return RowStrips(self._views, tuple(sorted(self._cut, key=lambda strip: (strip.frame, strip.view))))
+    def cut(self, panorama: Panorama) -> list[Cut]:
+        return [
+            Strip(panorama.frame, spec.name, packed_jpeg(self._renderer.render(panorama, spec).image, JPEG_QUALITY))
+            for spec in sorted(self._current, key=lambda spec: spec.name)
+            if spec.shows(panorama.frame)
+        ]
 
 
 def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:

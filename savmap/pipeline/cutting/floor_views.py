@@ -1,12 +1,12 @@
 """Grey views of the floor in front of the face. The camera's height is measured in them (`savmap.vision.evidence.floor`)."""
 
 from dataclasses import replace
-from threading import Lock
 
 import cv2
 
+from savmap.pipeline.cutting.cutter import Cut
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Floats, Panorama, RowStrips, ViewSpec
+from savmap.types import Floats, Panorama, ViewSpec
 from savmap.video.reader import expected_frames, probe
 from savmap.vision.evidence import PackedView
 from savmap.vision.view_planning import face_at, tilted
@@ -23,15 +23,9 @@ class FloorCutter:
     """Keeps grey views of the floor in front of the face."""
 
     def __init__(self, renderer: Renderer) -> None:
-        self._renderer, self._lock = renderer, Lock()
+        self._renderer = renderer
         self._current: ViewSpec | None = None
-        self._kept: list[PackedView] = []
         self.views: dict[str, ViewSpec] = {}
-
-    @property
-    def packed_views(self) -> tuple[PackedView, ...]:
-        """The views that were kept, in order of time."""
-        return tuple(sorted(self._kept, key=lambda packed_view: packed_view.frame))
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         attitude = plan.attitude()
@@ -40,16 +34,12 @@ class FloorCutter:
             self._current = floor_view(plan, plugin, attitude)
             self.views[self._current.name] = self._current
 
-    def cut(self, panorama: Panorama) -> None:
-        if self._current is not None and self._current.shows(panorama.frame):
-            grey = cv2.cvtColor(self._renderer.render(panorama, self._current).image, cv2.COLOR_RGB2GRAY)
-            packed = bytes(cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, FLOOR_QUALITY])[1])
-            with self._lock:
-                self._kept.append(PackedView(panorama.frame, self._current.name, (), packed))
-
-    def strips(self) -> RowStrips:
-        """None: the floor views are used for the solve, not for the map's pictures."""
-        return RowStrips()
+    def cut(self, panorama: Panorama) -> list[Cut]:
+        if self._current is None or not self._current.shows(panorama.frame):
+            return []
+        grey = cv2.cvtColor(self._renderer.render(panorama, self._current).image, cv2.COLOR_RGB2GRAY)
+        packed = bytes(cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, FLOOR_QUALITY])[1])
+        return [PackedView(panorama.frame, self._current.name, (), packed)]
 
 
 def floor_view(plan: PassPlan, plugin: str, world_from_rig: Floats) -> ViewSpec:

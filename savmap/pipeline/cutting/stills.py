@@ -1,14 +1,13 @@
 """Stills: whole panoramas of some frames, smaller."""
 
 from collections.abc import Sequence
-from threading import Lock
 
 import cv2
 import numpy as np
 
-from savmap.pipeline.cutting.cutter import packed_jpeg
+from savmap.pipeline.cutting.cutter import Cut, packed_jpeg
 from savmap.pipeline.view_plans import PassPlan
-from savmap.types import FilmedPanorama, Panorama, RowStrips, Still, Trajectory
+from savmap.types import FilmedPanorama, Panorama, Still, Trajectory
 from savmap.video.reader import expected_frames, probe
 
 STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
@@ -22,22 +21,17 @@ class Stills:
     """Keeps whole panoramas of some frames, smaller."""
 
     def __init__(self) -> None:
-        self._lock, self._frame_step = Lock(), 1
-        self._kept: list[Still] = []
+        self._frame_step = 1
 
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
         info = probe(plan.clip.path, plan.clip.images_fps)
         rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
         self._frame_step = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
 
-    def cut(self, panorama: Panorama) -> None:
-        if panorama.frame % self._frame_step == 0:
-            still = Still(panorama.frame, packed_jpeg(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))
-            with self._lock:
-                self._kept.append(still)
-
-    def strips(self) -> RowStrips:
-        return RowStrips(stills=tuple(sorted(self._kept, key=lambda still: still.frame)))
+    def cut(self, panorama: Panorama) -> list[Cut]:
+        if panorama.frame % self._frame_step:
+            return []
+        return [Still(panorama.frame, packed_jpeg(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))]
 
 
 def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":

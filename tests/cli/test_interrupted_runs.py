@@ -1,0 +1,96 @@
+"""A run that is cut off says what its folder keeps, and the command that goes on."""
+
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from savmap.cli.app import main
+from savmap.files import journal as journals
+from savmap.files.journal import Parts
+from savmap.jobs import tasks
+from savmap.jobs.cache import FolderCache, StoredRecord
+from savmap.pipeline.measure import FrameJournal, FrameRecord, RowMeasurements
+from savmap.types import FrameTable, RowFacts
+from savmap.vision.markers import MarkerTracks
+
+from ..video.made_up_video import evenly, write_video
+
+SITE = """
+plugins: {shelves: {}}
+references: {camera_height_m: 3.0}
+rows:
+  A: {passes: [{video: a.mp4}]}
+  B: {fps: 5, passes: [{video: b.mp4}]}
+"""
+EARLIER: dict[str, int] = {}
+
+
+def measure_task(job: object, row: str, *_: object, frames: Parts | None, **__: object) -> tasks.TaskResult:
+    """Row A is measured at once; row B is interrupted after three more frames."""
+    with FrameJournal(FrameRecord, frames) as journal:
+        EARLIER[row] = journal.count
+        if row == "B":
+            for frame in range(journal.count, journal.count + 3):
+                journal.add("measuring", frame, FrameRecord({}))
+            raise KeyboardInterrupt
+    return tasks.TaskResult({row: tasks.Failure(tasks.SavmapError("nothing is there"))})
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("a.mp4", "b.mp4"):
+        write_video(tmp_path / name, evenly(60, 30))
+    (tmp_path / "site.yaml").write_text(SITE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(journals, "KEEP_S", 0.0)
+    monkeypatch.setattr(tasks, "measure_task", measure_task)
+    return tmp_path
+
+
+def said(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    monkeypatch.setattr(sys, "argv", shlex.split(command))
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    return capsys.readouterr().err.splitlines()
+
+
+def test_interrupt_says_what_is_kept_and_how_to_go_on(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = "savmap map --jobs 0 -o 'my out'"
+    keeps = f"my out keeps row B ({{}} of 10 frames); go on with `{again}`"
+    assert said(f"{again} --fresh", monkeypatch, capsys)[-2:] == [keeps.format(3), "savmap: interrupted"]
+    assert EARLIER["B"] == 0
+    assert said(again, monkeypatch, capsys)[-2] == keeps.format(6)
+    assert EARLIER["B"] == 3
+    assert said(f"{again} --fresh", monkeypatch, capsys)[-2] == keeps.format(3)
+    assert EARLIER["B"] == 0
+    assert said(f"{again} --set rows.B.fps=6", monkeypatch, capsys)[-2].startswith(
+        "my out keeps row B (3 of 12 frames)"
+    )
+
+
+def test_frames_are_forgotten_when_their_row_is_measured(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from savmap.errors import SavmapError
+    from savmap.jobs.map_site import map_job_into
+    from savmap.jobs.scheduler import RunOptions
+    from savmap.site.job import job_for
+    from savmap.types.progress import SilentMonitor
+
+    def measured(job: object, row: str, *_: object, frames: Parts, **__: object) -> tasks.TaskResult:
+        with FrameJournal(FrameRecord, frames) as journal:
+            journal.add("measuring", 0, FrameRecord({}))
+        assert [path.name for path in (folder / "out" / "stages" / row).iterdir()] == ["frames-1", "frames-0"]
+        facts = RowFacts(row, FrameTable([0.0], ("pass 1",)), {}, {})  # type: ignore[arg-type]
+        record = RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
+        return tasks.TaskResult({row: StoredRecord(RowMeasurements, record)})
+
+    monkeypatch.setattr(tasks, "measure_task", measured)
+    job = job_for(folder / "site.yaml", None, folder / "out")
+    with pytest.raises(SavmapError):
+        map_job_into(job, RunOptions(0), SilentMonitor())
+    assert sorted(path.name for path in (folder / "out" / "stages").rglob("*") if path.is_file()) == ["measured"] * 2
+    assert FolderCache(folder / "out").frames("A", "key").load(0) is None

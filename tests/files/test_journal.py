@@ -1,0 +1,101 @@
+"""Records kept in parts: what was kept is there again, up to what is damaged, and a disk that is full costs no work."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from savmap.errors import OutputError
+from savmap.files import journal as module
+from savmap.files.journal import Journal, Parts, counts, forget
+from savmap.types import Still, ViewSpec
+
+FIRST, SECOND = ViewSpec("a", 1.0), ViewSpec("b", 2.0)
+
+
+@dataclass
+class Shelf:
+    """Parts in memory."""
+
+    parts: dict[int, bytes]
+    full: bool = False
+
+    def load(self, part: int) -> bytes | None:
+        return self.parts.get(part)
+
+    def save(self, part: int, content: bytes) -> None:
+        if self.full:
+            raise OutputError("no room")
+        self.parts[part] = content
+
+    def drop(self, part: int) -> bool:
+        return self.parts.pop(part, None) is not None
+
+
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch) -> Shelf:
+    """Three records in three parts."""
+    monkeypatch.setattr(module, "KEEP_S", 0.0)
+    shelf = Shelf({})
+    with Journal(ViewSpec, shelf) as journal:
+        journal.add("walk", 4, FIRST)
+        journal.add("walk", 5, SECOND)
+        journal.add("look", 4, SECOND)
+    return shelf
+
+
+def found(parts: Parts) -> list[ViewSpec | None]:
+    journal = Journal(ViewSpec, parts)
+    return [journal.get(*place) for place in (("walk", 4), ("walk", 5), ("look", 4), ("look", 5))]
+
+
+def test_what_was_kept_is_there_again(kept: Shelf) -> None:
+    assert found(kept) == [FIRST, SECOND, SECOND, None]
+    assert counts(kept) == {"walk": 2, "look": 1}
+    with Journal(ViewSpec, kept) as journal:
+        journal.add("look", 5, FIRST)
+    assert found(kept)[3] == FIRST
+    assert counts(kept) == {"walk": 2, "look": 2}
+
+
+def test_records_wait_for_their_part_and_are_kept_at_the_end() -> None:
+    shelf, seen = Shelf({}), list[int]()
+
+    def walk() -> None:
+        with Journal(ViewSpec, shelf) as journal:
+            journal.add("walk", 4, FIRST)
+            seen.append(len(shelf.parts))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        walk()
+    assert seen == [0]
+    assert found(shelf)[0] == FIRST
+
+
+@pytest.mark.parametrize("damage", [b"", b"one", None])
+def test_what_is_behind_a_damaged_part_is_forgotten(kept: Shelf, damage: bytes | None) -> None:
+    if damage is None:
+        del kept.parts[2]
+    else:
+        kept.parts[2] = damage
+    assert found(kept) == [FIRST, None, None, None]
+    assert 1 in kept.parts
+    assert 2 not in kept.parts
+
+
+def test_records_of_another_kind_are_not_used(kept: Shelf) -> None:
+    assert Journal(Still, kept).count == 0
+    assert counts(Shelf({0: b"[1]"})) == {}
+
+
+def test_a_full_disk_ends_the_keeping_not_the_work(kept: Shelf) -> None:
+    kept.full = True
+    with Journal(ViewSpec, kept) as journal:
+        journal.add("walk", 6, FIRST)
+        journal.add("walk", 7, FIRST)
+    assert Journal(ViewSpec, kept).count == 3
+
+
+def test_forgotten_parts_are_gone(kept: Shelf) -> None:
+    forget(kept)
+    assert kept.parts == {}
