@@ -15,7 +15,7 @@ from savmap.adapt.practice import OTHER_SEED, OTHERS, practice_set
 from savmap.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows, mean
 from savmap.adapt.rounds import INTEGERS, Adaptation, played
 from savmap.errors import SiteError, StructureError, VideoError
-from savmap.files.atomic import sha256, write_bytes, write_text
+from savmap.files.atomic import write_bytes, write_text
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
 from savmap.maps.map_file import read_map
@@ -27,6 +27,7 @@ from savmap.train import check_extra
 from savmap.train.data.sets import read_set, read_sets
 from savmap.train.plan import Progress, float_model, minutes_of
 from savmap.types.progress import Monitor, SilentMonitor
+from savmap.vision.networks.files import network_digest
 from savmap.vision.views import Renderer
 
 FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
@@ -143,7 +144,7 @@ def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path
     known = read_map(there) if there.is_file() else None
     if (
         known
-        and known.made_by.get(f"model {work.plugin}") == sha256(model_file)
+        and known.made_by.get(f"model {work.plugin}") == network_digest(model_file)
         and {*known.rows, *known.failed} >= {*rows}
     ):
         work.monitor.note(f"using {there}")

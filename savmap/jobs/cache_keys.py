@@ -1,4 +1,16 @@
-"""Cache keys: digests of what a row's stages are made of (footage, settings, networks, code). Same key, same result."""
+"""Cache keys: digests of what a row's stages are made of. Same key, same result.
+
+Every file that a result depends on is in its key:
+
+| file | by |
+| --- | --- |
+| videos, folders of pictures | `_footage`: name, size, time of change, both ends |
+| networks: those of a plugin, the one that the user names, their weights beside them, in float32 where a provider wants that | `_network` |
+| an earlier map whose path is used | `_file` |
+| code of savmap and of plugins, with whatever lies in their packages beside it | `_sources` |
+| libraries that count, and those that a plugin names | their versions |
+| the survey, for pictures of it | its content |
+"""
 
 import hashlib
 import inspect
@@ -20,12 +32,16 @@ from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
 from savmap.types import RowMap
-from savmap.vision.networks.providers import choose, runtime_version
+from savmap.vision.networks.files import network_files
+from savmap.vision.networks.providers import choose, file_for, runtime_version
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
+DRAWING_LIBRARIES = ("jinja2", "matplotlib", "resvg-py")
 SAVMAP = Path(__file__).parents[1]
-NO_MAP = {"sim", "train", "adapt", "label", "split", "report", "demo", "cli", "contract.py", "scaffold"}
-"""Parts of savmap that have no influence on a map."""
+NO_MAP = {"sim", "train", "adapt", "label", "split", "report", "viewer", "demo", "cli", "contract.py", "scaffold"}
+"""Parts of savmap that have no influence on a map, or on the pictures of a row."""
+NO_SOURCE = {".pyc", ".onnx", ".md"}
+"""Endings of files in packages that are in no key, or in it otherwise."""
 ENDS = 1 << 20
 
 
@@ -71,6 +87,7 @@ def drawing_key(row: RowMap, survey: Mapping[str, Any] | None) -> str:
         row=hashlib.sha256(packed(row)).hexdigest(),
         survey=dict(survey) if survey is not None else None,
         code=[_sources(SAVMAP), _sources(SAVMAP / "report")],
+        libraries={name: _version(name) for name in DRAWING_LIBRARIES},
     )
 
 
@@ -108,14 +125,20 @@ def _pass(row_pass: Pass) -> dict[str, Any]:
 def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
     settings: BaseModel = plugin.config
     later = set(getattr(plugin.instance, "after_pixels", ())) if pixels_only else set()
+    providers = choose(plugin.providers).names
     return {
         "name": plugin.name,
         "plugin": f"{type(plugin.instance).__module__}.{type(plugin.instance).__qualname__}",
         "settings": settings.model_dump(mode="json", exclude=later | {"model"}),
-        "model": _file(plugin.model_file),
-        "further models": [_file(model) for model in further_models(plugin)],
-        "providers": choose(plugin.providers).names,
+        "models": [_network(model, providers) for model in (plugin.model, *further_models(plugin))],
+        "providers": providers,
     }
+
+
+def _network(model: Path, providers: Sequence[str]) -> list[str]:
+    """Digests of all files of a network, and of the one in float32 beside it if a provider runs that; none where there is no such file."""
+    files = dict.fromkeys(file_for(model, provider) for provider in providers)
+    return [_file(part) for file in files if file.is_file() for part in network_files(file)]
 
 
 def _footage(path: Path) -> Iterator[tuple[str, int, int, str]]:
@@ -157,7 +180,8 @@ def _package_of(kind: type) -> Path:
 
 @cache
 def _sources(place: Path) -> str:
-    """Digest of a package's Python files, but for parts that make no map."""
-    files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+    """Digest of a package's files, code and what it reads, but for parts that make no map and for networks."""
+    files = [place] if place.is_file() else sorted(file for file in place.rglob("*") if file.suffix not in NO_SOURCE)
     parts = [(file, file.relative_to(place).parts) for file in files]
-    return digest(files=[(str(Path(*names)), sha256(file)) for file, names in parts if not NO_MAP.intersection(names)])
+    used = [(file, names) for file, names in parts if not NO_MAP.intersection(names) and file.is_file()]
+    return digest(files=[(str(Path(*names)), sha256(file)) for file, names in used])

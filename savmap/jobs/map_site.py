@@ -48,6 +48,7 @@ from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
 from savmap.video.reader import probe
+from savmap.vision.networks.files import network_digest
 from savmap.vision.networks.providers import runtime_version
 
 DRAWN = "drawn"
@@ -187,7 +188,7 @@ def _footage_of(passes: Sequence[Pass]) -> dict[str, FootageFile]:
 def made_by(job: Job) -> dict[str, str]:
     """Versions of what made a map: savmap, GTSAM, onnxruntime and the networks' digests."""
     first = next(iter(job.site.rows))
-    models = {f"model {plugin.name}": sha256(plugin.model_file) for plugin in plugins_for(job, first)}
+    models = {f"model {plugin.name}": network_digest(plugin.model_file) for plugin in plugins_for(job, first)}
     return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
 
 
