@@ -6,11 +6,11 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 import yaml
-from pydantic import BaseModel
 
 from savmap.errors import OutputError, SiteError
 from savmap.files.atomic import reason
@@ -19,7 +19,9 @@ from savmap.plugin.scaffold.stub import stub_network
 
 TEMPLATE = Path(__file__).parent / "project-template"
 LOCATES_CAMERA = Path(__file__).parent / "locates-camera"
-TEMPLATE_NAME = "pillars"
+TEMPLATE_NAME, TITLE = "pillars", "Pillars"
+PART = "part"
+"""Beside an object's number in a track's place (`savmap.plugin.track_of`)."""
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 LONGEST = 40
 LEFT_OUT = {"__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache"}
@@ -47,19 +49,18 @@ def require_name(name: str) -> None:
         raise SiteError(
             f"plugin name `{name}`: give at most {LONGEST} small letters, digits and single underscores, a letter first{hint}"
         )
-    own = (name, thing_of(name), title_of(name))
-    for word in own:
-        if keyword.iskeyword(word) or hasattr(BaseModel, word):
-            raise SiteError(f"plugin name `{name}`: `{word}` is a word of Python or pydantic; choose another")
+    for word in (name, thing_of(name)):
         if yaml.safe_load(word) != word:
             raise SiteError(
                 f"plugin name `{name}`: `{word}` is a word of YAML, in which site files are; choose another"
             )
-    if title_of(name).startswith("Test"):
-        raise SiteError(f"plugin name `{name}`: pytest takes a class `{title_of(name)}` for a test; choose another")
-    names, texts = words_taken()
-    if taken := sorted({name, title_of(name)} & names | set(own) & texts):
-        raise SiteError(f"plugin name `{name}`: the project's own code calls something `{taken[0]}`; choose another")
+    title = title_of(name)
+    if keyword.iskeyword(title) or title in names_of(TEMPLATE) | names_of(LOCATES_CAMERA):
+        raise SiteError(f"plugin name `{name}`: the project's own code calls something `{title}`; choose another")
+    if title.startswith("Test"):
+        raise SiteError(f"plugin name `{name}`: pytest takes a class `{title}` for a test; choose another")
+    if thing_of(name) == PART:
+        raise SiteError(f"plugin name `{name}`: savmap calls the points of any object `{PART}`; choose another")
     if name in installed():
         raise SiteError(
             f"plugin name `{name}`: a plugin of that name is installed ({installed()[name].value}); choose another"
@@ -76,14 +77,11 @@ def title_of(name: str) -> str:
     return "".join(part.capitalize() for part in name.split("_"))
 
 
-def words_taken() -> tuple[set[str], set[str]]:
-    """Names and texts of the template's code that are not replaced: another of the same name would get into their way."""
-    paths = [*TEMPLATE.rglob("*.py"), *LOCATES_CAMERA.rglob("*.py")]
-    nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-    names = {str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")}
-    texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
-    names |= {path.stem.removeprefix("test_") for path in paths if path.parent.name == "tests"}
-    return names - {TEMPLATE_NAME, title_of(TEMPLATE_NAME)}, texts - {TEMPLATE_NAME, thing_of(TEMPLATE_NAME)}
+@cache
+def names_of(folder: Path) -> frozenset[str]:
+    """All names in a project's code, but for its plugin's class: a class of such a name would get into its way."""
+    nodes = [node for path in folder.rglob("*.py") for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    return frozenset(str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")) - {TITLE}
 
 
 def project_files(name: str, locates_camera: bool = False) -> dict[str, bytes]:
@@ -104,8 +102,8 @@ def renamed(text: str, name: str) -> str:
     """A text of the template with its plugin's name, and what it calls one thing, replaced."""
     words: Mapping[str, str] = {
         f"savmap-{TEMPLATE_NAME}": f"savmap-{name.replace('_', '-')}",
-        "Pillars": title_of(name),
-        "pillars": name,
+        TITLE: title_of(name),
+        TEMPLATE_NAME: name,
         "pillar": thing_of(name),
     }
     return re.sub("|".join(words), lambda found: words[found.group()], text)

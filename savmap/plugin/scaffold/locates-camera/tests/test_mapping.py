@@ -92,7 +92,7 @@ def test_ends_of_a_mask_are_foot_and_top(plugin: Pillars) -> None:
     np.testing.assert_allclose(np.concatenate([one.pixels for one in found]), [[210, 300.5], [210, 99.5]])
 
 
-def test_sightings_are_sorted_into_pillars_without_a_path(plugin: Pillars) -> None:
+def test_sightings_are_sorted_without_a_path(plugin: Pillars) -> None:
     tracks = plugin.track(features(), FACTS, path().world_from_rig[:, :3, :3], None)
     assert [track.name for track in tracks] == [f"pillar {n} / {part}" for n in range(1, 8) for part in ("foot", "top")]
     for track in tracks:
@@ -101,12 +101,12 @@ def test_sightings_are_sorted_into_pillars_without_a_path(plugin: Pillars) -> No
         np.testing.assert_allclose(track.pixels, [pixels_of(post[None], pose)[0] for pose in poses])
 
 
-def test_without_a_pillar_it_says_so(plugin: Pillars) -> None:
+def test_where_nothing_is_seen_it_says_so(plugin: Pillars) -> None:
     with pytest.raises(StructureError, match="nothing was seen"):
         plugin.track([], FACTS, path().world_from_rig[:, :3, :3], None)
 
 
-def test_pillars_and_the_camera_are_where_they_were(plugin: Pillars) -> None:
+def test_they_and_the_camera_are_where_they_were(plugin: Pillars) -> None:
     structures, solution = mapped(plugin)
     assert [own.id for own in structures] == [f"pillar {number}" for number in range(1, 8)]
     np.testing.assert_allclose([own.vertices for own in structures], POSTS, atol=0.03)

@@ -94,18 +94,18 @@ def test_ends_of_a_mask_are_foot_and_top_and_cut_ones_are_left_out(plugin: Pilla
     np.testing.assert_allclose(np.concatenate([one.pixels for one in found]), [[210, 300.5], [210, 99.5]])
 
 
-def test_sightings_are_sorted_into_pillars(plugin: Pillars) -> None:
+def test_sightings_are_sorted(plugin: Pillars) -> None:
     tracks = plugin.track(features(), FACTS, path())
     assert [track.name for track in tracks] == [f"pillar {n} / {part}" for n in (1, 2) for part in ("foot", "top")]
     assert all(len(track.frames) == FRAMES for track in tracks)
 
 
-def test_without_a_pillar_it_says_so(plugin: Pillars) -> None:
+def test_where_nothing_is_seen_it_says_so(plugin: Pillars) -> None:
     with pytest.raises(StructureError, match="nothing was seen"):
         plugin.track([], FACTS, path())
 
 
-def test_pillars_are_mapped_where_they_stand(plugin: Pillars) -> None:
+def test_they_are_mapped_where_they_stand(plugin: Pillars) -> None:
     structures = mapped(plugin)
     assert [own.id for own in structures] == ["pillar 1", "pillar 2"]
     np.testing.assert_allclose([own.vertices for own in structures], POSTS, atol=0.01)

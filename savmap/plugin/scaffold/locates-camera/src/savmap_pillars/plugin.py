@@ -78,14 +78,14 @@ class Pillars:
         the face, z = 0; the first foot is at x = 0. Without these the map would have no place; its scale comes from references."""
         objects = door.keys_by_object(tracks, keys)
         relations = [door.fixed_coordinate("x", next(iter(objects.values()))["foot"])]
-        for pillar, ends in objects.items():
+        for label, ends in objects.items():
             relations += [
                 door.fixed_coordinate("y", ends["foot"], 0.0, FLAT_M),
                 door.fixed_coordinate("z", ends["foot"], 0.0, FLAT_M),
             ]
             relations += [door.equal_coordinate(axis, ends["foot"], ends["top"], self.config.plumb_m) for axis in AXES]
             if (height := self.config.height_m) is not None:
-                known = (height.value, height.sigma, f"height of {pillar}")
+                known = (height.value, height.sigma, f"height of {label}")
                 relations.append(door.known_length("y", ends["foot"], ends["top"], *known))
         return door.point_constraints(tracks, facts, start, keys, relations)
 
@@ -94,8 +94,8 @@ class Pillars:
         self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark], solution: door.Solution
     ) -> list[Structure]:
         """Foot, top and height of each pillar."""
-        pillars = door.point_structures(tracks, landmarks, LOST_M)
-        return door.with_sizes(pillars, solution, self.name, {"height_m": ("foot", "top", "y")})
+        structures = door.point_structures(tracks, landmarks, LOST_M)
+        return door.with_sizes(structures, solution, self.name, {"height_m": ("foot", "top", "y")})
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

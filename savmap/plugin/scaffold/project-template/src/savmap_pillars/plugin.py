@@ -74,10 +74,10 @@ class Pillars:
     ) -> door.Constraints:
         """A top stands over its foot, and as high above it as is known, if it is."""
         relations: list[door.Relation] = []
-        for pillar, ends in door.keys_by_object(tracks, keys).items():
+        for label, ends in door.keys_by_object(tracks, keys).items():
             relations += [door.equal_coordinate(axis, ends["foot"], ends["top"], self.config.plumb_m) for axis in AXES]
             if (height := self.config.height_m) is not None:
-                known = (height.value, height.sigma, f"height of {pillar}")
+                known = (height.value, height.sigma, f"height of {label}")
                 relations.append(door.known_length("y", ends["foot"], ends["top"], *known))
         return door.point_constraints(tracks, facts, start, keys, relations)
 
@@ -86,8 +86,8 @@ class Pillars:
         self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark], solution: door.Solution
     ) -> list[Structure]:
         """Foot, top and height of each pillar."""
-        pillars = door.point_structures(tracks, landmarks, LOST_M)
-        return door.with_sizes(pillars, solution, self.name, {"height_m": ("foot", "top", "y")})
+        structures = door.point_structures(tracks, landmarks, LOST_M)
+        return door.with_sizes(structures, solution, self.name, {"height_m": ("foot", "top", "y")})
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
