@@ -21,6 +21,8 @@ MOST_NAME, MOST_PATH = 255, 3000
 """Bytes of a file's name, and of a path, which may follow that of a folder: no system takes more than 4096."""
 MOST_DIGITS = 300
 """Of a whole number: a double holds up to 308."""
+BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SURROGATES = re.compile("[\ud800-\udfff]")
 SPECIAL = "is a device or a pipe, not a file"
 
@@ -41,6 +43,12 @@ def bounded_bytes(path: Path, most_mb: float = MOST_MB) -> bytes:
     if len(content) > most:
         raise ValueError(f"is larger than {most_mb:g} MB, which is the most that is read of such a file")
     return content
+
+
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are those of a text, in whatever encoding: no control characters but those of lines, or the mark
+    of UTF-16."""
+    return head.startswith(UTF_16) or not BINARY.search(head)
 
 
 def bounded_text(path: Path, most_mb: float = MOST_MB) -> str:

@@ -15,7 +15,7 @@ from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
-from savmap.site.load import PICTURE_SUFFIXES, VIDEO_SUFFIXES, draft_of, notes_on, read_draft, site_of
+from savmap.site.load import draft_of, is_footage, notes_on, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.overrides import Override
@@ -93,10 +93,10 @@ def job_for(
     """
     if (source / SITE_FILE).is_file():
         source = source / SITE_FILE
-    if source.is_dir() or source.suffix.lower() in VIDEO_SUFFIXES:
+    if is_footage(source):
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
-    elif (camera_height_m is not None or side is not None) and source.suffix.lower() not in PICTURE_SUFFIXES:
+    elif camera_height_m is not None or side is not None:
         raise SiteError(
             f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
         )

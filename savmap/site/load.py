@@ -8,11 +8,11 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from savmap.errors import SiteError, VideoError
+from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
-from savmap.files.texts import bounded_text
+from savmap.files.texts import bounded_text, is_text
 from savmap.files.urls import beside
 from savmap.files.validation import Location, path_of
 from savmap.site.layout import misaligned, misplaced, with_places
@@ -20,6 +20,7 @@ from savmap.site.locations import SourceMap, empty_keys, explained, given_twice,
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
+from savmap.video.container import is_video
 
 Problems = Sequence[tuple[Location, str]]
 SITE_FILE = "site file"
@@ -29,8 +30,8 @@ INSTEAD = {
     "a survey": "a site file names it as `survey:`",
 }
 """What to do with another file of savmap's than a site file."""
-VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".insv", ".avi")
-PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".insp")
+HEAD = 4096
+"""Bytes of a file by which it is text or not: every container that is read has other bytes in its first hundred."""
 NEITHER = "is neither a site file (YAML, see docs/site-file.md) nor a video"
 
 
@@ -42,6 +43,28 @@ class Draft:
     places: SourceMap
     folder: Path
     doubles: Problems = ()
+
+
+def is_footage(source: Path) -> bool:
+    """Whether a source is footage rather than a site file, by what it holds: a folder, or a file that is no text. Its ending decides where it
+    holds nothing, or nothing that can be opened as a video."""
+    if source.is_dir():
+        return True
+    head = _head(source)
+    if not head:
+        return source.suffix.lower() not in SITE_SUFFIXES
+    return not is_text(head) and (source.suffix.lower() not in SITE_SUFFIXES or is_video(source))
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of a file; none of a device, and where it cannot be read."""
+    try:
+        if not path.is_file():
+            return b""
+        with path.open("rb") as file:
+            return file.read(HEAD)
+    except OSError:
+        return b""
 
 
 def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
@@ -185,12 +208,8 @@ def _read(path: Path, what: str) -> str:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
         _require_no_other(path, kind_of_file(path), what)
-        if what == SITE_FILE and path.suffix.lower() in VIDEO_SUFFIXES:
+        if what == SITE_FILE and (head := _head(path)) and not is_text(head) and is_video(path):
             raise SiteError(f"{path}: is a video, not a site file; `savmap init` writes one for it") from None
-        if what == SITE_FILE and path.suffix.lower() in PICTURE_SUFFIXES:
-            raise VideoError(
-                f"{path}: is one picture; a video, a folder of pictures or a site file is expected"
-            ) from None
         if _may_be_anything(path, what):
             raise SiteError(f"{path}: {NEITHER} (it {error})") from None
         raise SiteError(f"{path}: cannot be read as a {what}: it {error}") from None

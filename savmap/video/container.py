@@ -63,6 +63,15 @@ def open_video(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[In
         yield container, _main_stream(path, container)
 
 
+def is_video(path: Path) -> bool:
+    """Whether a file can be opened as a video, of whatever pictures."""
+    try:
+        with open_video(path):
+            return True
+    except VideoError:
+        return False
+
+
 def _main_stream(path: Path, container: InputContainer) -> VideoStream:
     """The video stream that holds the panoramas: cover pictures and smaller copies of it are left aside.
 

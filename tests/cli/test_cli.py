@@ -31,13 +31,17 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
     [
         (["map"], 3, "site.yaml: no such site file"),
         (["map", EXAMPLE / "survey.json"], 3, "is a survey, not a site file; a site file names it as `survey:`"),
-        (["map", "text.mp4"], 4, "not a video"),
+        (["map", "text.mp4"], 3, "is neither a site file (YAML, see docs/site-file.md) nor a video"),
+        (["map", "noise.dat"], 4, "not a video file of a kind that is read"),
+        (["check", "noise.dat"], 3, "is neither a site file (YAML, see docs/site-file.md) nor a video"),
+        (["init", "noise.dat"], 4, "not a video file of a kind that is read"),
+        (["split", "text.mp4"], 4, "not a video file of a kind that is read"),
         (["map", "empty.mp4"], 4, "empty"),
         (["map", "none.mp4"], 4, "no such file"),
-        (["map", "text.mp4", "--plugins", "shelfs"], 5, "did you mean `shelves`"),
-        (["map", "text.mp4", "--camera-height", "3050"], 3, "metres are expected"),
-        (["map", "text.mp4", "--camera-height", "305"], 3, "305 cm are 3.05"),
-        (["map", "text.mp4", "--side", "up"], 3, "`left` or `right`"),
+        (["map", "noise.dat", "--plugins", "shelfs"], 5, "did you mean `shelves`"),
+        (["map", "noise.dat", "--camera-height", "3050"], 3, "metres are expected"),
+        (["map", "noise.dat", "--camera-height", "305"], 3, "305 cm are 3.05"),
+        (["map", "noise.dat", "--side", "up"], 3, "`left` or `right`"),
         (["map", EXAMPLE / "aisle-dev.mp4"], 8, "scale is not known; give the camera's height"),
         (["map", "survey.yaml"], 9, "none.json: cannot be read"),
         (["map", EXAMPLE / "site.yaml", "-o", "file/out"], 9, "nothing can be written there"),
@@ -67,6 +71,7 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
 )
 def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[object], code: int, words: str) -> None:
     (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
+    (tmp_path / "noise.dat").write_bytes(bytes(range(256)))
     (tmp_path / "empty.mp4").touch()
     (tmp_path / "file").touch()
     video = EXAMPLE / "aisle-dev.mp4"

@@ -2,13 +2,19 @@
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from savmap.cli.mapping import map_and_print, preview_and_print
-from savmap.errors import PluginError, SiteError, StructureError
+from savmap.errors import PluginError, SiteError, StructureError, VideoError
 from savmap.jobs.check import check
 from savmap.site.job import job_for
+from savmap.site.preflight import require_ready
 from savmap.types.progress import NoteCollector, SilentMonitor
+from savmap.video.reader import probe
+
+from ..video.made_up_video import write_recording
 
 VIDEO = Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4"
 SITE = "rows: {{A: {{passes: [{{video: {}}}]}}}}\n"
@@ -43,6 +49,78 @@ def test_a_folder_with_a_site_file_is_that_site(site: Path, tmp_path: Path) -> N
     job = job_for(tmp_path, None, Path("out"))
     assert job.source == site
     assert list(job.site.rows) == ["A"]
+
+
+KINDS = {
+    "ts": "libx264",
+    "m2ts": "libx264",
+    "webm": "libvpx-vp9",
+    "mxf": "mpeg2video",
+    "asf": "wmv2",
+    "flv": "flv1",
+    "mpg": "mpeg2video",
+    "ogv": "libvpx",
+    "nut": "mpeg4",
+    "avi": "mpeg4",
+    "mkv": "libx264",
+    "mov": "libx264",
+}
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+@pytest.mark.parametrize("name", ["a.{}", "a.360", "a", "site.yaml"])
+def test_footage_is_known_by_what_it_holds(tmp_path: Path, suffix: str, name: str) -> None:
+    """In every container that docs/video.md lists, whatever the file is called."""
+    source = write_recording(tmp_path / f"made.{suffix}", 5, KINDS[suffix])
+    source = source.rename(tmp_path / name.format(suffix))
+    job = job_for(source, ["lights"], Path("out"), camera_height_m=3.0, side="left")
+    assert job.site.rows["1"].passes[0].video == source
+    assert probe(source).width == 128
+
+
+@pytest.mark.parametrize("name", ["site.txt", "site", "aisle.mp4", "site.yaml"])
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_a_site_file_is_known_by_what_it_holds(tmp_path: Path, name: str, mark: str) -> None:
+    (tmp_path / name).write_text(mark + SITE.format(VIDEO), encoding="utf-8")
+    job = job_for(tmp_path / name, None, Path("out"))
+    assert list(job.site.rows) == ["A"]
+    assert job.site.rows["A"].passes[0].video == VIDEO
+    with pytest.raises(SiteError, match="--camera-height and --side go with a video"):
+        job_for(tmp_path / name, None, Path("out"), side="left")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("site.yaml", SITE.format(VIDEO).encode("utf-16"), "site.yaml: cannot be read as a site file: it is not a text file"),
+        ("site.yaml", "rows: {Halle für A: x}".encode("latin-1"), "site.yaml: cannot be read as a site file: it is not a text"),
+        ("site.yaml", b"rows: \0", "site.yaml:"),
+        ("site.yaml", b"", "site.yaml: a site file is a mapping"),
+        ("a.mp4", b"<html>not found</html>", "a.mp4: is neither a site file (YAML, see docs/site-file.md) nor a video"),
+    ],
+)  # fmt: skip
+def test_a_bad_site_file_is_told_as_one(tmp_path: Path, name: str, content: bytes, words: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SiteError) as caught:
+        job_for(tmp_path / name, None, Path("out"))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.zip", b"PK\3\4" + bytes(300), "a.zip: not a video file of a kind that is read"),
+        ("a.mp4", b"", "a.mp4: the file is empty"),
+        ("none.ts", None, "none.ts: no such file or folder"),
+        ("photo.jpg", cv2.imencode(".jpg", np.zeros((64, 128, 3), np.uint8))[1].tobytes(), "photo.jpg: is one picture, not a"),
+    ],
+)  # fmt: skip
+def test_what_is_no_site_file_is_told_as_footage(tmp_path: Path, name: str, content: bytes | None, words: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(VideoError) as caught:
+        require_ready(job_for(tmp_path / name, ["lights"], tmp_path, camera_height_m=3.0))
+    assert words in str(caught.value)
 
 
 def test_plugins_that_are_named_are_taken_whatever_they_lack(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:

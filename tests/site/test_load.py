@@ -4,13 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from savmap.errors import SiteError, VideoError
+from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
 from savmap.site.references import calibration_of, misnamed, references_of
 from savmap.site.sections import Length, ReferenceSection
+
+from ..video.made_up_video import evenly, write_video
 
 GOOD = """\
 plugins:
@@ -270,20 +272,26 @@ def test_what_is_wrong_is_shown_in_short(tmp_path: Path) -> None:
         ("README.md", "# Title\n\n> words: `a`: b\n* [x](y): {z\n", "is neither a site file (YAML, see docs/site-file.md) nor a video (line "),
         ("README.md", "Just words.\n", "nor a video (a site file is a mapping with at least `rows:`)"),
         ("notes.doc", "\udcff\udcd8", "nor a video (it is not a text file (byte 0 is not UTF-8))"),
-        ("photo.JPG", "\udcff\udcd8", "is one picture; a video, a folder of pictures or a site file is expected"),
-        ("aisle.mp4", "\udcff\udcd8", "is a video, not a site file; `savmap init` writes one for it"),
+        ("photo.JPG", "\udcff\udcd8", "nor a video (it is not a text file (byte 0 is not UTF-8))"),
         ("site.yaml", "Just words.\n", "a site file is a mapping with at least `rows:`"),
     ],
 )  # fmt: skip
 def test_another_file_is_called_what_it_is(tmp_path: Path, name: str, text: str, says: str) -> None:
     path = tmp_path / name
     path.write_bytes(text.encode(errors="surrogateescape"))
-    with pytest.raises(VideoError if name == "photo.JPG" else SiteError) as caught:
+    with pytest.raises(SiteError) as caught:
         load_site(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert says in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize("name", ["aisle.mp4", "aisle", "site.yaml"])
+def test_a_video_is_called_one_whatever_its_name(tmp_path: Path, name: str) -> None:
+    write_video(tmp_path / "a.mkv", evenly(5, 15)).rename(tmp_path / name)
+    with pytest.raises(SiteError, match="is a video, not a site file; `savmap init` writes one for it"):
+        load_site(tmp_path / name)
 
 
 def test_a_resolved_site_is_a_site_file(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from savmap.split.frame_pairs import coarse_stamps, pictures_at
 from savmap.video.clip import Clip, DecodeReport
 from savmap.video.reader import check_camera, panoramas, preview_frames, probe
 
-from .made_up_video import evenly, picture, write_video
+from .made_up_video import evenly, picture, write_recording, write_video
 
 NAMES = [
     "2024-05-01T10:00:00.mp4",
@@ -91,25 +91,14 @@ FORMATS = {
 }
 
 
-def recording(path: Path, kind: str, count: int, first: int = 0) -> bytes:
-    """A recording of so many frames whose times begin at 0."""
-    codec, options = FORMATS[kind]
-    with av.open(str(path), "w", format=kind, options=options) as container:
-        stream = container.add_stream(codec, rate=25)
-        stream.width, stream.height, stream.pix_fmt = 128, 64, "yuv420p"
-        stream.gop_size = 10
-        for index in range(count):
-            frame = av.VideoFrame.from_ndarray(picture(first + index), format="rgb24")
-            frame.pts, frame.time_base = index, Fraction(1, 25)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    return path.read_bytes()
-
-
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("counts", [(50, 75), (75, 50), (50, 50)])
 def test_a_recording_behind_another_is_refused_at_once(tmp_path: Path, kind: str, counts: tuple[int, int]) -> None:
-    parts = [recording(tmp_path / "part", kind, count, 100 * part) for part, count in enumerate(counts)]
+    codec, options = FORMATS[kind]
+    parts = [
+        write_recording(tmp_path / "part", count, codec, kind, options, 100 * part).read_bytes()
+        for part, count in enumerate(counts)
+    ]
     joined = tmp_path / "joined"
     joined.write_bytes(b"".join(parts))
     with pytest.raises(VideoError, match="holds two recordings, one behind the other: the times begin again") as caught:
