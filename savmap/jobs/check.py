@@ -17,7 +17,8 @@ from savmap.site.load import notes_on, problems_in, read_draft, site_of, sound_p
 from savmap.site.overrides import Override
 from savmap.site.preflight import Footage, settings_problems, with_location
 from savmap.types.progress import Monitor
-from savmap.video.reader import preview_frames
+from savmap.video.clip import missing_s
+from savmap.video.reader import preview_frames, sampling_fps
 
 DECODABLE = 0.7
 """The share of a pass up to which key frames must be decodable."""
@@ -114,16 +115,18 @@ def _preview(job: Job, part: Footage, pictures: bool) -> Iterator[SavmapError | 
         if pictures:
             request, path = request_for(job, part.row), job.output / picture_name(part.row, part.name)
             segmenters, attitude = SegmenterPool(request.plugins), initial_attitudes(request.path).get(part.name)
-            keys = preview(part.name, row_pass, request.plugins, segmenters, path, attitude).keys
+            looked = preview(part.name, row_pass, request.plugins, segmenters, path, attitude)
+            keys, pairs = looked.keys, looked.pairs
             remark += f", views in {path}"
         else:
-            keys, _ = preview_frames(row_pass.clip)
+            keys, pairs = preview_frames(row_pass.clip)
     except SavmapError as error:
         yield with_location(error, job.places, part.location)
         return
     yield remark
     end_s = min(row_pass.end_s or part.info.duration_s, part.info.duration_s)
-    last_s = keys[-1].stamp_s
-    if last_s - row_pass.start_s < DECODABLE * (end_s - row_pass.start_s):
+    last_s = max(panorama.stamp_s for panorama in (*keys, *(second for _, second in pairs)))
+    is_short = missing_s(last_s, end_s, sampling_fps(row_pass.clip, part.info)) > 0
+    if is_short and last_s - row_pass.start_s < DECODABLE * (end_s - row_pass.start_s):
         text = f"{row_pass.video}: nothing can be decoded after {last_s:.1f} s; the file is cut off or damaged"
         yield with_location(VideoError(text), job.places, (*part.location, "video"))

@@ -101,6 +101,16 @@ def check_shape(path: Path, width: int, height: int) -> None:
         raise VideoError(f"{path}: pictures are {width}x{height}; at most {MOST_WIDTH}x{MOST_WIDTH // 2} are read")
 
 
+def usual_gap_s(rate_fps: float) -> float:
+    """The longest time without a frame that sampling at this rate explains."""
+    return 0.2 + 3 / rate_fps
+
+
+def missing_s(last_s: float, end_s: float, rate_fps: float) -> float:
+    """How much earlier than a range a file ends whose last frame was found at `last_s`; 0 where sampling explains it."""
+    return end_s - last_s if end_s - last_s > usual_gap_s(rate_fps) else 0.0
+
+
 def time_range(clip: Clip, duration_s: float) -> tuple[float, float]:
     """Start and end (s) of a clip in a video of this length. Raises VideoError where they lie outside it."""
     start = 0.0 if clip.start_s is None else clip.start_s

@@ -10,7 +10,17 @@ import numpy as np
 
 from savmap.errors import VideoError
 from savmap.types import Floats, Panorama, Planes, panorama_of
-from savmap.video.clip import Clip, DecodeReport, Image, Picture, Source, VideoInfo, time_range
+from savmap.video.clip import (
+    Clip,
+    DecodeReport,
+    Image,
+    Picture,
+    Source,
+    VideoInfo,
+    missing_s,
+    time_range,
+    usual_gap_s,
+)
 from savmap.video.container import exact_key_times, probe_file
 from savmap.video.decode import decode_at, decode_file
 from savmap.video.footage.small import small_grey
@@ -25,6 +35,7 @@ __all__ = [
     "panoramas",
     "preview_frames",
     "probe",
+    "sampling_fps",
 ]
 
 Pairs = tuple[tuple[Panorama, Panorama], ...]
@@ -52,11 +63,15 @@ def check_camera(info: VideoInfo) -> None:
         next(decode_at(info, [0.0]), None)
 
 
+def sampling_fps(clip: Clip, info: VideoInfo) -> float:
+    """How many frames a second are used of a clip."""
+    return min(clip.fps, info.rate_fps or clip.fps)
+
+
 def expected_frames(clip: Clip, info: VideoInfo) -> int:
     """Roughly how many panoramas a clip gives, for progress bars."""
     start, end = time_range(clip, info.duration_s)
-    rate = min(clip.fps, info.rate_fps) if info.rate_fps > 0 else clip.fps
-    return max(1, round((min(end, info.duration_s) - start) * rate))
+    return max(1, round((min(end, info.duration_s) - start) * sampling_fps(clip, info)))
 
 
 def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = None) -> Iterator[Panorama]:
@@ -75,10 +90,9 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
         yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
-    usual = 0.2 + 3 / min(clip.fps, info.rate_fps or clip.fps)
-    missing = min(end, info.duration_s) - last
-    report.short_s = missing if missing > usual else 0.0
-    report.gap_s = gap if gap > usual else 0.0
+    rate = sampling_fps(clip, info)
+    report.short_s = missing_s(last, min(end, info.duration_s), rate)
+    report.gap_s = gap if gap > usual_gap_s(rate) else 0.0
 
 
 def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
@@ -110,7 +124,7 @@ def preview_frames(
     are shrunk by a whole factor. Raises VideoError as `panoramas` does.
     """
     info = probe(clip.path, clip.images_fps)
-    step = 1 / min(clip.fps, info.rate_fps or clip.fps)
+    step = 1 / sampling_fps(clip, info)
     times, second = _preview_times(clip, info, keys, pairs)
     spacing = min(np.diff(times), default=0.0)
     wider = [factor * step for factor in WIDER if 1.8 * factor * step < spacing]

@@ -22,11 +22,12 @@ from savmap.site.job import job_for
 from savmap.site.preflight import require_ready
 from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor, NoteCollector
-from savmap.video.clip import Clip
+from savmap.video.clip import Clip, DecodeReport
+from savmap.video.reader import panoramas
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
 
-from ..video.made_up_video import evenly, write_video
+from ..video.made_up_video import evenly, write_recording, write_video
 from ..video.spherical_boxes import insert, stereo
 
 GOOD = """\
@@ -213,6 +214,32 @@ def test_a_video_that_is_cut_off_is_checked(folder: Path) -> None:
     lines, code = checked(folder, GOOD.replace("a.mp4", "b.mkv"))
     assert code == 4
     assert "site.yaml:8: b.mkv: nothing can be decoded after" in lines[1]
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mkv", "ts", "avi", "webm"])
+def test_short_clips_are_sound_where_all_is_read(folder: Path, suffix: str) -> None:
+    """From the fewest frames that are mapped to more than a second of them, and at the file's end."""
+    codec = {"avi": "mpeg4", "webm": "libvpx-vp9"}.get(suffix, "libx264")
+    for count, more in ((5, ""), (6, ""), (8, ""), (12, ""), (20, ", fps: 25"), (40, ""), (40, ", start_s: 1.35")):
+        path = write_recording(folder / f"short.{suffix}", count, codec)
+        lines, code = checked(folder, GOOD.replace("a.mp4", path.name + more))
+        assert code == 0, (count, lines)
+        report = DecodeReport()
+        start = float(more[-4:]) if "start_s" in more else None
+        assert len(list(panoramas(Clip(path, start, fps=25.0), report=report))) >= 3
+        assert report.complete
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_file_that_is_cut_off_is_short_for_both(folder: Path, share: float) -> None:
+    whole = write_recording(folder / "b.mkv", 75).read_bytes()
+    (folder / "b.mkv").write_bytes(whole[: int(share * len(whole))])
+    report = DecodeReport()
+    list(panoramas(Clip(folder / "b.mkv"), report=report))
+    assert report.short_s > 0
+    lines, code = checked(folder, GOOD.replace("a.mp4", "b.mkv"))
+    assert code == 4
+    assert "nothing can be decoded after" in lines[1]
 
 
 def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
