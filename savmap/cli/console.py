@@ -2,16 +2,18 @@
 
 import io
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
 from rich.console import Console as Terminal
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from savmap.cli.speech import say
 from savmap.errors import OutputError, SavmapError, visible
@@ -21,8 +23,8 @@ from savmap.types.progress import SilentMonitor
 
 Item = TypeVar("Item")
 log = logging.getLogger("savmap")
-EVERY_S = 10.0
-"""Between lines on progress where there is no terminal."""
+EVERY_S, REDRAWN_S = 30.0, 0.1
+"""Between lines on one thing where there is no terminal, and between its looks where there is one."""
 
 
 class LogFile(logging.FileHandler):
@@ -63,8 +65,30 @@ class EchoMonitor(SilentMonitor):
         say(line)
 
 
+@dataclass(eq=False)
+class _Work:
+    """Work under way: how much of it is done, since when, when that was said last, and its bar where there is a terminal."""
+
+    doing: str
+    total: int | None
+    begun_s: float
+    said_s: float
+    done: int = 0
+    bar: TaskID | None = None
+
+    def amount(self) -> str:
+        return f"{self.done} of {self.total} ({self.done / self.total:.0%})" if self.total else f"{self.done}"
+
+    def left_s(self, now_s: float) -> float | None:
+        """What it will still take, where it goes on as it did."""
+        return (now_s - self.begun_s) * max(self.total - self.done, 0) / self.done if self.total and self.done else None
+
+
 class Console:
-    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the end."""
+    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the end.
+
+    Of work within work, and of rows that are mapped at the same time, all bars are shown. How long a run will take stands with the outermost.
+    """
 
     def __init__(self, log_file: Path) -> None:
         self.terminal = Terminal(stderr=True, highlight=False)
@@ -72,6 +96,10 @@ class Console:
         self.kept = io.StringIO()
         self.handler = logging.StreamHandler(self.kept) if self.there else LogFile(log_file)
         self.handler.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(message)s"))
+        self.works: list[_Work] = []
+        self.bars: Progress | None = None
+        self.run_left_s: float | None = None
+        self.lock = threading.RLock()
 
     def __enter__(self) -> "Console":
         log.setLevel(logging.INFO)
@@ -91,29 +119,67 @@ class Console:
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         """The items with a progress bar; where nobody looks at a terminal, with a line every `EVERY_S`."""
-        if not self.terminal.is_terminal:
-            log.info("%s", doing)
-            yield from self._told(items, doing, total)
-            return
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-        )
         log.info("%s", doing)
-        with Progress(*columns, console=self.terminal, transient=True) as progress:
-            yield from progress.track(items, total=total, description=visible(doing))
+        work = self._begin(doing, total)
+        try:
+            for item in items:
+                self._show(work)
+                yield item
+                work.done += 1
+        finally:
+            self._end(work)
 
-    def _told(self, items: Iterable[Item], doing: str, total: int | None) -> Iterator[Item]:
-        """The items, with a line now and then that says how many are done and how long the others will take."""
-        begun = said = time.monotonic()
-        for done, item in enumerate(items):
-            now = time.monotonic()
-            if done and now - said >= EVERY_S:
-                said = now
-                self.terminal.print(visible(_so_far(doing, done, total, now - begun)), markup=False, soft_wrap=True)
-            yield item
+    def left(self, seconds: float) -> None:
+        """How long the run will take, with the outermost work."""
+        with self.lock:
+            self.run_left_s = seconds
+            if self.works:
+                self._show(self.works[0])
+
+    def _begin(self, doing: str, total: int | None) -> _Work:
+        now = time.monotonic()
+        work = _Work(doing, total, now, now)
+        with self.lock:
+            self.works.append(work)
+            if self.terminal.is_terminal:
+                if self.bars is None:
+                    said = TextColumn("{task.fields[said]}", markup=False)
+                    columns = TextColumn("{task.description}", markup=False), BarColumn(), said
+                    self.bars = Progress(*columns, console=self.terminal, transient=True)
+                    self.bars.start()
+                work.bar = self.bars.add_task(visible(doing), total=total, said="")
+        return work
+
+    def _end(self, work: _Work) -> None:
+        with self.lock:
+            self.works.remove(work)
+            if self.bars is not None and work.bar is not None:
+                self.bars.remove_task(work.bar)
+            if not self.works:
+                self.run_left_s = None
+                if self.bars is not None:
+                    self.bars.stop()
+                    self.bars = None
+
+    def _show(self, work: _Work) -> None:
+        """Say how far work is, if it is time: of a run only the outermost says how long it will take."""
+        now = time.monotonic()
+        if now - work.said_s < (EVERY_S if work.bar is None else REDRAWN_S):
+            return
+        with self.lock:
+            left_s = self.run_left_s if self.run_left_s is not None else work.left_s(now)
+            ends = f", about {_clock(left_s)} left" if left_s is not None and self._tells_left(work) else ""
+            if self.bars is not None and work.bar is not None:
+                self.bars.update(work.bar, completed=work.done, said=f"{work.amount()}{ends}")
+            elif work.done or ends:
+                line = f"{work.doing}: {work.amount()}{ends}"
+                self.terminal.print(visible(line), markup=False, soft_wrap=True)
+            else:
+                return
+            work.said_s = now
+
+    def _tells_left(self, work: _Work) -> bool:
+        return self.run_left_s is None or work is self.works[0]
 
     @contextmanager
     def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
@@ -135,9 +201,5 @@ class Console:
         log.info("%s", line)
 
 
-def _so_far(doing: str, done: int, total: int | None, seconds: float) -> str:
-    if not total:
-        return f"{doing}: {done}"
-    left = seconds * max(total - done, 0) / done
-    clock = f"{left:.0f} s" if left < 120 else f"{left / 60:.0f} min"
-    return f"{doing}: {done} of {total} ({done / total:.0%}), about {clock} left"
+def _clock(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

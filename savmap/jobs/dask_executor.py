@@ -11,9 +11,8 @@ from typing import Any
 
 from savmap.errors import SavmapError
 from savmap.jobs.cache_keys import code
-from savmap.jobs.executors import WorkerCrashedError
+from savmap.jobs.executors import Shown, WorkerCrashedError
 from savmap.site.job import Job, plugins_for
-from savmap.types.progress import Monitor
 
 ADDRESS = re.compile(r"\w+://\S+:\d+")
 CONNECT_S = 15
@@ -22,7 +21,7 @@ CONNECT_S = 15
 class DaskExecutor:
     """A Dask scheduler's workers. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`."""
 
-    monitor: Monitor | None = None
+    shown: Shown | None = None
 
     def __init__(self, address: str, job: Job) -> None:
         """Raises SavmapError where the extra is missing, the scheduler does not answer, or a worker runs other code."""

@@ -13,10 +13,12 @@ from contextlib import contextmanager, suppress
 from typing import Any, Protocol, TypeVar
 
 from savmap.plugin import activity
-from savmap.types.progress import Monitor
+from savmap.types.progress import Monitor, SilentMonitor
 
 Item = TypeVar("Item")
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
+Shown = Callable[[Any, Callable[[], float]], Monitor]
+"""The monitor of a task that begins, by its key, and by what gives the processor's seconds that the task's process has used."""
 POLL_S = 0.25
 PARENT_POLL_S = 1.0
 ENDED = "its process ended without a word: out of memory, killed, or crashed"
@@ -32,10 +34,10 @@ class WorkerCrashedError(Exception):
 
 
 class TaskExecutor(Protocol):
-    """Takes tasks, and gives their results in the order in which they are done. `monitor`: an argument for tasks that shows what they do
-    to the user while they do it; None where that is not possible."""
+    """Takes tasks, and gives their results in the order in which they are done. `shown`: gives each task a last argument, the monitor that shows
+    what it does to the user while it does it; None where that is not possible, and the argument is left out."""
 
-    monitor: Monitor | None
+    shown: Shown | None
 
     def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
         """Take a task."""
@@ -51,8 +53,8 @@ class SerialExecutor:
     """Runs tasks in this process, one after another, when their results are asked for. A task that is submitted meanwhile comes next:
     it goes on from the last one's result, which then need not be kept for long."""
 
-    def __init__(self, monitor: Monitor) -> None:
-        self.monitor: Monitor | None = monitor
+    def __init__(self, shown: Shown | None = None) -> None:
+        self.shown = shown
         self.waiting: list[tuple[Hashable, Task]] = []
         self.next: list[tuple[Hashable, Task]] = []
 
@@ -63,20 +65,20 @@ class SerialExecutor:
         while self.next or self.waiting:
             self.waiting[:0], self.next = self.next, []
             key, (function, arguments) = self.waiting.pop(0)
-            yield key, function(*arguments)
+            monitors = () if self.shown is None else (self.shown(key, time.process_time),)
+            yield key, function(*arguments, *monitors)
 
 
 class ProcessExecutor:
     """Runs tasks in other processes, so many at a time.
 
     If a process ends without a result, all tasks under way are tried again, each alone; one that ends its process then has
-    `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. With one process, what tasks
-    tell their monitor is shown by `shown` meanwhile.
+    `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. What tasks tell their monitor goes
+    to that which `shown` gives, from a thread for each process.
     """
 
-    def __init__(self, processes: int, timeout_s: float = float("inf"), shown: Monitor | None = None) -> None:
+    def __init__(self, processes: int, timeout_s: float = float("inf"), shown: Shown | None = None) -> None:
         self.processes, self.timeout_s, self.shown = processes, timeout_s, shown
-        self.monitor: Monitor | None = ForwardedMonitor() if shown is not None and processes == 1 else None
         self.waiting: dict[Hashable, Task] = {}
         self.suspects: dict[Hashable, Task] = {}
 
@@ -94,13 +96,13 @@ class ProcessExecutor:
 
     def _run(self, waiting: dict[Hashable, Task], processes: int) -> Iterator[tuple[Any, Any]]:
         """Run what is waiting until it is done or a process ends (then some may still wait); at most `processes` tasks are under way."""
-        with _pool(processes, self.timeout_s, self.shown if self.monitor else None) as (pool, board):
+        with _pool(processes, self.timeout_s, self.shown) as (pool, board):
             under_way: dict[Future[Any], tuple[Hashable, Task]] = {}
             while waiting or under_way:
                 while waiting and len(under_way) < processes:
                     key, (function, arguments) = next(iter(waiting.items()))
                     try:
-                        future = pool.submit(_call, str(key), function, *arguments)
+                        future = pool.submit(_call, key, self.shown is not None, function, *arguments)
                     except BrokenProcessPool:  # a process ended after its last result was taken, or before it is
                         break
                     under_way[future] = (key, waiting.pop(key))
@@ -127,13 +129,14 @@ class ProcessExecutor:
 
 
 class ForwardedMonitor:
-    """A Monitor for tasks in another process: what it is told is shown by the monitor of the process that waits for them."""
+    """A Monitor for a task in another process: what it is told is shown by the monitor of the process that waits for it."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         _worker.send("each", doing, total)
         try:
             for item in items:
                 yield item
+                _worker.slot.processor_s = time.process_time()
                 _worker.send("step")
         finally:
             _worker.send("end")
@@ -141,9 +144,13 @@ class ForwardedMonitor:
     def note(self, line: str) -> None:
         _worker.send("note", line)
 
+    def left(self, seconds: float) -> None:
+        """Nothing: the other process knows better."""
+
 
 class _Slot(ctypes.Structure):
-    """What one process is at: its task, and the hook that is at work in it since a time of the monotonic clock."""
+    """What one process is at: its task, the hook that is at work in it since a time of the monotonic clock, and the processor's seconds that it
+    had used at the last step."""
 
     _fields_ = (
         ("pid", ctypes.c_long),
@@ -151,6 +158,7 @@ class _Slot(ctypes.Structure):
         ("plugin", ctypes.c_char * 128),
         ("hook", ctypes.c_char * 64),
         ("begin_s", ctypes.c_double),
+        ("processor_s", ctypes.c_double),
     )
 
 
@@ -191,10 +199,10 @@ class _Worker:
 
     def begin(self, board: Any, claimed: Any, events: Any) -> None:
         with claimed.get_lock():
-            self.slot = board[claimed.value % len(board)]
+            number = claimed.value % len(board)
             claimed.value += 1
+        self.slot, self.events = board[number], events[number]
         self.slot.pid = os.getpid()
-        self.events = events
         activity.set_sink(self.tell)
 
     def send(self, *event: object) -> None:
@@ -213,22 +221,29 @@ class _Worker:
 _worker = _Worker()
 
 
-def _call(task: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    _worker.slot.task = task.encode()[:255]
-    return function(*arguments)
+def _call(key: Hashable, shown: bool, function: Callable[..., Any], *arguments: Any) -> Any:
+    _worker.slot.task = str(key).encode()[:255]
+    if not shown:
+        return function(*arguments)
+    _worker.send("task", key)
+    return function(*arguments, ForwardedMonitor())
 
 
 @contextmanager
-def _pool(processes: int, timeout_s: float, shown: Monitor | None) -> Iterator[tuple[Executor, _Board]]:
+def _pool(processes: int, timeout_s: float, shown: Shown | None) -> Iterator[tuple[Executor, _Board]]:
     """Processes that end with this one, however it ends, and leave ctrl-C to it."""
     context = multiprocessing.get_context("spawn")
-    board, (received, sent) = _Board(context, processes, timeout_s), context.Pipe(duplex=False)
-    initial = (os.getpid(), board.slots, board.claimed, sent)
+    board, pipes = _Board(context, processes, timeout_s), [context.Pipe(duplex=False) for _ in range(processes)]
+    initial = (os.getpid(), board.slots, board.claimed, [sent for _, sent in pipes])
     pool = ProcessPoolExecutor(processes, context, _begin, initial)
     before = set(multiprocessing.active_children())
     board.thread.start()
-    shower = threading.Thread(target=_show, args=(received, shown), name="savmap-progress", daemon=True)
-    shower.start()
+    showers = [
+        threading.Thread(target=_show, args=(received, shown, slot), name="savmap-progress", daemon=True)
+        for (received, _), slot in zip(pipes, board.slots, strict=True)
+    ]
+    for shower in showers:
+        shower.start()
     try:
         yield pool, board
     except BaseException:
@@ -238,28 +253,38 @@ def _pool(processes: int, timeout_s: float, shown: Monitor | None) -> Iterator[t
     finally:
         board.closed.set()
         pool.shutdown(wait=True, cancel_futures=True)
-        sent.close()
-        shower.join()
-        received.close()
+        for _, sent in pipes:
+            sent.close()
+        for shower, (received, _) in zip(showers, pipes, strict=True):
+            shower.join()
+            received.close()
 
 
-def _show(events: Any, monitor: Monitor | None) -> None:
-    """Show what `ForwardedMonitor`s send, until the last process that could send is gone."""
+def _show(events: Any, shown: Shown | None, slot: Any) -> None:
+    """Show what the `ForwardedMonitor`s of a process send, until the last process that could send is gone."""
+    monitor: Monitor = SilentMonitor()
     while (event := _next(events)) is not None:
-        if monitor is not None and event[0] == "note":
-            monitor.note(event[1])
-        elif monitor is not None and event[0] == "each":
-            for _ in monitor.each(_steps(events, monitor), event[1], event[2]):
-                pass
+        if event[0] == "task" and shown is not None:
+            monitor = shown(event[1], lambda: float(slot.processor_s))
+        else:
+            _tell(monitor, event, events)
+
+
+def _tell(monitor: Monitor, event: tuple[Any, ...], events: Any) -> None:
+    if event[0] == "note":
+        monitor.note(event[1])
+    elif event[0] == "each":
+        for _ in monitor.each(_steps(events, monitor), event[1], event[2]):
+            pass
 
 
 def _steps(events: Any, monitor: Monitor) -> Iterator[None]:
-    """An item for each step of what is under way, until it ends; notes meanwhile are shown."""
+    """An item for each step of what is under way, until it ends; what else is told meanwhile is shown."""
     while (event := _next(events)) is not None and event[0] != "end":
-        if event[0] == "note":
-            monitor.note(event[1])
-        else:
+        if event[0] == "step":
             yield
+        else:
+            _tell(monitor, event, events)
 
 
 def _next(events: Any) -> tuple[Any, ...] | None:

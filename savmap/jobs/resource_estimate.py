@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.serialization import packed
-from savmap.jobs.scheduler import SOLVED
+from savmap.jobs.run_clock import SOLVED
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
 from savmap.pipeline.row import measure
@@ -36,6 +36,9 @@ class ProbeMonitor:
 
     def note(self, line: str) -> None:
         """Lines are for runs."""
+
+    def left(self, seconds: float) -> None:
+        """So is this."""
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ no other."""
 import logging
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from typing import Any, Literal
 
 from savmap.errors import PluginFailedError, SavmapError
@@ -14,8 +15,9 @@ from savmap.files.journal import Parts, counts, forget
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
 from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, strips_key
-from savmap.jobs.executors import ProcessExecutor, SerialExecutor, TaskExecutor, WorkerCrashedError
+from savmap.jobs.executors import ProcessExecutor, SerialExecutor, Shown, TaskExecutor, WorkerCrashedError
 from savmap.jobs.kept import kept_map, kept_measurements
+from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, RunClock
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.pipeline.measure import RowMeasurements, frames_of
 from savmap.plugin import trace
@@ -25,7 +27,6 @@ from savmap.types import Orthophoto, RowMap, RowStrips, Still
 from savmap.types.progress import Monitor
 
 log = logging.getLogger("savmap")
-MEASURED, SOLVED, PICTURED = "measured", "solved", "pictured"
 STRIPS = "strips"
 Group = tuple[str, ...]
 Key = tuple[str, Group]
@@ -40,7 +41,7 @@ class RunOptions:
     fresh: bool = False
     cluster: str | None = None
 
-    def executor(self, job: Job, groups: int, monitor: Monitor) -> tuple[TaskExecutor, int]:
+    def executor(self, job: Job, groups: int, shown: Shown) -> tuple[TaskExecutor, int]:
         """Who runs the tasks of so many groups of rows, and with how many workers. Raises SavmapError where a cluster cannot."""
         if self.cluster is not None:
             from savmap.jobs.dask_executor import DaskExecutor  # Dask is an extra, and slow to import
@@ -48,9 +49,7 @@ class RunOptions:
             dask = DaskExecutor(self.cluster, job)
             return dask, dask.count
         jobs = max(min(groups, (os.cpu_count() or 1) // 2), 1) if self.jobs is None else self.jobs
-        return (
-            (ProcessExecutor(jobs, job.site.plugin_timeout_s, monitor), jobs) if jobs else (SerialExecutor(monitor), 1)
-        )
+        return (ProcessExecutor(jobs, job.site.plugin_timeout_s, shown), jobs) if jobs else (SerialExecutor(shown), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,17 +71,16 @@ def map_rows_of(
     and KeyboardInterrupt that says what is kept."""
     begin = time.monotonic()
     groups = groups_of(job)
-    executor, workers = options.executor(job, len(groups), monitor)
-    progress = _Progress(job, cache, executor, monitor, groups, with_pictures)
+    sizes = {name: (frames_of(row.passes), len(row.passes)) for name, row in job.site.rows.items()}
+    clock = RunClock(sizes, monitor, with_pictures)
+    executor, workers = options.executor(job, len(groups), clock.task)
+    progress = _Progress(job, cache, executor, monitor, groups, clock, with_pictures)
     try:
         for group in groups:
             progress.begin(group)
-        results = executor.results()
-        if executor.monitor is None:
-            pictures = len(job.site.rows) if with_pictures else 0
-            results = monitor.each(results, "rows measured and solved", len(job.site.rows) + len(groups) + pictures)
-        for key, result in results:
-            progress.take(key, result)
+        with clock.told(workers):
+            for _ in monitor.each(progress.rows_done(executor.results()), "rows mapped", len(sizes)):
+                pass
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(progress.kept() or "nothing yet") from interrupt
     if not progress.solved:
@@ -117,13 +115,15 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 @dataclass(eq=False)
 class _Progress:
     """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the plugins that failed
-    in it. `wants_pictures`: whether pictures are made; of strips only those are held that the cache does not keep."""
+    in it. `wants_pictures`: whether pictures are made, `pictured_next`: of which solved rows they still are; of strips only those are held that the
+    cache does not keep."""
 
     job: Job
     cache: RowCache
     executor: TaskExecutor
     monitor: Monitor
     groups: Sequence[Group]
+    clock: RunClock
     wants_pictures: bool = False
     keys: dict[str, str] = field(default_factory=dict)
     solution_keys: dict[Group, str] = field(default_factory=dict)
@@ -131,6 +131,7 @@ class _Progress:
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
     strips: dict[str, StoredRecord[RowStrips]] = field(default_factory=dict)
     pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
+    pictured_next: set[str] = field(default_factory=set)
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
@@ -147,9 +148,20 @@ class _Progress:
             kept = None if content is None else kept_measurements(name, content, self.job.plugins)
             if kept is not None and (not self.wants_pictures or self._strips_of(name) is not None):
                 self.measured[name] = kept
+                self.clock.skip(name, MEASURED)
             else:
                 self._measure(name)
         self._solve_if_measured(group)
+
+    def rows_done(self, results: Iterable[tuple[Key, Any]]) -> Iterator[None]:
+        """Take what tasks gave; an item for each row that is done with."""
+        told = 0
+        for key, result in chain([(None, None)], results):
+            if key is not None:
+                self.take(key, result)
+            done = len(self.failed) + len(self.solved.keys() - self.pictured_next)
+            yield from [None] * (done - told)
+            told = max(done, told)
 
     def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
         """Keep what a task gave, and go on from there."""
@@ -162,6 +174,7 @@ class _Progress:
             self.monitor.note(line)
         trace.log_lines(done.logged)
         for name, record in done.records.items():
+            self.clock.end(stage, name)
             self.plugins_failed.setdefault(name, {}).update(done.plugins_failed.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
             self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
@@ -222,7 +235,7 @@ class _Progress:
 
     def _measure(self, name: str) -> None:
         """Have a row measured. What a run kept of single frames is not for one that leaves a plugin out from the start: it may choose other views."""
-        frames = self._frames(name) if self.executor.monitor is not None and name not in self.crashed else None
+        frames = self._frames(name) if self.executor.shown is not None and name not in self.crashed else None
         self._submit(
             (MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames), name
         )
@@ -248,6 +261,7 @@ class _Progress:
         self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
         self.solved |= maps
         for name in names:
+            self.clock.skip(name, MEASURED, SOLVED)
             self._picture(name)
         return True
 
@@ -262,14 +276,18 @@ class _Progress:
             return
         kept = self.cache.load(name, PICTURED, picture_key(self._strips_key(name), self.solved[name].content))
         strips = self._strips_of(name) if kept is None else None
+        if strips is None:
+            self.clock.skip(name, PICTURED)
         if kept is not None:
             self._show(name, StoredRecord(tasks.RowPicture, content=kept))
         elif strips is not None:
+            self.pictured_next.add(name)
             self._submit((PICTURED, (name,)), tasks.picture_task, {name: (self.solved[name], strips)})
             self.strips.pop(name, None)
 
     def _take_picture(self, name: str, record: StoredRecord[tasks.RowPicture] | tasks.Failure) -> None:
         """Keep an orthophoto; a row without one is mapped all the same."""
+        self.pictured_next.discard(name)
         if isinstance(record, tasks.Failure):
             self.monitor.note(f"row {name}: no orthophoto: {record.error}")
             if record.trace:
@@ -313,12 +331,12 @@ class _Progress:
         return self.solution_keys[names]
 
     def _submit(self, key: Key, task: Callable[..., tasks.TaskResult], what: object) -> None:
-        shown = () if self.executor.monitor is None else (self.executor.monitor,)
         failures = {name: self.crashed[name] for name in key[1] if name in self.crashed}
-        self.executor.submit(key, task, self.job, what, failures, *shown)
+        self.executor.submit(key, task, self.job, what, failures)
 
     def _fail(self, name: str, failure: tasks.Failure) -> None:
         self.failed[name] = failure.error
+        self.clock.skip(name, MEASURED, SOLVED, PICTURED)
         if len(self.job.site.rows) > 1:
             self.monitor.note(f"row {name} is not mapped: {str(failure.error).removeprefix(f'row {name}: ')}")
         if failure.trace:

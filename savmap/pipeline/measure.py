@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from savmap.errors import StructureError
+from savmap.errors import StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
 from savmap.pipeline.networks import choices_told, with_best_networks
@@ -61,10 +61,13 @@ class FrameRecord:
         views = {spec.name for spec in plan.plugins_by_view}
         features = [item for items in self.features.values() for item in items]
         packed_views = [item for items in self.packed_views.values() for item in items]
-        sound = all(isinstance(item, Feature) for item in features)
-        sound = sound and all(isinstance(item, PackedView) for item in packed_views)
-        sound = sound and all(isinstance(item, Cut) and item.frame == frame for item in self.cuts)
-        return sound and all(item.frame == frame and item.view in views for item in (*features, *packed_views))
+        return (
+            all(isinstance(item, Feature) and item.frame == frame and item.view in views for item in features)
+            and all(
+                isinstance(item, PackedView) and item.frame == frame and item.view in views for item in packed_views
+            )
+            and all(isinstance(cut, Cut) and cut.frame == frame for cut in self.cuts)
+        )
 
 
 FrameJournal = Journal[FrameRecord]
@@ -121,9 +124,12 @@ def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
 
 
 def frames_of(passes: Sequence[Pass]) -> int:
-    """Roughly how many panoramas passes give. Raises VideoError."""
+    """Roughly how many panoramas passes give; 1 where one cannot be read, which measuring it will tell."""
     clips = [row_pass.clip for row_pass in passes]
-    return sum(expected_frames(clip, probe(clip.path, clip.images_fps)) for clip in clips)
+    try:
+        return sum(expected_frames(clip, probe(clip.path, clip.images_fps)) for clip in clips)
+    except VideoError:
+        return 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ log = logging.getLogger("savmap")
 
 
 class Monitor(Protocol):
-    """The two calls by which long work reports: give an object with these methods to show progress in your own program."""
+    """The calls by which long work reports: give an object with these methods to show progress in your own program. Work within work, and
+    rows that are mapped at the same time, in threads of their own, call them too."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         """Yield the items while the work on each is done; `doing` says what that is, `total` how many items there are."""
@@ -17,6 +18,10 @@ class Monitor(Protocol):
 
     def note(self, line: str) -> None:
         """Take one line about the work."""
+        ...
+
+    def left(self, seconds: float) -> None:
+        """Take how long a run will still take, about once a second."""
         ...
 
 
@@ -28,6 +33,9 @@ class SilentMonitor:
 
     def note(self, line: str) -> None:
         log.info(line)
+
+    def left(self, seconds: float) -> None:
+        """Nothing."""
 
 
 class NoteCollector(SilentMonitor):
