@@ -150,7 +150,7 @@ def _doubt(entry: schema.DoubtEntry) -> Doubt:
     words = entry.what.split()
     if len(words) <= MOST_WORDS:
         return Doubt(entry.kind, entry.what, *where)
-    return Doubt(entry.kind, f"{' '.join(words[:MOST_WORDS])} \u2026", *where, details=(entry.what,))
+    return Doubt(entry.kind, f"{' '.join(words[: MOST_WORDS - 1])} \u2026", *where, details=(entry.what,))
 
 
 def _quaternion(rotation: Floats) -> list[float]:
@@ -217,8 +217,10 @@ def _reference_entry(use: ReferenceUse) -> Entry:
     (residual,) = _rounded((solved - value,), FIGURE)
     sigma = max(sigma, LEAST_SIGMA)
     used = None if use.sigma_used is None else max(round(use.sigma_used, FIGURE), sigma)
+    softened = used if used and used > sigma else None
+    written = ReferenceUse(use.name, value, sigma, solved, use.unit, softened, use.left_out)
     numbers = {"value": value, "sigma": sigma, "sigma_used": used, "solved": solved, "residual": residual}
-    return {"name": use.name, "unit": use.unit, **numbers, "state": use.state}
+    return {"name": use.name, "unit": use.unit, **numbers, "state": written.state}
 
 
 def _placement_entry(placement: Placement) -> Entry:

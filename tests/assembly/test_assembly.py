@@ -169,7 +169,9 @@ def test_match_that_does_not_fit_is_left_out_and_named() -> None:
     assert len(found.site_map.matches) == 6
     assert doubts_of(found.site_map) == {("1L", "site", ("lamp 1",)), ("1R", "site", ("lamp 7",))}
     (doubt,) = doubted(found.site_map, "1R")
-    assert doubt.what.startswith("lamp 7 is row 1L's lamp 1 by its place, but is 0.")
+    assert doubt.figure.startswith("0.")
+    assert doubt.figure.endswith(" sigma")
+    assert doubt.action == "look which of them is wrong: lamp 7, or lamp 1 of row 1L"
     assert doubt.place is not None
     assert chi2(found.site_map.placements["1R"], truth(1)["1R"]) < CHI2_999
 
@@ -187,7 +189,7 @@ def test_rows_that_put_a_drive_elsewhere_are_doubted() -> None:
     for row in ("1L", "1R"):
         (doubt,) = doubted(found.site_map, row)
         assert doubt.kind == "site"
-        assert "m apart in height, " in doubt.what
+        assert "m apart in height, " in doubt.figure
 
 
 def test_both_faces_of_a_rack_agree_along_it() -> None:
@@ -223,7 +225,7 @@ def test_wrong_place_is_named_and_bends_no_other_aisle() -> None:
     known["2R"] = replace(known["2R"], x_m=known["2R"].x_m + 2.0)
     found = assembled(site_map, known, one_drive_an_aisle(list(site_map.rows)), ask)
     assert {row for row, _, _ in doubts_of(found.site_map)} == {"2L", "2R"}
-    assert "from the place it was given" in doubted(found.site_map, "2R")[0].what
+    assert doubted(found.site_map, "2R")[0].headline == "the row stands off its given place"
     placed = found.site_map.placements
     left = {name: off(place, truth(3)[name]) for name, place in placed.items()}
     assert max(np.abs(left[name][:2]).max() for name in ("1L", "1R", "3L", "3R")) < 0.15

@@ -1,5 +1,7 @@
 """Doubts that a person looked at and found wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_site import site
@@ -9,11 +11,22 @@ from savmap.assembly.confirmed import with_confirmed
 from savmap.assembly.doubts import with_doubts
 from savmap.site.model import Row
 from savmap.types import Doubt, SiteMap, Verdict
+from savmap.types.verdicts import by_cause
 
 WIDE = Doubt(
-    "shape", "upright 2 and upright 3 are 3.69 m apart, others 1.36 m: is one between them missing?", ("upright 2",)
+    "shape",
+    "an upright may be missing",
+    ("upright 2", "upright 3"),
+    figure="3.69 m apart, others 1.36 m",
+    action="look for one between: upright 2 and upright 3",
 )
-CAMERA = Doubt("camera", "all elevations are 1.20 +- 0.10 % too large in the pictures")
+WIDER = replace(
+    WIDE,
+    structures=("upright 7", "upright 8"),
+    figure="4.10 m apart, others 1.36 m",
+    action="look for one between: upright 7 and upright 8",
+)
+CAMERA = Doubt("camera", "the pictures were cropped or stretched", figure="elevations 1.20 ± 0.10 % too large")
 
 
 def doubted(*doubts: Doubt) -> SiteMap:
@@ -30,24 +43,24 @@ def verdict_with(line: str, *doubts: Doubt) -> tuple[Verdict, tuple[str, ...]]:
 @pytest.mark.parametrize(
     "line",
     [
-        WIDE.what,
-        f"shape: {WIDE.what}",
-        "upright 2 and upright 3 are 3.70 m  apart, others 1.35 m: is one between them missing?",
+        WIDE.line,
+        f"shape: {WIDE.line}",
+        "an upright may be missing: 3.70 m  apart, others 1.35 m; look for one between: upright 2 and upright 3",
     ],
 )
 def test_a_doubt_in_its_own_words_becomes_a_note(line: str) -> None:
     verdict, unused = verdict_with(line, WIDE)
     assert verdict.grade == "trusted"
-    assert verdict.notes == (f"confirmed in the site file: {WIDE.what}",)
+    assert verdict.notes == (f"confirmed in the site file: {WIDE.line}",)
     assert not unused
 
 
 @pytest.mark.parametrize(
     "line",
     [
-        "upright 3 and upright 4 are 3.69 m apart, others 1.36 m: is one between them missing?",
-        "upright 2 and upright 3 are 5.40 m apart, others 1.36 m: is one between them missing?",
-        "upright 2 and upright 3",
+        "an upright may be missing: 3.69 m apart, others 1.36 m; look for one between: upright 3 and upright 4",
+        "an upright may be missing: 5.40 m apart, others 1.36 m; look for one between: upright 2 and upright 3",
+        "an upright may be missing",
     ],
 )
 def test_other_words_or_figures_settle_nothing_and_are_told(line: str) -> None:
@@ -58,9 +71,23 @@ def test_other_words_or_figures_settle_nothing_and_are_told(line: str) -> None:
 
 
 def test_what_no_look_at_the_pictures_tells_stays() -> None:
-    verdict, unused = verdict_with(CAMERA.what, CAMERA, WIDE)
+    verdict, unused = verdict_with(CAMERA.line, CAMERA, WIDE)
     assert verdict.doubts == (CAMERA, WIDE)
-    assert unused == (f"row 1L: `confirmed` cannot settle this, which no look at the pictures tells: {CAMERA.what}",)
+    assert unused == (f"row 1L: `confirmed` cannot settle this, which no look at the pictures tells: {CAMERA.line}",)
+
+
+def test_one_of_a_cause_is_settled_by_itself() -> None:
+    verdict, unused = verdict_with(WIDE.line, WIDE, WIDER)
+    assert verdict.doubts == (WIDER,)
+    assert not unused
+
+
+def test_all_of_a_cause_are_settled_by_their_line() -> None:
+    (both,) = by_cause((WIDE, WIDER))
+    assert both.figure == "2 places, up to 4.10 m apart, others 1.36 m"
+    verdict, unused = verdict_with(both.line, WIDE, WIDER)
+    assert verdict.grade == "trusted"
+    assert not unused
 
 
 def test_a_line_that_yaml_takes_for_a_key_is_told_to_be_quoted() -> None:

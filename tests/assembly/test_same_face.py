@@ -16,7 +16,9 @@ def row(**about: object) -> Row:
 def test_a_copied_row_is_of_the_same_face(about: dict[str, object]) -> None:
     doubts = same_face_doubts({"A": row(), "B": row(**about)})
     assert {*doubts} == {"A", "B"}
-    assert doubts["A"][0].what.startswith("rows A and B look at the same frames (A, pass 1), both to the left")
+    (doubt,) = doubts["A"]
+    assert doubt.line == "two rows look at the same face; correct the `side` of one: row A or B"
+    assert doubt.details[0].startswith("rows A and B look at the same frames (A, pass 1), both to the left")
 
 
 @pytest.mark.parametrize(

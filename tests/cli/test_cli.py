@@ -292,8 +292,7 @@ def test_an_export_tells_what_the_file_does_not_show(
         main()
     assert capsys.readouterr().out.splitlines() == [
         "wrote posts.csv",
-        "note: row B could not be mapped, and is not in it",
-        "note: check row A before use: its verdict names 1 doubt (`savmap view`, report.html)",
+        "note: 1 of 2 rows could not be mapped: B; 1 of 2 rows must be checked: A (`savmap view`, report.html)",
     ]
     assert (tmp_path / "posts.csv").read_text(encoding="utf-8").splitlines()[1].endswith(",odd")
 

@@ -92,10 +92,9 @@ def test_record_of_a_run_tells_when_it_ended_and_its_footage(monkeypatch: pytest
 
 
 def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    doubt = Doubt(
-        "support", "section 1 / beam 2 was measured in 3 of the 40 frames that should show it", place=(1.0, 2.0, 0.0)
-    )
-    lines = overrides_of([f'rows.A.confirmed=["{doubt.what}", "light 9 is a window"]'], {})
+    what, action = "an element was measured in few frames", "look whether it is there: section 1 / beam 2"
+    doubt = Doubt("support", what, place=(1.0, 2.0, 0.0), figure="3 of 40 frames", action=action)
+    lines = overrides_of([f'rows.A.confirmed=["{doubt.line}", "light 9 is a window"]'], {})
     job = job_for(EXAMPLE / "site.yaml", None, tmp_path, overrides=lines)
     path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {}, (), verdict=Verdict((doubt,)))
@@ -104,7 +103,7 @@ def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.Mo
     )
     notes = NoteCollector()
     run = map_job_into(job, RunOptions(jobs=0), notes)
-    assert run.site_map.rows["A"].verdict == Verdict((), (f"confirmed in the site file: {doubt.what}",))
+    assert run.site_map.rows["A"].verdict == Verdict((), (f"confirmed in the site file: {doubt.line}",))
     assert notes.lines == ["row A: `confirmed` has a line that no doubt says now: light 9 is a window"]
 
 

@@ -12,12 +12,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
-from savmap.maps.map_file import map_text, read_map, write_map
+from savmap.maps.map_file import map_of, map_text, read_map, write_map
 from savmap.maps.schema import schema_text
 from savmap.types import (
     Alignment,
     AlignmentResidual,
     CrossRowMatch,
+    Doubt,
     FrameTable,
     JointCovariance,
     Measured,
@@ -28,6 +29,7 @@ from savmap.types import (
     Solid,
     Structure,
     Trajectory,
+    Verdict,
     ViewSpec,
 )
 
@@ -151,6 +153,44 @@ def test_reference_residual_and_unplaced_frames() -> None:
     assert row["references"][0]["residual"] == pytest.approx(-0.0049)
     assert [entry["position_m"] is None for entry in row["trajectory"]] == [False, False, True, True, False]
     assert row["trajectory"][4]["pass"] == "back"
+
+
+def test_references_say_how_they_were_used(tmp_path: Path) -> None:
+    uses = (
+        ReferenceUse("camera height", 3.055, 0.02, 3.05),
+        ReferenceUse("height", 0.3, 0.002, 0.303, softened=0.05),
+        ReferenceUse("length", 15.452, 0.003, 14.94, softened=0.51),
+        ReferenceUse("mark", 1.0, 0.002, 1.2, left_out=True),
+    )
+    made = site()
+    write_map(replace(made, rows={"A": replace(made.rows["A"], references=uses)}), tmp_path / "map.json")
+    entries = json.loads((tmp_path / "map.json").read_text())["rows"]["A"]["references"]
+    assert [(one["sigma"], one["sigma_used"], one["state"]) for one in entries] == [
+        (0.02, 0.02, "used"),
+        (0.002, 0.05, "softened"),
+        (0.003, 0.51, "contradicted"),
+        (0.002, None, "left out"),
+    ]
+    assert read_map(tmp_path / "map.json").rows["A"].references == uses
+
+
+def test_a_doubt_of_an_older_map_begins_its_headline() -> None:
+    content = json.loads(map_text(site()))
+    what = "upright 2 and upright 3 are 3.69 m apart, others 1.36 m: is one between them missing?"
+    said = [{"kind": "shape", "what": what, "structures": ["upright 2"]}, {"kind": "camera", "what": "a dark video"}]
+    content["rows"]["A"]["verdict"] = {"grade": "check", "doubts": said}
+    verdict = map_of(json.dumps(content), "map.json").rows["A"].verdict
+    assert verdict is not None
+    first, second = verdict.doubts
+    assert (first.headline, first.details) == ("upright 2 and upright 3 are 3.69 …", (what,))
+    assert (second.headline, second.details) == ("a dark video", ())
+
+
+def test_a_doubt_is_written_and_read(tmp_path: Path) -> None:
+    doubt = Doubt("site", "a row is off", ("post 1",), (1.0, 2.0, 3.0), 4, False, "2 m off", "look: B", ("more", "yet"))
+    made = site()
+    write_map(replace(made, rows={"A": replace(made.rows["A"], verdict=Verdict((doubt,)))}), tmp_path / "map.json")
+    assert read_map(tmp_path / "map.json").rows["A"].verdict == Verdict((doubt,))
 
 
 def test_published_schema_is_up_to_date() -> None:

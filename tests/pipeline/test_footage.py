@@ -12,7 +12,7 @@ from savmap.types import Doubt, Panorama
 from ..video.test_camera_kind import corridor, vr180
 from ..video.test_course import course, drive
 
-CUT = Doubt("motion", "pass 1: frames are missing from 1.0 s to 3.0 s")
+CUT = Doubt("motion", "frames are missing", figure="pass 1, from 1.0 s to 3.0 s")
 AHEAD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """world_from_rig of a face whose +x lies ahead, in the panorama's centre."""
 
@@ -50,7 +50,7 @@ def test_without_an_attitude_cuts_are_found_all_the_same() -> None:
 def test_errors_say_what_of_the_footage_may_be_why(kind: type[StructureError] | type[SolveError]) -> None:
     error = with_doubts(kind("row A: the rest says -37.1 m"), [CUT])
     assert type(error) is kind
-    assert str(error) == f"row A: the rest says -37.1 m (perhaps because of the footage: {CUT.what})"
+    assert str(error) == f"row A: the rest says -37.1 m (perhaps because of the footage: {CUT.line})"
 
 
 def test_other_errors_stay_as_they_are() -> None:

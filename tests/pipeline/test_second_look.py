@@ -144,8 +144,8 @@ def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubt
 ) -> None:
     measured, notes = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH)], monkeypatch, followed=False)
     assert measured.features == walked.measurements.features
-    assert [doubt.what for doubt in measured.doubts] == [
-        "what all frames together show of `one` could not be followed: what single frames show is mapped"
+    assert [doubt.line for doubt in measured.doubts] == [
+        "what all frames show could not be tracked; look at what is mapped of: one"
     ]
     assert len(notes) == 1
 
@@ -182,8 +182,8 @@ def test_what_is_not_tracked_after_the_last_look_is_doubted(
     tracked = {f"thing 1 / {end}": np.array([-0.8, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))}
     expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
     measured, _ = looked(walked, watcher(), [expectation] * 3, monkeypatch)
-    assert [doubt.what for doubt in measured.doubts] == [
-        "all frames together show light near thing 1 that was not measured: is it missing?"
+    assert [doubt.line for doubt in measured.doubts] == [
+        "all frames show something that is not mapped; look whether it is missing: light near thing 1"
     ]
 
 
@@ -197,8 +197,8 @@ def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
     }
     things = [rectangle(-0.8), replace(rectangle(0.8), absent=True), replace(rectangle(4.0), absent=True)]
     measured, _ = looked(walked, watcher(), [Expectation(things, PATH, tracked)] * 3, monkeypatch)
-    assert [doubt.what for doubt in measured.doubts] == [
-        "all frames together show no light where thing 2 was measured: is it one?"
+    assert [doubt.line for doubt in measured.doubts] == [
+        "frames together do not show an element; look whether it is light: thing 2"
     ]
 
 
@@ -213,8 +213,8 @@ def test_a_look_that_loses_more_than_it_finds_is_not_used(
     expectations = [Expectation(things[:1], PATH, none), *(Expectation(things, PATH, points) for points in (one, none))]
     measured, _ = looked(walked, watcher(), [*expectations], monkeypatch)
     assert len(measured.features["one"]) == COUNT
-    assert [doubt.what for doubt in measured.doubts] == [
-        "all frames together show light near thing 1 that was not measured: is it missing?"
+    assert [doubt.line for doubt in measured.doubts] == [
+        "all frames show something that is not mapped; look whether it is missing: light near thing 1"
     ]
 
 

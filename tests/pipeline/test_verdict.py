@@ -67,7 +67,7 @@ def test_a_map_that_repeats_is_trusted() -> None:
     structures, verdict = judge(row)
     assert verdict.grade == "trusted"
     [note] = verdict.notes
-    assert note.startswith(f"nothing checks camera height and length {LENGTH.start} to {LENGTH.end}: scale and place")
+    assert note.startswith(f"nothing checks camera height and length {LENGTH.start} to {LENGTH.end}, which give scale")
     assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
 
 
@@ -85,7 +85,7 @@ def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], dou
     directional = {plugin: DirectionalErrors(*values) for plugin, values in off.items()}
     _, verdict = judge(replace(row, solution=replace(row.solution, directional=directional)))
     assert [doubt.kind for doubt in verdict.doubts] == doubts * ["camera"]
-    assert sum("in all frames" in note for note in verdict.notes) == notes
+    assert sum("no true panoramas" in note for note in verdict.notes) == notes
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
     solution = replace(row.solution, vertical_scale=VerticalScaleError(share, sigma), directional=off)
     _, verdict = judge(replace(row, solution=solution))
     assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
-    assert all(doubted in doubt.what and "vertical_scale: true" in doubt.what for doubt in verdict.doubts)
+    assert all(doubted in doubt.figure and "vertical_scale: true" in doubt.action for doubt in verdict.doubts)
 
 
 @pytest.mark.parametrize(
@@ -110,12 +110,12 @@ def test_pictures_bent_at_the_seam(displacement: float, deviation: float, doubte
     solution = replace(row.solution, lens_distance=LensDistanceError(0.03, 0.005, displacement, deviation))
     _, verdict = judge(replace(row, solution=solution))
     assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
-    assert all(doubted in doubt.what and "lens_distance: true" in doubt.what for doubt in verdict.doubts)
+    assert all(doubted in doubt.figure and "lens_distance: true" in doubt.action for doubt in verdict.doubts)
 
 
 def test_what_is_said_twice_is_told_once() -> None:
     row = mapped(Wall)
-    doubt = Doubt("support", "all frames together show a post near post 7 that was not measured: is it missing?")
+    doubt = Doubt("support", "all frames show something that is not mapped", action="look: post 7")
     measurements = replace(row.measurements, doubts=(doubt, doubt))
     _, verdict = judge(replace(row, measurements=measurements, notes=("one pass", "one pass")))
     assert verdict.doubts == (doubt,)
@@ -150,7 +150,10 @@ def test_frames_that_disagree_about_a_structure_are_doubted(apart_m: float, doub
         return
     (doubt,) = verdict.doubts
     assert (doubt.kind, doubt.structures) == ("repeatability", ("post 7",))
-    assert "odd and even frames put post 7 (x) 2.8 cm apart" in doubt.what
+    assert (
+        doubt.line == "odd and even frames put an element apart: 2.8 cm apart; look whether it is one element: post 7"
+    )
+    assert doubt.details == ("post 7 along x",)
     assert doubt.place == pytest.approx(made.WALL[7])
 
 
@@ -165,7 +168,7 @@ def test_a_structure_whose_measurements_do_not_fit_is_doubted() -> None:
 
     _, verdict = judge(mapped(Mistaken))
     assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("residuals", ("post 7",))]
-    assert "measurements of post 7 do not fit" in verdict.doubts[0].what
+    assert verdict.doubts[0].line.startswith("measurements of an element do not fit it: ")
 
 
 def offset(*metres: float, used: int) -> Landmark:
@@ -176,9 +179,9 @@ def offset(*metres: float, used: int) -> Landmark:
 @pytest.mark.parametrize(
     ("landmark", "told"),
     [
-        (offset(0.001, 0.001, 0.001, 0.03, 0.04, 0.04, used=3), "3 of the 6 measurements of post 7 do not fit where it was mapped"),
+        (offset(0.001, 0.001, 0.001, 0.03, 0.04, 0.04, used=3), "3 of 6 rejected"),
         (offset(0.001, 0.001, 0.001, 0.004, 0.005, 0.006, used=3), ""),
-        (offset(0.01, 0.02, 0.03, 0.03, 0.04, 0.05, used=6), "half of the measurements of post 7 are more than 3.0 cm off where it was mapped"),
+        (offset(0.01, 0.02, 0.03, 0.03, 0.04, 0.05, used=6), "half over 3.0 cm off"),
         (offset(0.01, 0.01, 0.015, 0.015, 0.02, 0.02, used=6), ""),
     ],
     ids=["rejected, far off", "rejected, but near", "of no one thing", "scattered, but near"],
@@ -187,7 +190,7 @@ def test_measurements_that_are_far_off_speak_against_a_structure(landmark: Landm
     row = mapped(Wall)
     landmarks = {"wall": {**row.solution.landmarks["wall"], "post 7": landmark}}
     _, verdict = judge(replace(row, solution=replace(row.solution, landmarks=landmarks)))
-    assert [doubt.what for doubt in verdict.doubts] == ([told] if told else [])
+    assert [doubt.figure for doubt in verdict.doubts] == ([told] if told else [])
 
 
 def test_offsets_are_metres_at_the_landmark() -> None:
@@ -250,8 +253,9 @@ def test_what_was_seen_in_most_frames_and_not_mapped_is_doubted(frames: float, d
     measurements = replace(row.measurements, features={**row.measurements.features, "lamps": seen})
     row = replace(row, request=request, measurements=measurements, structures={**row.structures, "lamps": ()})
     _, verdict = judge(row)
-    told = f"nothing of `lamps` is mapped, but {len(seen)} of {made.FRAMES} frames show something like it: all of it may be missing"
-    assert [doubt.what for doubt in verdict.doubts] == [told] * doubted
+    what, figure = "nothing is mapped of what frames show", f"{len(seen)} of {made.FRAMES} frames"
+    told = f"{what}: {figure}; look whether all of it is missing: lamps"
+    assert [doubt.line for doubt in verdict.doubts] == [told] * doubted
 
 
 def test_what_a_plugin_the_footage_and_the_solve_doubt_is_kept() -> None:
@@ -314,7 +318,9 @@ def test_a_doubtful_map_ends_with_its_own_exit_code(tmp_path: object) -> None:
     row = collect(mapped(Wall))
     doubtful: RowMap = replace(row, verdict=Verdict((Doubt("shape", "post 1 is odd"),)))
     run = SiteRun(SiteMap({"A": doubtful}, {}), None, RunLog(rows={}), {}, frozenset())
-    with pytest.raises(DoubtfulError, match="mapped, but check row A before use") as caught:
+    with pytest.raises(
+        DoubtfulError, match="mapped, but 1 of 1 row must be checked: A; the reasons are above"
+    ) as caught:
         run.raise_if_incomplete(made_job())
     assert caught.value.exit_code == 12
     replace(run, site_map=SiteMap({"A": row}, {})).raise_if_incomplete(made_job())

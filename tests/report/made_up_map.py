@@ -59,7 +59,8 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, :3, :3] = np.diag([-1.0, -1.0, 1.0])  # the panorama's centre looks out of the face, up is up
     poses[:, 0, 3], poses[:, 1, 3], poses[:, 2, 3] = np.linspace(0, 3, 20), 1.5, 1.6
-    doubts = (Doubt("support", f"few frames show bar 2 {EVIL}", ("section 1 / bar 2",), None, 11),)
+    said = None, 11, False, "4 of 20 frames", f"look at bar 2 {EVIL}"
+    doubts = (Doubt("support", "few frames show it", ("section 1 / bar 2",), *said),)
     return RowMap(
         name,
         FrameTable(np.arange(20) / 2, ("pass 1",) * 20),

@@ -75,16 +75,19 @@ def test_every_row_has_its_section_and_those_that_failed_come_first(page: Elemen
 
 def test_doubts_are_told_with_their_row() -> None:
     trusted, doubtful = row("A1"), row("A2")
-    doubts = (Doubt("shape", "section 1 / bar 1 is <odd>", ("section 1 / bar 1",)), Doubt("motion", "the camera turns"))
+    said = "2 m <off>", "look at it: bar 1", ("more of it",)
+    odd = Doubt("shape", "a bar is <odd>", ("section 1 / bar 1",), None, None, False, *said)
+    doubts = (odd, Doubt("motion", "the camera turns"))
     rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(doubtful, verdict=Verdict(doubts))}
     page = parsed(page_text(Report(SiteMap(rows, {}), {name: drawings(own) for name, own in rows.items()})))
     first, second = page.all("article")
     assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
     assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
     assert [own.text for own in second.one("ul", "doubts").all("li")] == [
-        "shape section 1 / bar 1 is <odd>",
-        "motion the camera turns",
+        "a bar is <odd> : 2 m <off> look at it: bar 1 Details more of it",
+        "the camera turns",
     ]
+    assert page.one("p", "banner").text == "1 of 2 rows must be checked: A2"
     assert second.one("p", "remark").text == "to be checked: 2 doubts"
     assert "1 / 1" in page.one("dl", "tiles").text
 
@@ -94,7 +97,7 @@ def test_numbers_agree_with_the_map(page: Element) -> None:
     assert tiles["rows mapped"] == "4 of 6"
     assert (tiles["failed"], tiles["post"], tiles["bar"]) == ("2", "12", "16")
     assert tiles["length of all rows"] == "24.4 m"
-    assert tiles["references, off by > 3 \u03c3"] == "8, 1"
+    assert tiles["references, contradicted"] == "8, 1"
     assert tiles["time on the clock"] == "1 h 02 min"
     assert tiles["missing / spurious"] == "1 / 0"
     a2 = next(line for line in lines(page, "rows-table") if line[0] == "A2")

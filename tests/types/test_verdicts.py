@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from savmap.types import Doubt
-from savmap.types.verdicts import MOST_WORDS
+from savmap.types import Doubt, ReferenceUse
+from savmap.types.verdicts import MOST_WORDS, by_cause
 
 ROOT = Path(__file__).parents[2]
 MADE_FROM_FILES = {"savmap/maps/map_file.py"}
@@ -78,3 +78,57 @@ def test_line_has_headline_figure_action() -> None:
     doubt = Doubt("shape", "a lamp is odd", figure="3.1 m", action="look at it: light 1", details=("more",))
     assert doubt.line == "a lamp is odd: 3.1 m; look at it: light 1"
     assert Doubt("shape", "a lamp is odd").line == "a lamp is odd"
+
+
+def repeated(number: int) -> Doubt:
+    beam = f"section {number} / beam 1"
+    what, action = "odd and even frames put an element apart", f"look whether it is one element: {beam}"
+    apart = f"{3.1 - 0.06 * abs(number - 20):.1f} cm apart"
+    return Doubt("repeatability", what, (beam,), (number, 1.0, 0.0), figure=apart, action=action)
+
+
+def test_one_cause_is_one_doubt() -> None:
+    """Footage of another renderer, whose scale drifts, gave a line for each of 48 elements."""
+    singles, other = [repeated(number) for number in range(1, 49)], Doubt("motion", "frames are missing")
+    one, kept = by_cause([*singles[:20], other, *singles[20:]])
+    assert one.figure == "48 elements, up to 3.1 cm apart"
+    assert one.action == "look whether it is one element: section 1 / beam 1, section 2 / beam 1 and 46 more"
+    assert one.structures == tuple(f"section {number} / beam 1" for number in range(1, 49))
+    assert one.details == tuple(doubt.line for doubt in singles)
+    assert one.place == (20, 1.0, 0.0)
+    assert kept == other
+    assert by_cause([one, kept]) == (one, kept)
+
+
+def test_beams_that_may_be_missing_are_one_doubt() -> None:
+    what = "all frames show something that is not mapped"
+    singles = [Doubt("support", what, action=f"look: beam near upright {number}") for number in range(18)]
+    (one,) = by_cause(singles)
+    assert (one.figure, one.action) == ("18 places", "look: beam near upright 0, beam near upright 1 and 16 more")
+
+
+def test_other_actions_of_one_cause_are_its_first_ones() -> None:
+    first, other = (
+        Doubt("motion", "the camera turns away", figure=f"at {second} s", action=action)
+        for second, action in ((1, "begin later, at 2.0 s"), (30, "end sooner, at 29.0 s"))
+    )
+    (one,) = by_cause([first, other])
+    assert (one.figure, one.action) == ("2 times", first.action)
+    assert one.details == (first.line, other.line)
+
+
+@pytest.mark.parametrize(
+    ("solved", "softened", "left_out", "state", "used"),
+    [
+        (14.16, None, False, "used", 0.003),
+        (14.16, 0.51, False, "softened", 0.51),
+        (13.66, 0.51, False, "contradicted", 0.51),
+        (14.18, None, False, "contradicted", 0.003),
+        (13.66, None, True, "left out", None),
+    ],
+)
+def test_states_of_references(
+    solved: float, softened: float | None, left_out: bool, state: str, used: float | None
+) -> None:
+    use = ReferenceUse("length", 14.162, 0.003, solved, "m", softened, left_out)
+    assert (use.state, use.sigma_used) == (state, used)

@@ -42,8 +42,9 @@ def test_an_edge_measured_nowhere_is_where_most_beams_have_it(edge: str) -> None
     np.testing.assert_allclose(beams[1].vertices[:, 1], [1.2, 1.2, 1.3, 1.3])
     assert 0.004 < np.sqrt(beams[1].covariances[0 if edge == "lower" else 2, 1, 1]) < 0.05
     assert beams[1].attributes["height_m"] == pytest.approx(0.1)
-    assert [(one.what, one.minor) for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
-        (f"section 1 / beam 2: {edge} edge not seen: it is put where a beam 10.0 cm high has it", True)
+    action = f"look where it is: {edge} edge not seen of section 1 / beam 2"
+    assert [(one.line, one.minor) for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
+        (f"a beam's edge was not seen: assumed 10.0 cm high; {action}", True)
     ]
 
 
@@ -64,14 +65,14 @@ def test_a_section_of_beams_of_its_own_height_tells_its_hidden_edges() -> None:
 def test_an_edge_measured_nowhere_is_doubted_where_beams_are_of_many_heights() -> None:
     beams = beams_with_free_edges("upper")
     beams = with_usual_height([taller(beam, 0.04 * (number % 2)) for number, beam in enumerate(beams)])
-    (doubt,) = (one for one in doubts_of(beams) if "upper edge not seen" in one.what)
+    (doubt,) = (one for one in doubts_of(beams) if "upper edge not seen" in one.line)
     assert (doubt.structures, doubt.minor) == ((beams[1].id,), False)
     assert np.sqrt(beams[1].covariances[2, 1, 1]) > 0.02
 
 
 def test_a_beam_of_which_no_edge_was_measured_is_doubted() -> None:
     beams = with_usual_height(beams_with_free_edges("lower", "upper"))
-    assert any("its edges is at no one place" in one.what for one in doubts_of(beams))
+    assert any("a beam's edges are at no one place" in one.line for one in doubts_of(beams))
 
 
 def test_a_beam_of_which_one_edge_was_not_even_tracked_is_left_out_where_no_others_tell_its_height() -> None:

@@ -14,6 +14,7 @@ from savmap import find
 from savmap.cli.commands import results
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import only_row, world_from_row
+from savmap.maps.exports.plain import write_csv as write_vertices
 from savmap.maps.map_file import write_map
 from savmap.types import (
     Alignment,
@@ -28,6 +29,7 @@ from savmap.types import (
     Trajectory,
     Verdict,
 )
+from savmap.types.maps import doubts_of
 from savmap_shelves.report.element_files import write_elements
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_json
 from savmap_shelves.report.slots import slots_of
@@ -171,7 +173,7 @@ def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
 
 
 def doubted_row() -> RowMap:
-    against = Doubt("shape", "one of its edges may be something else's", ("section 1 / beam 2",))
+    against = Doubt("shape", "a beam has an unusual height", ("section 1 / beam 2",))
     return replace(row(), verdict=Verdict((against,)))
 
 
@@ -181,7 +183,30 @@ def test_openings_beside_what_is_doubted_say_so(tmp_path: Path) -> None:
     assert doubted == [(1, 1), (1, 2)]
     write_csv(site, tmp_path / "slots.csv", "shelves")
     lines = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
-    assert [line["doubts"] for line in lines[:3]] == ["", *["one of its edges may be something else's"] * 2]
+    assert [line["doubts"] for line in lines[:3]] == ["", *["a beam has an unusual height"] * 2]
+
+
+def test_what_is_about_the_whole_row_is_on_all_of_it(tmp_path: Path) -> None:
+    """A length typed 50 cm wrong stood on two of 26 openings."""
+    doubted = doubted_row()
+    assert doubted.verdict is not None
+    length = Doubt("reference", "a reference contradicts the rest", place=(1.0, 2.0, 0.0), figure="0.51 m off")
+    missing = Doubt("support", "something may be missing there", place=(1.0, 2.0, 0.0))
+    doubted = replace(doubted, verdict=Verdict((*doubted.verdict.doubts, length, missing)))
+    site = SiteMap({"A": doubted, "B": row("B")}, {})
+    assert doubts_of(doubted, "upright 1") == (length,)
+    assert doubts_of(doubted, "section 1 / beam 2") == (doubted.verdict.doubts[0], length)
+    for write, name in ((write_csv, "slots"), (write_elements, "elements")):
+        write(site, tmp_path / name, "shelves")
+        lines = list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        assert {line["row"] for line in lines} == {"A", "B"}
+        assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
+    write_json(site, tmp_path / "slots.json", "shelves")
+    slots = json.loads((tmp_path / "slots.json").read_text(encoding="utf-8"))["slots"]
+    assert all((length.line in slot["doubts"]) == (slot["row"] == "A") for slot in slots)
+    write_vertices(site, tmp_path / "map.csv")
+    lines = list(csv.DictReader((tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()))
+    assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
 
 
 def test_elements_are_a_line_each(tmp_path: Path) -> None:

@@ -402,8 +402,8 @@ def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) ->
     for unit, metres in UNITS.items():
         within = UNIT_SIGMA * float(np.hypot(given_sigma * metres, sigma))
         if abs(value * metres - otherwise) <= within:
-            by_chance = len(UNITS) * 2 * within / max(abs(value), abs(otherwise))
-            return unit if by_chance < BY_CHANCE else ""
+            likely = len(UNITS) * 2 * within < BY_CHANCE * max(abs(value), abs(otherwise))
+            return unit if likely else ""
     return ""
 
 

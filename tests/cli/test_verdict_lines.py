@@ -1,0 +1,73 @@
+"""What the terminal says of each row: two lines of a trusted one, two for each doubt of another."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from savmap.cli.mapping import verdict_lines
+from savmap.errors import DoubtfulError, RowsFailedError, SolveError
+from savmap.jobs.map_site import SiteRun
+from savmap.maps.run_record import RunLog
+from savmap.site.job import Job
+from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
+
+PATH = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+LENGTH = Doubt(
+    "reference",
+    "references contradict one another",
+    figure="0.54 m off, 5 sigma",
+    action="measure them again: length upright 1 / left to upright 5 / right or camera height",
+    details=("length upright 1 / left to upright 5 / right is given as 15.452 m +- 0.003 m",),
+)
+
+
+def row(name: str, *doubts: Doubt, notes: tuple[str, ...] = ()) -> RowMap:
+    return RowMap(name, FrameTable(np.zeros(0), ()), {}, PATH, {}, (), verdict=Verdict(doubts, notes))
+
+
+def site(*rows: RowMap, failed: tuple[str, ...] = ()) -> SiteMap:
+    return SiteMap({one.name: one for one in rows}, {}, dict.fromkeys(failed, "no scale"))
+
+
+def test_a_trusted_row_prints_two_lines_at_most() -> None:
+    notes = ("nothing would notice an error of 0.08 m in all given heights together; measure a second length", "b", "c")
+    assert [*verdict_lines(site(row("A")), Path("out"))] == ["row A: trusted"]
+    first, second, where = verdict_lines(site(row("A", notes=notes)), Path("out"))
+    assert (first, second) == ("row A: trusted", f"  note: {notes[0]} (and 2 more)")
+    assert where == "details: out/report.html, out/map.json, savmap view out"
+
+
+def test_a_doubt_prints_two_lines_without_its_details() -> None:
+    lines = [*verdict_lines(site(row("C", LENGTH, Doubt("camera", "a dark video"))), Path("out"))]
+    assert lines[:4] == [
+        "row C: check",
+        "  references contradict one another: 0.54 m off, 5 sigma",
+        "    measure them again: length upright 1 / left to upright 5 / right or camera height",
+        "  a dark video",
+    ]
+    assert len(lines) == 5
+
+
+@pytest.mark.parametrize(
+    ("made", "banner"),
+    [
+        (site(row("A"), row("B"), row("C", LENGTH)), "1 of 3 rows must be checked: C"),
+        (site(row("A", LENGTH), failed=("B", "D")), "2 of 3 rows could not be mapped: B, D; 1 of 3 rows must be checked: A"),
+        (site(row("A", LENGTH)), "1 of 1 row must be checked: A"),
+        (site(row("A")), ""),
+    ],
+)  # fmt: skip
+def test_one_line_says_which_rows_to_check(made: SiteMap, banner: str, tmp_path: Path) -> None:
+    assert made.banner == banner
+    failed = {name: SolveError("no scale") for name in made.failed}
+    run = SiteRun(made, None, RunLog(rows={}), failed, frozenset())
+    job = Job.__new__(Job)
+    object.__setattr__(job, "output", tmp_path)
+    if not banner:
+        run.raise_if_incomplete(job)
+        return
+    kind, begins = (RowsFailedError, banner) if failed else (DoubtfulError, f"mapped, but {banner};")
+    with pytest.raises(kind) as caught:
+        run.raise_if_incomplete(job)
+    assert str(caught.value).startswith(begins)
