@@ -13,8 +13,9 @@ from made_up_page import EVIL, ODD, assumed_top, drawings, evaluation, report, r
 from parsed_page import Element, parsed
 
 from savmap.errors import OutputError, visible
+from savmap.report.numbers import NOTHING
 from savmap.report.page import Report, page_text, write_page
-from savmap.types import Doubt, Placement, SiteMap, Verdict
+from savmap.types import Doubt, Placement, ReferenceUse, SiteMap, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,7 @@ def test_doubts_are_told_with_their_row() -> None:
     assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
     assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
     assert [own.text for own in second.one("ul", "doubts").all("li")] == [
-        "a bar is <odd> : 2 m <off> look at it: bar 1 Details more of it",
+        "a bar is <odd>: 2 m <off>look at it: bar 1Detailsmore of it",
         "the camera turns",
     ]
     assert page.one("p", "banner").text == "1 of 2 rows must be checked: A2"
@@ -108,9 +109,24 @@ def test_numbers_agree_with_the_map(page: Element) -> None:
 def test_references_that_the_solution_contradicts_are_marked(page: Element) -> None:
     off = page.one(id="references-table").all("tr", "off")
     assert [[cell.text for cell in line.inside if isinstance(cell, Element)] for line in off] == [
-        ["length & all", "A10", "6.0000", "0.0020", "6.0100", "+0.0100", "+5.00", "m"]
+        ["length & all", "A10", "6.0000", "6.0100", "+0.0100", "0.0020", "0.0020", "+5.00", "contradicted", "m"]
     ]
     assert len(lines(page, "references-table")) == 8
+
+
+def test_softened_and_left_out_references_say_so() -> None:
+    softened = ReferenceUse("length", 15.452, 0.003, 14.94, softened=0.51)
+    uses = (softened, replace(softened, name="height", solved=15.45), replace(softened, name="mark", left_out=True))
+    made = replace(row("C"), references=uses)
+    table = parsed(page_text(Report(SiteMap({"C": made}, {}), {"C": drawings(made)})))
+    found = [[line[0], *line[5:7], line[8]] for line in lines(table, "references-table")]
+    assert found == [
+        ["length", "0.0030", "0.5100", "contradicted"],
+        ["height", "0.0030", "0.5100", "softened"],
+        ["mark", "0.0030", NOTHING, "left out"],
+    ]
+    assert len(table.one(id="references-table").all("tr", "off")) == 2
+    assert "3 references; 2 contradicted" in table.one(id="references").text
 
 
 def test_errors_are_the_scores(page: Element) -> None:

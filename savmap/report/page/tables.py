@@ -143,18 +143,8 @@ def openings_table(row: Summary) -> Table | None:
 
 def reference_table(rows: Sequence[Summary]) -> Table:
     """A line for each reference of each row."""
-    names = (
-        "reference",
-        "'row",
-        "'state",
-        "given",
-        "solved",
-        "residual",
-        "\u03c3 given",
-        "\u03c3 used",
-        "in \u03c3 given",
-        "'unit",
-    )
+    sigmas = ("\u03c3 given", "\u03c3 used", "in \u03c3 given")
+    names = ("reference", "'row", "given", "solved", "residual", *sigmas, "'state", "'unit")
     lines = tuple(_reference_line(row, reference) for row in rows for reference in row.references)
     caption = "References: residual is solved \u2212 given"
     return Table("references-table", caption, heads(*names), lines, "only those contradicted or left out")
@@ -208,13 +198,13 @@ def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
     cells = (
         Cell(reference.name),
         row_cell(row),
-        Cell(reference.state),
         number_cell(reference.value, 4),
         number_cell(reference.solved, 4),
         number_cell(reference.solved - reference.value, 4, True),
         number_cell(reference.sigma, 4),
         number_cell(reference.sigma_used, 4),
         Cell(fixed(reference.deviation, 2, True), abs(reference.deviation)),
+        Cell(reference.state),
         Cell(reference.unit),
     )
     return Line(cells, "off" if reference.state in OFF else "")
