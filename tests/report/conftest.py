@@ -26,13 +26,17 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def opened(chromium: Any, tmp_path: Path) -> Iterator[Open]:
-    """Opens views; nothing may have been asked of a network, said on the console, or asked of the user."""
+    """Opens views, on the model alone or with all that is seen at first; nothing may have been asked of a network, said on the console, or asked of
+    the user."""
     heard: list[str] = []
     pages = []
 
-    def opened(view: View, address: str = "", width: int = 1200, ready: bool = True) -> Any:
+    def opened(
+        view: View, address: str = "", width: int = 1200, ready: bool = True, first: bool = False, scheme: str = "light"
+    ) -> Any:
         write_view(view, tmp_path / "view.html")
-        page = chromium.new_page(viewport={"width": width, "height": 760}, reduced_motion="reduce")
+        look: dict[str, Any] = {"viewport": {"width": width, "height": 760}, "reduced_motion": "reduce"}
+        page = chromium.new_page(**look, color_scheme=scheme)
         page.on("console", lambda message: heard.append(message.text))
         page.on("pageerror", lambda error: heard.append(str(error)))
         page.on("dialog", lambda dialog: (heard.append("a dialog"), dialog.dismiss()))
@@ -40,6 +44,8 @@ def opened(chromium: Any, tmp_path: Path) -> Iterator[Open]:
         page.on("request", lambda asked: None if asked.url.startswith(local) else heard.append(asked.url))
         page.goto((tmp_path / "view.html").as_uri() + address)
         page.wait_for_selector("html[data-ready=yes]" if ready else "#failure")
+        if ready and not first:
+            page.evaluate("savmapViewer.lookout.toggle(false); savmapViewer.setKind('model')")
         pages.append(page)
         return page
 

@@ -1,5 +1,6 @@
 """Places in the row's frame, the site's, the user's world and on the Earth, in a real browser; skipped where there is none."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -26,8 +27,8 @@ NAMED = "{}[...document.querySelectorAll('#compass text')].some((one) => one.tex
 def told(page: Any, frame: str) -> tuple[list[float], float]:
     """The centre of what is selected, and its largest standard deviation in mm."""
     place, sigma = page.evaluate(VALUES, frame)
-    numbers = place.replace("\u00a0", " ").replace(",", "").split()
-    return [float(one) for one in numbers if one != "m"], float(sigma.split("\u00a0")[0])
+    numbers = re.findall(r"-?\d+\.\d+", place)
+    return [float(one) for one in numbers], float(sigma.split("\u00a0")[0])
 
 
 def axes(page: Any) -> dict[str, list[float]]:
@@ -67,7 +68,8 @@ def test_picked_corners_are_told_in_the_frame(opened: Open) -> None:
     page.evaluate("savmapViewer.ruler.add({row: savmapViewer.row, vertex: 0})")
     until(page, "document.querySelector('#measured .point span')")
     there = next(one.structure for one in elements(ALIGNED) if one.row == "A").vertices[0]
-    assert page.inner_text("#measured .point span") == " ".join(f"{one:.3f}" for one in there) + "\u00a0m"
+    told_place = page.inner_text("#measured .point span").replace("\u00a0", " ")
+    assert told_place == ", ".join(f"{axis} {one:.3f}" for axis, one in zip("xyz", there, strict=True)) + " m"
 
 
 def test_plan_shows_north_and_axes(opened: Open) -> None:

@@ -117,6 +117,7 @@ export const text = {
   noDoubts: (grade) => (grade ? "Nothing speaks against this row." : "Nobody judged this row."),
   moreDoubts: (count) => `and ${count} more, in the viewer`,
   details: "Details",
+  remarks: "What nothing checks",
   ofRow: "row",
   colouredBy: (mode) => `coloured by ${mode}`,
   printed: (date) => `printed ${date}`,

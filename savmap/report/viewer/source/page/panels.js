@@ -39,7 +39,7 @@ export function showSelection(selection, frame) {
     panel,
     heading(one.written[0] ?? one.id, below.filter(Boolean).join(", ")),
     plain ? element("p", { className: "plain" }, plain) : null,
-    doubtList(row, doubtsOf(one), (doubt) => selection.openDoubt(doubt)),
+    doubtList(doubtsOf(one), (doubt) => selection.openDoubt(doubt)),
     ...sinceThen(one),
     table([...frame.lines(one), ...assumedLines(one), ...facts(one), ...whole(one, open)]),
     element("p", { className: "hint", id: "axes" }, frame.axes(row)),
@@ -145,21 +145,24 @@ export function showDoubts(row, rows, open) {
   const none = element("p", { className: "hint" }, text.noDoubts(row.grade));
   const rest = doubts.length - MOST_PRINTED;
   const more = rest > 0 ? element("p", { className: "hint on-paper" }, text.moreDoubts(rest)) : null;
-  const remarks = row.remarks.map((remark) => element("p", { className: "hint remark" }, remark));
-  fill(byId("doubts"), doubts.length ? doubtList(row, doubts, open) : none, more, ...remarks);
+  fill(byId("doubts"), doubts.length ? doubtList(doubts, open) : none, more, folded(text.remarks, row.remarks));
+}
+
+function folded(title, lines) {
+  if (!lines.length) return null;
+  return element("details", {}, element("summary", {}, title), ...lines.map((line) => element("p", {}, line)));
 }
 
 // Warnings: what in a few words, a figure, what to do; the rest is folded.
-function doubtList(row, doubts, open) {
+function doubtList(doubts, open) {
   if (!doubts.length) return null;
   const line = (said, className) => (said ? element("span", { className }, said) : null);
   const lines = doubts.map((doubt) => {
     const { headline, figure, action, details } = doubt,
       told = link("", () => open(doubt));
     told.append(element("strong", {}, headline));
-    const inner = details.map((detail) => element("p", {}, detail));
-    const folded = inner.length ? element("details", {}, element("summary", {}, text.details), ...inner) : null;
-    return element("li", {}, told, line(doubt.of_row ? text.ofRow : "", "tag"), line(figure, "figure"), line(action, "action"), folded);
+    const parts = [line(doubt.of_row ? text.ofRow : "", "tag"), line(figure, "figure"), line(action, "action")];
+    return element("li", {}, told, ...parts, folded(text.details, details));
   });
   return element("ul", { className: "list doubts" }, ...lines);
 }

@@ -20,9 +20,10 @@ export class Sheet {
     stage.drawSharp(RATIO);
     const from = byId("canvas"),
       to = byId("printed");
-    Object.assign(to, { width: from.width, height: from.height });
     const brush = to.getContext("2d"),
-      whole = byId("stage").getBoundingClientRect();
+      whole = byId("stage").getBoundingClientRect(),
+      bar = byId("pano").hidden ? 0 : byId("pano-bar").offsetHeight;
+    Object.assign(to, { width: from.width, height: Math.round((from.height * (whole.height - bar)) / whole.height) });
     brush.drawImage(from, 0, 0);
     brush.scale(from.width / whole.width, from.height / whole.height);
     brush.translate(-whole.left, -whole.top);
