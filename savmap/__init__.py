@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         map_site,
         map_video,
         measure,
+        view,
     )
     from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
     from savmap.maps.distance import VertexDistance
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from savmap.maps.survey import write_survey
     from savmap.plugin.hookspecs import hookimpl
     from savmap.plugin.protocol import Plugin
+    from savmap.report.viewer.notebook import MapView
     from savmap.types import (
         CrossRowLandmark,
         Detection,
@@ -67,6 +69,7 @@ __all__ = [
     "Evaluation",
     "Feature",
     "FrameTable",
+    "MapView",
     "Monitor",
     "Panorama",
     "Placement",
@@ -100,12 +103,14 @@ __all__ = [
     "map_site",
     "map_video",
     "measure",
+    "view",
     "write_map",
     "write_survey",
 ]
 _MODULES = {
     "SavmapError": "savmap.errors",
     "Monitor": "savmap.types.progress",
+    "MapView": "savmap.report.viewer.notebook",
     "SearchHit": "savmap.maps.search",
     "VertexDistance": "savmap.maps.distance",
     "write_map": "savmap.maps.map_file",
@@ -127,6 +132,7 @@ _MODULES = {
             "map_site",
             "map_video",
             "measure",
+            "view",
         ),
         "savmap.jobs.api",
     ),

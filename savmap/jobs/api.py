@@ -3,12 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import mkdtemp
 
 from savmap.assembly import aligned
 from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
-from savmap.jobs.map_site import failures_recorded, map_job, map_job_into, written_files
+from savmap.jobs.map_site import MAP, failures_recorded, map_job, map_job_into, written_files
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.distance import VertexDistance, vertex_distance
@@ -17,11 +18,12 @@ from savmap.maps.imports import elements_of
 from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
 from savmap.maps.imports.survey import ImportedSurvey, survey_of
-from savmap.maps.map_file import map_in, read_map
+from savmap.maps.map_file import map_in, read_map, write_map
 from savmap.maps.search import SearchHit, find_structures
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters, load_installed, open_plugin
-from savmap.report.site_report import evaluation_of, openings_of, places_of, plugins_of_map
+from savmap.report.site_report import evaluation_of, openings_of, places_of, plugins_of_map, viewed
+from savmap.report.viewer.notebook import MapView, in_notebook
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
@@ -124,6 +126,31 @@ def find(site_map: SiteMap | PathLike, name: str) -> list[SearchHit]:
     _require_text(name)
     searched = _map_of(site_map)
     return find_structures(searched, name, lambda: places_of(searched))
+
+
+def view(
+    site_map: SiteMap | PathLike,
+    *,
+    survey: PathLike | None = None,
+    against: PathLike | None = None,
+    fresh: bool = False,
+    show: bool | None = None,
+) -> MapView:
+    """The viewer of a map: a notebook shows what this returns; elsewhere it is opened in the browser.
+
+    The page lies beside a map.json, and in a temporary folder for a record. survey: its errors are shown; against: an earlier map, to be shown with
+    it; fresh: the page is written anew; show: whether the browser is opened. Raises SavmapError's kinds.
+    """
+    source = where(site_map) if not isinstance(site_map, SiteMap) else Path(mkdtemp(prefix="savmap-view-"))
+    if isinstance(site_map, SiteMap):
+        write_map(site_map, source / MAP)
+    page, written = viewed(
+        source, None if survey is None else where(survey), fresh, None if against is None else where(against)
+    )
+    found = MapView(page, written)
+    if show or (show is None and not in_notebook()):
+        found.open()
+    return found
 
 
 def measure(site_map: SiteMap | PathLike, first: str, second: str) -> VertexDistance:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -378,6 +379,11 @@ class SiteMap:
             f"{len(names)} of {_counted(count)} {what}: {', '.join(names)}" for names, what in parts if names
         )
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows of the map."""
+        shown: str = import_module("savmap.report.viewer.notebook").map_html(self)
+        return shown
+
     def _vertices(self) -> Iterator[dict[str, object]]:
         said = self.doubts()
         for row in self.rows.values():
@@ -385,6 +391,10 @@ class SiteMap:
                 for structure in structures:
                     doubts = "; ".join(said.get((row.name, structure.id), ()))
                     yield from _vertex_lines(row, plugin, structure, doubts)
+
+
+def _counted(rows: int) -> str:
+    return "1 row" if rows == 1 else f"{rows} rows"
 
 
 def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | None) -> list[str]:

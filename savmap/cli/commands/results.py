@@ -108,20 +108,20 @@ def view(
     """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where that of this map is not there."""
     import webbrowser
 
-    from savmap.report.site_report import viewed
+    from savmap.jobs import api
     from savmap.report.viewer.serve import ViewServer
 
     for given in (source, against):
         warn_of_earlier(given)
-    page, written = viewed(source, survey, fresh, against)
-    if written:
-        say(f"wrote {page}")
+    found = api.view(source, survey=survey, against=against, fresh=fresh, show=False)
+    if found.written:
+        say(f"wrote {found.page}")
     if not serve:
-        if not show or not webbrowser.open(page.resolve().as_uri()):
-            say(f"open {page} in a browser")
+        if not show or not found.open():
+            say(f"open {found.page} in a browser")
         return
-    with ViewServer(page, port) as server:
-        say(f"{server.address} shows {page}; Ctrl+C ends it")
+    with ViewServer(found.page, port) as server:
+        say(f"{server.address} shows {found.page}; Ctrl+C ends it")
         if show:
             webbrowser.open(server.address)
         server.run()

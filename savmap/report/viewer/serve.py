@@ -1,11 +1,12 @@
 """A server of one viewer's page, and of what lies beside it, to this machine alone."""
 
+import secrets
 from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path, PurePosixPath
 from types import TracebackType
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from savmap.errors import OutputError
 from savmap.files.atomic import reason
@@ -17,11 +18,13 @@ FOREIGN = ("cross-site", "same-site")
 
 
 class ViewServer:
-    """Serves a page on a port of the loopback device; 0 for one that is free. Raises OutputError where the port is taken."""
+    """Serves a page on a port of the loopback device; 0 for one that is free. A frame of another page, such as a notebook, shows it where that knows
+    the key of `frame_address`. Raises OutputError where the port is taken."""
 
     def __init__(self, page: Path, port: int = 0) -> None:
+        self._key = secrets.token_urlsafe(16)
         try:
-            self._server = ThreadingHTTPServer((LOOPBACK, port), partial(_Handler, page))
+            self._server = ThreadingHTTPServer((LOOPBACK, port), partial(_Handler, page, self._key))
         except OSError as error:
             raise OutputError(f"port {port}: cannot be served on ({reason(error)})") from error
 
@@ -29,6 +32,11 @@ class ViewServer:
     def address(self) -> str:
         """The page's address."""
         return f"http://{LOOPBACK}:{self._server.server_port}/"
+
+    @property
+    def frame_address(self) -> str:
+        """The page's address for a frame of another page."""
+        return f"{self.address}?key={self._key}"
 
     def run(self) -> None:
         """Serve until the user ends it."""
@@ -41,20 +49,24 @@ class ViewServer:
         """End `run` in another thread."""
         self._server.shutdown()
 
+    def close(self) -> None:
+        """Give the port back."""
+        self._server.server_close()
+
     def __enter__(self) -> "ViewServer":
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._server.server_close()
+        self.close()
 
 
 class _Handler(SimpleHTTPRequestHandler):
     """Gives out the page and the scripts beside it, and nothing else of the folder."""
 
-    def __init__(self, page: Path, *args: object) -> None:
-        self._page = page
+    def __init__(self, page: Path, key: str, *args: object) -> None:
+        self._page, self._key = page, key
         super().__init__(*args, directory=str(page.parent))  # type: ignore[arg-type]  # socketserver's own three
 
     def send_head(self) -> object:  # type: ignore[override]
@@ -72,12 +84,17 @@ class _Handler(SimpleHTTPRequestHandler):
         """Why a request has no answer; the page for the address of the server itself."""
         try:
             host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-            path = PurePosixPath(unquote(urlsplit(self.path).path))
+            parts = urlsplit(self.path)
+            path, key = PurePosixPath(unquote(parts.path)), parse_qs(parts.query).get("key", [""])[0]
         except ValueError:
             return HTTPStatus.BAD_REQUEST
         if host not in (LOOPBACK, "localhost"):
             return HTTPStatus.MISDIRECTED_REQUEST
-        if self.headers.get("Sec-Fetch-Site", "none") in FOREIGN and self.headers.get("Sec-Fetch-Dest") != "document":
+        framed = self.headers.get("Sec-Fetch-Dest") == "iframe" and secrets.compare_digest(
+            key.encode(), self._key.encode()
+        )
+        shown = self.headers.get("Sec-Fetch-Dest") == "document" or framed
+        if self.headers.get("Sec-Fetch-Site", "none") in FOREIGN and not shown:
             return HTTPStatus.FORBIDDEN
         if not path.is_absolute():
             return HTTPStatus.BAD_REQUEST
