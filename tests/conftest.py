@@ -1,7 +1,44 @@
-"""Beside other workers, none computes with more than one thread of OpenMP (torch): waiting at full speed for one another takes most of their time."""
+"""Tests of an extra are skipped where it is not installed.
+
+Beside other workers, none computes with more than one thread of OpenMP (torch): waiting at full speed for one another takes most of their time.
+"""
 
 import os
+import tomllib
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+EXTRAS = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+    "optional-dependencies"
+]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """`@pytest.mark.extra("cad")`: what the test needs beyond the extra `test`."""
+    for extra in (name for mark in item.iter_markers("extra") for name in mark.args):
+        if not installed(extra):
+            pytest.skip(f"the extra `{extra}` is not installed")
+
+
+@cache
+def installed(extra: str) -> bool:
+    """Whether all packages of an extra are there."""
+    return all(_is_there(Requirement(text)) for text in EXTRAS[extra])
+
+
+def _is_there(requirement: Requirement) -> bool:
+    if requirement.name == "savmap":
+        return all(map(installed, requirement.extras))
+    try:
+        distribution(requirement.name)
+    except PackageNotFoundError:
+        return False
+    return True

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -110,6 +111,14 @@ def test_every_dependency_has_its_licence_listed(licences: ModuleType) -> None:
     assert named - set(listed) == set(), "python docs/licences.py --write"
     found = {one.name: one.licence for one in licences.dependencies() if one.licence}
     assert {name: listed.get(name) for name in found} == found, "python docs/licences.py --write"
+
+
+def test_every_dependency_has_an_upper_bound() -> None:
+    """A release that did not yet exist when savmap was tried must not come by itself: one began to report to its maker."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    groups = {"": project["dependencies"], **project["optional-dependencies"]}
+    texts = [text for extra, texts in groups.items() if extra != "dev" for text in texts if "savmap[" not in text]
+    assert [text for text in texts if "<" not in text.partition(";")[0]] == []
 
 
 def test_no_licence_forbids_to_use_savmap_as_it_is(licences: ModuleType) -> None:

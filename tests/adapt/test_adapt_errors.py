@@ -34,7 +34,6 @@ def test_plugin_must_be_clear(site: Path, tmp_path: Path) -> None:
 
 
 def test_urls_are_refused(site: Path, tmp_path: Path) -> None:
-    pytest.importorskip("upath")
     from savmap.files.urls import where
 
     with pytest.raises(SiteError, match="adapting needs local files"):

@@ -131,7 +131,6 @@ def test_terminated_ends_as_interrupted(monkeypatch: pytest.MonkeyPatch, capsys:
 
 @pytest.mark.slow
 def test_simulate_leaves_nothing_when_it_is_terminated(tmp_path: Path) -> None:
-    pytest.importorskip("embreex")
     scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 1024}\nrows: {A: {x: 0.0, z: 0.0}}\n"
     bays = "structures: {shelves: {rows: {A: {bays: [{width: 2.0, beams: [0.2, 1.2]}], height: 3.0}}}}\n"
     (tmp_path / "scene.yaml").write_text(scene + bays, encoding="utf-8")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import upath
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
@@ -11,7 +12,6 @@ from savmap.files.atomic import write_text
 from savmap.files.urls import is_url, where
 from savmap.video.reader import probe
 
-upath = pytest.importorskip("upath")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 

@@ -15,6 +15,7 @@ import fuzz_texts  # noqa: E402
 import fuzz_uses  # noqa: E402
 
 KINDS = fuzz_uses.kinds()
+EACH = [pytest.param(kind, marks=[pytest.mark.extra("cad")] if kind == "drawing" else []) for kind in KINDS]
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,7 @@ def numbers() -> Iterator[int]:
     return iter(range(10**6))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", EACH)
 def test_sound_texts_are_used(tmp_path: Path, kind: str) -> None:
     own = KINDS[kind]
     (tmp_path / own.name).write_bytes(own.written(own.seed))
@@ -32,7 +33,7 @@ def test_sound_texts_are_used(tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", EACH)
 def test_broken_texts_are_refused_in_a_line_or_used(
     tmp_path_factory: pytest.TempPathFactory, numbers: Iterator[int], kind: str
 ) -> None:

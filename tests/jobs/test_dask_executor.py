@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import distributed
 import pytest
 
 from savmap.errors import SavmapError
@@ -16,7 +17,6 @@ from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
-distributed = pytest.importorskip("distributed")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from savmap.pipeline.measure import recordings
 from savmap.site.model import Pass
 
@@ -24,6 +22,5 @@ def test_passes_of_one_video_are_one_recording(tmp_path: Path) -> None:
 
 
 def test_a_video_at_a_url_is_not_looked_for() -> None:
-    pytest.importorskip("upath")
     one = Pass.model_validate({"video": "memory://bucket/aisle.mp4"})
     assert recordings([one, one])["pass 1"] == one.video

@@ -7,7 +7,11 @@ from typing import Any
 import pytest
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-IN_BROWSER = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no browser is installed")]
+IN_BROWSER = [
+    pytest.mark.slow,
+    pytest.mark.extra("browser"),
+    pytest.mark.skipif(BROWSER is None, reason="no browser is installed"),
+]
 """Marks of tests that need one."""
 Open = Callable[..., Any]
 HERE = """([id, corner]) => {

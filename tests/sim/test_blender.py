@@ -110,8 +110,8 @@ def test_developing_keeps_pixel_centres() -> None:
     assert full[24, 30, 0] < 100 < full[24, 33, 0]
 
 
+@pytest.mark.extra("blender")
 def test_picture_and_mask_agree_to_a_fraction_of_a_pixel() -> None:
-    pytest.importorskip("bpy", reason="the bpy wheel (extra `blender`, Python 3.11 only) is not installed")
     from savmap.sim.blender.cycles import Effort, render, set_up
 
     sheet = replace(RED, center=np.array([0.7, 1.45, -0.001]), size=np.array([0.4, 0.9, 0.002]))

@@ -235,7 +235,6 @@ def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> Non
 
 
 def test_urls_stay_as_they_are(tmp_path: Path) -> None:
-    pytest.importorskip("upath")
     text = GOOD.replace("a.mp4", "memory://drives/a.mp4").replace("rows:", "survey: file:///s/survey.json\nrows:")
     site = load_site(write(tmp_path, text))
     assert str(site.rows["A"].passes[0].video) == "memory://drives/a.mp4"

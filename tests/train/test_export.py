@@ -13,9 +13,9 @@ def test_shipped_networks_name_no_file(path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.extra("train")
 def test_exported_network_names_no_file() -> None:
-    pytest.importorskip("torch")
-    from savmap.train.export import graph  # needs torch, which is an extra
+    from savmap.train.export import graph
     from savmap.train.network import build
 
     assert b'.py"' not in graph(build(1, None)).SerializeToString()

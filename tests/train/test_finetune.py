@@ -122,14 +122,10 @@ def test_options_of_fine_tuning_need_a_network(tmp_path: Path, monkeypatch: pyte
         train(plan)
 
 
+@pytest.mark.extra("train")
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
 class TestWithTorch:
-    @pytest.fixture(autouse=True)
-    def _needs_torch(self) -> None:
-        for name in ("torch", "onnx", "onnxscript"):
-            pytest.importorskip(name)
-
     @pytest.mark.parametrize(("name", "classes"), [("shelves", ["upright", "beam"]), ("lights", ["light"])])
     def test_the_network_of_a_file_gives_the_files_own_output(self, name: str, classes: list[str]) -> None:
         from savmap.train.export import load_onnx

@@ -1,6 +1,5 @@
 """Runs that go on, and runs that begin anew."""
 
-import importlib.util
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +19,7 @@ from .conftest import MODELS
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning"),
-    pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="the extra `train` is not installed"),
+    pytest.mark.extra("train"),
 ]
 
 

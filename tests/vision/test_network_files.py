@@ -7,9 +7,8 @@ import numpy as np
 from savmap.files.atomic import sha256
 from savmap.vision.networks.files import network_digest, network_files
 from savmap.vision.networks.segmenter import Segmenter
-from savmap_lights.plugin import Lights
 
-from .weights import retrain, with_weights_beside
+from .weights import MODEL, retrain, with_weights_beside
 
 LONG = f"weights/{'w' * 150}.bin"
 """Its length takes two bytes."""
@@ -31,5 +30,5 @@ def test_other_weights_are_another_network(tmp_path: Path) -> None:
 
 
 def test_a_single_file_has_its_own_digest() -> None:
-    assert network_files(Lights.model) == (Lights.model,)
-    assert network_digest(Lights.model) == sha256(Lights.model)
+    assert network_files(MODEL) == (MODEL,)
+    assert network_digest(MODEL) == sha256(MODEL)

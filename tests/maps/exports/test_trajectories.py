@@ -67,7 +67,7 @@ def test_tum_is_a_table_of_poses(tmp_path: Path) -> None:
 
 
 def test_tum_is_read_by_evo(tmp_path: Path) -> None:
-    file_interface = pytest.importorskip("evo.tools.file_interface")
+    file_interface = pytest.importorskip("evo.tools.file_interface", reason="evo is no dependency")
     site = one_pass()
     export(site, tmp_path / "a.tum")
     read = file_interface.read_tum_trajectory_file(tmp_path / "a.tum")
@@ -104,9 +104,11 @@ def test_a_map_without_a_path_is_refused(tmp_path: Path, name: str, ending: str)
         export(SiteMap({"A": still}, {}), tmp_path / f"a{ending}", name)
 
 
+@pytest.mark.extra("validators")
 def test_colmap_sees_vertices_where_savmap_does(tmp_path: Path) -> None:
     """A COLMAP pixel is savmap's and a half."""
-    pycolmap = pytest.importorskip("pycolmap")
+    import pycolmap
+
     site = one_pass()
     export(site, tmp_path / "model.zip", "colmap")
     zipfile.ZipFile(tmp_path / "model.zip").extractall(tmp_path / "model")
@@ -134,8 +136,10 @@ def test_nerfstudio_has_poses_in_axes_of_opengl(tmp_path: Path) -> None:
     np.testing.assert_allclose(camera[:3, 1], -rig[:3, 1], atol=1e-8)
 
 
+@pytest.mark.extra("ros")
 def test_mcap_holds_foxgloves_messages(tmp_path: Path) -> None:
-    reader = pytest.importorskip("mcap.reader")
+    from mcap import reader
+
     site = SiteMap({"A": row("A", HOSTILE)}, {})
     export(site, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as stream:
@@ -154,9 +158,11 @@ def test_mcap_holds_foxgloves_messages(tmp_path: Path) -> None:
     assert [pose["position"]["z"] for pose in drive["poses"]] == [3.0, 3.0]
 
 
+@pytest.mark.extra("ros")
 def test_rosbag_holds_markers(tmp_path: Path) -> None:
-    reader = pytest.importorskip("mcap.reader")
-    decoder = pytest.importorskip("mcap_ros2.decoder")
+    from mcap import reader
+    from mcap_ros2 import decoder
+
     export(SiteMap({"A\n": row("A\n")}, {}), tmp_path / "a.mcap", "rosbag2")
     with (tmp_path / "a.mcap").open("rb") as stream:
         bag = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
@@ -170,8 +176,8 @@ def test_rosbag_holds_markers(tmp_path: Path) -> None:
     np.testing.assert_allclose(points, PLACES[[0, 1, 1, 2]] @ world_from_site(None)[:3, :3].T, atol=1e-9)
 
 
+@pytest.mark.extra("rerun")
 def test_rerun_reads_its_recording(tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
     export(SiteMap({"A": row("A")}, {}), tmp_path / "a.rrd")
     rerun = [sys.executable, "-m", "rerun", "rrd"]
     assert "verified without error" in _output(*rerun, "verify", tmp_path / "a.rrd")
@@ -180,22 +186,24 @@ def test_rerun_reads_its_recording(tmp_path: Path) -> None:
         assert entity in content
 
 
-FORMATS = ("tum", "colmap", "nerfstudio", "mcap", "rosbag2")
+FORMATS = (
+    "tum",
+    "colmap",
+    "nerfstudio",
+    *(pytest.param(name, marks=pytest.mark.extra("ros")) for name in ("mcap", "rosbag2")),
+)
+RERUN = pytest.param("rrd", marks=pytest.mark.extra("rerun"))
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_same_map_gives_the_same_bytes(tmp_path: Path, name: str) -> None:
-    pytest.importorskip("mcap")
-    pytest.importorskip("mcap_ros2")
     for number in (1, 2):
         export(one_pass(), tmp_path / str(number), name)
     assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
-@pytest.mark.parametrize("name", [*FORMATS, "rrd"])
+@pytest.mark.parametrize("name", [*FORMATS, RERUN])
 def test_hostile_names_do_no_harm(tmp_path: Path, name: str) -> None:
-    for package in ("mcap", "mcap_ros2", "rerun"):
-        pytest.importorskip(package)
     rows = {text: row(text, text) for text in (HOSTILE, "../../b")}
     site = SiteMap(rows, {}, placements={text: Placement(0, 0, 0, np.eye(3)) for text in rows})
     path = tmp_path / "out" / ("a.zip" if name in ("tum", "colmap") else "a")

@@ -10,9 +10,16 @@ from savmap.errors import OutputError
 from savmap.maps.imports import drawing, elements_of
 from savmap.maps.imports.records import Found, ImportOptions
 
-ezdxf = pytest.importorskip("ezdxf")
+pytestmark = pytest.mark.extra("cad")
 LABELS = {"post": "post", "bar": "bar", "tube": "tube"}
 MM = 4
+
+
+def empty(units: int = 6) -> Any:
+    """An empty one, in metres unless told otherwise."""
+    import ezdxf
+
+    return ezdxf.new("R2010", units=units)
 
 
 def read(folder: Path, document: Any, options: ImportOptions | None = None) -> list[Found]:
@@ -25,7 +32,7 @@ def corners(one: Found) -> list[list[float]]:
 
 
 def test_each_closed_line_point_and_mesh_is_an_element(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=MM)
+    document = empty(MM)
     space = document.modelspace()
     space.add_lwpolyline([(0, 0), (100, 0), (100, 5000), (0, 5000)], close=True, dxfattribs={"layer": "POST"})
     space.add_point((2000, 8000, 1200), dxfattribs={"layer": "tube"})
@@ -44,7 +51,7 @@ def test_each_closed_line_point_and_mesh_is_an_element(tmp_path: Path) -> None:
 
 
 def test_lines_that_touch_are_one_element(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     for x in (0.0005, 2.7005):
         ring = [(x, 0), (x + 0.1, 0), (x + 0.1, 5), (x, 5)]
         for k, start in enumerate(ring):
@@ -56,7 +63,7 @@ def test_lines_that_touch_are_one_element(tmp_path: Path) -> None:
 
 
 def test_blocks_are_inserted_turned_and_scaled(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     inner = document.blocks.new("edge")
     inner.add_line((0, 0), (0, 5))
     frame = document.blocks.new("frame")
@@ -76,7 +83,7 @@ def test_blocks_are_inserted_turned_and_scaled(tmp_path: Path) -> None:
 
 
 def test_layers_get_labels_and_units_are_asked_for(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=0)
+    document = empty(0)
     document.modelspace().add_point((1, 2, 3), dxfattribs={"layer": "LICHT"})
     with pytest.raises(OutputError, match=r"\$INSUNITS is 0\): say it, such as --unit mm"):
         read(tmp_path, document)
@@ -112,7 +119,7 @@ def test_another_programs_drawing_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_line_ends_may_be_any_and_a_binary_drawing_says_what_to_do(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     document.modelspace().add_point((1, 2, 3), dxfattribs={"layer": "tube"})
     plain = read(tmp_path, document)
     content = (tmp_path / "plan.dxf").read_bytes().replace(b"\r\n", b"\n")
@@ -125,7 +132,7 @@ def test_line_ends_may_be_any_and_a_binary_drawing_says_what_to_do(tmp_path: Pat
 
 
 def test_a_drawing_within_bounds_alone_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     before = "base"
     document.blocks.new(before).add_line((0, 0), (0, 5))
     for depth in range(6):
@@ -143,7 +150,7 @@ def test_a_drawing_within_bounds_alone_is_read(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_block_in_itself_ends(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     document.blocks.new("loop").add_blockref("loop", (1, 0))
     document.modelspace().add_blockref("loop", (0, 0), dxfattribs={"layer": "post"})
     document.saveas(tmp_path / "plan.dxf")
@@ -152,7 +159,7 @@ def test_a_block_in_itself_ends(tmp_path: Path) -> None:
 
 
 def test_a_corner_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
-    document = ezdxf.new("R2010", units=6)
+    document = empty()
     document.modelspace().add_point((1e300, 0, 0), dxfattribs={"layer": "post"})
     with pytest.raises(OutputError, match="not finite, or too far"):
         read(tmp_path, document)

@@ -79,10 +79,8 @@ def require_no_error(site: SiteMap, survey: Any) -> None:
         assert not any([*lost, *(own.missing + own.spurious for own in score.apart.values())])
 
 
-@pytest.mark.parametrize("ending", ["csv", "dxf"])
+@pytest.mark.parametrize("ending", ["csv", pytest.param("dxf", marks=pytest.mark.extra("cad"))])
 def test_own_exports_come_back_without_an_error(site: SiteMap, ending: str, tmp_path: Path) -> None:
-    if ending == "dxf":
-        pytest.importorskip("ezdxf")
     path = savmap.export(site, tmp_path / f"map.{ending}")
     require_no_error(site, savmap.import_survey(path, site).survey)
 
@@ -125,8 +123,10 @@ def test_a_survey_of_the_users_world_is_used(site: SiteMap, tmp_path: Path, caps
         assert not any([*score.missing.values(), *score.spurious.values()])
 
 
+@pytest.mark.extra("cad")
 def test_an_elevation_drawing_is_a_survey(tmp_path: Path) -> None:
-    ezdxf = pytest.importorskip("ezdxf")
+    import ezdxf
+
     document = ezdxf.new("R2010", units=4)
     surveyed = surveyed_row()
     for left, right in surveyed["uprights"]:

@@ -1,6 +1,4 @@
-"""Reading of signs, where the extra is installed, and the vote of many readings."""
-
-import importlib.util
+"""Reading of signs, and the vote of many readings."""
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from savmap_signs.simulation.artwork import artwork
 
 from .drawn_signs import panorama_of, plate
 
-READS = pytest.mark.skipif(importlib.util.find_spec("rapidocr") is None, reason="the extra `signs` is not installed")
 SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0)
 
 
@@ -57,7 +54,6 @@ def test_read_gives_nothing_without_the_extra_and_notes_it(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-@READS
 def test_read_reads_a_sign_in_a_panorama() -> None:
     from savmap.geometry.pinhole import project
 
@@ -73,7 +69,6 @@ def test_vote_takes_bar_codes_and_tags_only_if_read_twice(code: str) -> None:
     assert vote([{code: 1.0}, {code: 1.0}], None, 0.6).code == code
 
 
-@READS
 def test_read_codes_gives_the_kind_of_code() -> None:
     style = ((230, 230, 230), (10, 10, 10), "DejaVuSans-Bold", False)
     printed = artwork("", (0.2, 0.2), *style, "qr", "A21-03")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,23 @@ from savmap.types import Floats, SiteMap
 
 from .made_up_models import DEPTH_NOTE, EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, row, things
 
-ezdxf = pytest.importorskip("ezdxf")
-text_tools = pytest.importorskip("ezdxf.tools.text")
+pytestmark = pytest.mark.extra("cad")
 
 Entity = list[tuple[int, str]]
+
+
+def drawing(path: Path) -> Any:
+    """A file as ezdxf reads it."""
+    import ezdxf
+
+    return ezdxf.readfile(path)
+
+
+def plain_text(text: str) -> str:
+    """What a program shows of a text."""
+    from ezdxf.tools.text import plain_text
+
+    return str(plain_text(text))
 
 
 def entities(path: Path) -> Iterator[Entity]:
@@ -61,7 +75,7 @@ def test_positions_are_those_of_the_map(tmp_path: Path) -> None:
 
 
 def test_layers_are_those_of_the_labels(tmp_path: Path) -> None:
-    document = ezdxf.readfile(savmap.export(made_up_site(), tmp_path / "map.dxf"))
+    document = drawing(savmap.export(made_up_site(), tmp_path / "map.dxf"))
     assert document.dxfversion == "AC1024"
     assert document.units == 6
     layers = {layer.dxf.name for layer in document.layers}
@@ -71,7 +85,7 @@ def test_layers_are_those_of_the_labels(tmp_path: Path) -> None:
 
 
 def test_drawings_lie_side_by_side_below_the_world(tmp_path: Path) -> None:
-    document = ezdxf.readfile(savmap.export(made_up_site(), tmp_path / "map.dxf"))
+    document = drawing(savmap.export(made_up_site(), tmp_path / "map.dxf"))
     space = document.modelspace()
     world = np.concatenate(list(expected(made_up_site()).values()))
     drawn = [np.array(line.get_points("xy")) for line in space.query('LWPOLYLINE[layer=="ELEVATION post"]')]
@@ -87,7 +101,7 @@ def test_drawings_lie_side_by_side_below_the_world(tmp_path: Path) -> None:
 
 def test_clear_widths_and_heights_are_dimensioned(tmp_path: Path) -> None:
     site = SiteMap({"A": row("A", things())}, {})
-    document = ezdxf.readfile(savmap.export(site, tmp_path / "map.dxf"))
+    document = drawing(savmap.export(site, tmp_path / "map.dxf"))
     measured = [dimension.get_measurement() for dimension in document.modelspace().query("DIMENSION")]
     assert sorted(measured) == pytest.approx([2.12, 2.7, 2.9])
     assert dimensions(row("A", things()[3:]), 0.0, 0.0) == []
@@ -95,13 +109,13 @@ def test_clear_widths_and_heights_are_dimensioned(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("site", [made_up_site(), hostile_site(), SiteMap({}, {})], ids=["plain", "hostile", "empty"])
 def test_drawings_pass_the_audit(site: SiteMap, tmp_path: Path) -> None:
-    auditor = ezdxf.readfile(savmap.export(site, tmp_path / "map.dxf")).audit()
+    auditor = drawing(savmap.export(site, tmp_path / "map.dxf")).audit()
     assert (list(auditor.errors), list(auditor.fixes)) == ([], [])
 
 
 def test_texts_are_drawn_as_they_are(tmp_path: Path) -> None:
-    document = ezdxf.readfile(savmap.export(hostile_site(), tmp_path / "map.dxf"))
-    texts = [text_tools.plain_text(text.dxf.text) for text in document.modelspace().query("TEXT")]
+    document = drawing(savmap.export(hostile_site(), tmp_path / "map.dxf"))
+    texts = [plain_text(text.dxf.text) for text in document.modelspace().query("TEXT")]
     assert not any("\n" in text or "\x1b" in text for text in texts)
     assert all(len(text) <= (220 if text.startswith("assumed depth") else 70) for text in texts)
     assert EVIL[2] in texts
@@ -111,8 +125,8 @@ def test_texts_are_drawn_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["100 %%d", "%%", "%%%", "^J", "a^b", "\\P{}", "é漢😀"])
 def test_nothing_in_a_text_is_a_code(text: str, tmp_path: Path) -> None:
     site = SiteMap({"A": row("A", [replace(things()[0], id=text)])}, {})
-    document = ezdxf.readfile(savmap.export(site, tmp_path / "map.dxf"))
-    shown = [text_tools.plain_text(entity.dxf.text) for entity in document.modelspace().query("TEXT")]
+    document = drawing(savmap.export(site, tmp_path / "map.dxf"))
+    shown = [plain_text(entity.dxf.text) for entity in document.modelspace().query("TEXT")]
     assert shown[1] == text
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import savmap
 from savmap.errors import OutputError
@@ -25,8 +26,6 @@ from .made_up_models import (
     row,
     things,
 )
-
-trimesh = pytest.importorskip("trimesh")
 
 
 def content_of(glb: bytes) -> dict[str, Any]:

@@ -24,16 +24,14 @@ from .made_up_models import (
     things,
 )
 
-ifcopenshell = pytest.importorskip("ifcopenshell")
-geom = pytest.importorskip("ifcopenshell.geom")
-element = pytest.importorskip("ifcopenshell.util.element")
-placement = pytest.importorskip("ifcopenshell.util.placement")
-validate = pytest.importorskip("ifcopenshell.validate")
+pytestmark = pytest.mark.extra("bim")
 
 SCHEMAS = ("ifc", "ifc4x3")
 
 
 def opened(site: SiteMap, path: Path, name: str = "ifc") -> Any:
+    import ifcopenshell
+
     return ifcopenshell.open(str(savmap.export(site, path, name)))
 
 
@@ -42,12 +40,17 @@ def structures(file: Any) -> list[Any]:
 
 
 def known(product: Any) -> dict[str, Any]:
+    from ifcopenshell.util import element
+
     properties: dict[str, Any] = element.get_psets(product)["Savmap"]
     return properties
 
 
 def in_world(product: Any) -> Floats:
     """The corners of an element: of a body by the geometry kernel, in the element's own frame; of lines and points as they are given."""
+    from ifcopenshell import geom
+    from ifcopenshell.util import placement
+
     matrix = placement.get_local_placement(product.ObjectPlacement)
     shape = product.Representation.Representations[0]
     if shape.RepresentationIdentifier == "Body":
@@ -63,6 +66,8 @@ def in_world(product: Any) -> Floats:
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_positions_are_those_of_the_map(name: str, tmp_path: Path) -> None:
+    from ifcopenshell.util import element
+
     file = opened(made_up_site(), tmp_path / "map.ifc", name)
     wanted = expected(made_up_site())
     found = {(known(product)["Row"], product.Name): product for product in structures(file)}
@@ -78,6 +83,8 @@ def test_positions_are_those_of_the_map(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_elements_say_what_they_are(name: str, tmp_path: Path) -> None:
+    from ifcopenshell.util import element
+
     file = opened(SiteMap({"A": row("A", things())}, {}), tmp_path / "map.ifc", name)
     assert file.schema == {"ifc": "IFC4", "ifc4x3": "IFC4X3"}[name]
     classes = {product.Name: product.is_a() for product in structures(file)}
@@ -109,6 +116,8 @@ def test_classes_that_no_element_may_have_are_proxies(ifc_class: str) -> None:
 @pytest.mark.parametrize("name", SCHEMAS)
 @pytest.mark.parametrize("site", [made_up_site(), hostile_site(), SiteMap({}, {})], ids=["plain", "hostile", "empty"])
 def test_models_are_valid(site: SiteMap, name: str, tmp_path: Path) -> None:
+    from ifcopenshell import validate
+
     log = validate.json_logger()
     validate.validate(str(savmap.export(site, tmp_path / "map.ifc", name)), log)
     assert log.statements == []
@@ -118,6 +127,8 @@ def test_models_are_valid(site: SiteMap, name: str, tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # ifcopenshell leaves files of its own open
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_models_obey_the_rules_of_the_schema(name: str, tmp_path: Path) -> None:
+    from ifcopenshell import validate
+
     log = validate.json_logger()
     path = savmap.export(made_up_site(), tmp_path / "map.ifc", name)
     validate.validate(str(path), log, express_rules=True)

@@ -1,6 +1,7 @@
 """USD: what `usd-core` reads of the text that savmap writes itself, and of the binary form."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,21 +23,23 @@ from .made_up_models import (
     things,
 )
 
-pytest.importorskip("pxr.UsdSemantics")
-from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdValidation
-
+pytestmark = pytest.mark.extra("usd")
 FORMS = ("usda", "usdc")
 
 
-def opened(site: SiteMap, path: Path) -> Usd.Stage:
+def opened(site: SiteMap, path: Path) -> Any:
+    from pxr import Usd
+
     return Usd.Stage.Open(str(savmap.export(site, path)))
 
 
-def structures(stage: Usd.Stage) -> list[Usd.Prim]:
+def structures(stage: Any) -> list[Any]:
     return [prim for prim in stage.Traverse() if prim.GetAttribute("savmap:id")]
 
 
-def in_world(prim: Usd.Prim) -> Floats:
+def in_world(prim: Any) -> Floats:
+    from pxr import UsdGeom
+
     matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
     points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(), np.float64)
     whole: Floats = points @ matrix[:3, :3] + matrix[3, :3]
@@ -45,6 +48,8 @@ def in_world(prim: Usd.Prim) -> Floats:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_positions_are_those_of_the_map(form: str, tmp_path: Path) -> None:
+    from pxr import UsdGeom
+
     stage = opened(made_up_site(), tmp_path / f"map.{form}")
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
@@ -61,6 +66,8 @@ def test_positions_are_those_of_the_map(form: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_prims_say_what_is_known(form: str, tmp_path: Path) -> None:
+    from pxr import UsdGeom, UsdPhysics, UsdSemantics
+
     stage = opened(SiteMap({"A": row("A", things())}, {}), tmp_path / f"map.{form}")
     post = stage.GetPrimAtPath("/World/A/post_1")
     assert post.IsA(UsdGeom.Mesh)
@@ -81,6 +88,8 @@ def test_prims_say_what_is_known(form: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("site", [made_up_site(), hostile_site()], ids=["plain", "hostile"])
 def test_stages_are_valid(site: SiteMap, tmp_path: Path) -> None:
+    from pxr import UsdValidation
+
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(validators) > 10
     errors = UsdValidation.ValidationContext(validators).Validate(opened(site, tmp_path / "map.usda"))
@@ -99,6 +108,8 @@ def test_any_text_is_kept_as_text(form: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", [*EVIL, "".join(map(chr, range(1, 256))), "\x007", '"""', "\\", "@</a>@"])
 def test_quoted_texts_are_read_as_they_were(text: str) -> None:
+    from pxr import Sdf
+
     layer = Sdf.Layer.CreateAnonymous()
     layer.ImportFromString(f'#usda 1.0\ndef "a"\n{{\n    custom string b = {quoted(text)}\n}}\n')
     assert layer.GetAttributeAtPath("/a.b").default == readable(text).replace("\x00", "\ufffd")

@@ -76,7 +76,7 @@ def test_structures_without_vertices_are_left_out(tmp_path: Path) -> None:
 
 
 def test_positions_agree_with_another_library(tmp_path: Path) -> None:
-    pyproj = pytest.importorskip("pyproj")
+    pyproj = pytest.importorskip("pyproj", reason="pyproj is no dependency")
     write_geojson(hall(), tmp_path / "a.geojson")
     features = collection((tmp_path / "a.geojson").read_text(encoding="utf-8"))["features"]
     definition = f"+proj=topocentric +ellps=WGS84 +lat_0={ANCHOR[0]} +lon_0={ANCHOR[1]} +h_0=0"
