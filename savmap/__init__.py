@@ -8,8 +8,13 @@ What is named here is public: it stays as it is within a major version. It is im
 takes no time. docs/python-api.md shows it at work; plugin authors begin with `Plugin` and `hookimpl`, and docs/writing-plugins.md.
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+"""onnxruntime 1.29 and later reports to its maker unless this is set before it is loaded. Here, for whatever opens a network imports something of
+savmap first: workers and plugins too; and processes that they start inherit it."""
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError

@@ -16,24 +16,26 @@ from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
 
+from ..integration.sealed import surroundings
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 
-def dask(*arguments: str) -> "subprocess.Popen[bytes]":
+def dask(home: Path, *arguments: str) -> "subprocess.Popen[bytes]":
     kinds = {"scheduler": "dask_scheduler", "worker": "dask_worker"}
     command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.{kinds[arguments[0]]}", *arguments[1:]]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(command, env=surroundings(home), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list["subprocess.Popen[bytes]"]]]:
-    """A scheduler's address, and its two workers' processes."""
-    folder = tmp_path_factory.mktemp("dask")
+    """A scheduler's address, and its two workers' processes, which write nothing at home."""
+    folder, home = tmp_path_factory.mktemp("dask"), tmp_path_factory.mktemp("home")
     info = folder / "scheduler.json"
-    scheduler = dask("scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(info))
+    scheduler = dask(home, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(info))
     where = ("--scheduler-file", str(info), "--local-directory", str(folder))
-    workers = [dask("worker", "--no-nanny", "--no-dashboard", "--nthreads", "1", *where) for _ in range(2)]
+    workers = [dask(home, "worker", "--no-nanny", "--no-dashboard", "--nthreads", "1", *where) for _ in range(2)]
     with distributed.Client(scheduler_file=str(info), timeout=60, set_as_default=False) as client:
         client.wait_for_workers(2, timeout=60)
         address = client.scheduler.address
@@ -41,6 +43,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, lis
     for process in (*workers, scheduler):
         process.kill()
         process.wait()
+    assert not list(home.rglob("*"))
 
 
 def site(folder: Path) -> Path:
