@@ -7,11 +7,14 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from pathlib import Path
 from typing import NoReturn
 
 from savmap.cli.speech import say
 from savmap.errors import OutputError, SavmapError, SiteError
 
+EPOCH = "SOURCE_DATE_EPOCH"
 INTERRUPTED, TERMINATED = 130, 143
 NO_NAMES = {errno.ENAMETOOLONG, errno.ELOOP}
 """What only the name of a file can have done that somebody gave."""
@@ -25,6 +28,8 @@ _terminated = threading.Event()
 def plain_endings() -> Iterator[None]:
     """End the program with one line where what is done in it ends with an expected error; all others keep their traceback."""
     try:
+        _settle_terminal()
+        _settle_environment()
         with _terminated_as_interrupted():
             yield
     except SavmapError as error:
@@ -43,6 +48,26 @@ def plain_endings() -> Iterator[None]:
         if end.code == INTERRUPTED:
             _interrupted()
         raise
+
+
+def _settle_terminal() -> None:
+    """Let characters that the terminal's encoding lacks stand as escapes on standard output too, as they do on standard error."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _settle_environment() -> None:
+    """Take an empty SOURCE_DATE_EPOCH for one that is not set, and let libraries find nothing where a user has no home: they would end with
+    errors of their own. Raises SiteError for a SOURCE_DATE_EPOCH that is no number."""
+    try:
+        Path.home()
+    except RuntimeError:
+        os.environ["HOME"] = os.devnull
+    epoch = os.environ.get(EPOCH)
+    if epoch is not None and not epoch.strip():
+        del os.environ[EPOCH]
+    elif epoch is not None and not (epoch.isascii() and epoch.isdecimal()):
+        raise SiteError(f"{EPOCH}={epoch}: a whole number of seconds since 1970 is expected; correct it or unset it")
 
 
 def _no_room(error: OSError) -> NoReturn:

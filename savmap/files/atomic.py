@@ -13,7 +13,7 @@ from urllib.parse import quote
 from savmap.errors import OutputError
 from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
 from savmap.files.texts import MOST_MB, bounded_text, json_of
-from savmap.files.urls import is_url
+from savmap.files.urls import is_url, likely
 
 FOLDER_IS_FILE = "what would be its folder is a file"
 
@@ -111,8 +111,13 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place meets, in words."""
-    return FOLDER_IS_FILE if error.errno == errno.EEXIST else (error.strerror or str(error)).lower()
+    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place meets, in words. Of what is
+    not there, with what is called alike."""
+    text = FOLDER_IS_FILE if error.errno == errno.EEXIST else (error.strerror or str(error)).lower()
+    named = (
+        error.filename if isinstance(error, FileNotFoundError) and isinstance(error.filename, str | os.PathLike) else ""
+    )
+    return text + likely(Path(os.fsdecode(named))) if named else text
 
 
 def _put(path: Path, content: bytes) -> None:

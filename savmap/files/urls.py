@@ -3,8 +3,12 @@
 A URL is a `UPath`, which does what a `Path` does; it is typed as one throughout.
 """
 
+import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path, PurePath
 from typing import cast
+from unicodedata import normalize
 
 from savmap.errors import SiteError
 
@@ -36,7 +40,36 @@ def where(text: str | Path) -> Path:
 
 
 def _local(text: str) -> Path:
-    return Path(text).expanduser() if text.startswith("~/") else Path(text)
+    if not text.startswith("~/"):
+        return on_disk(Path(text))
+    if not os.path.isdir(home := os.path.expanduser("~")):
+        raise SiteError(f"{text}: the user has no home folder here ({home}): set HOME, or write the path in full")
+    return on_disk(Path(home) / text.removeprefix("~/"))
+
+
+def on_disk(path: Path) -> Path:
+    """The path as the disk has it: a name that is not there is taken for one that differs in nothing but its Unicode normal form, as names from
+    Macs do (u with a diaeresis, in one character or two)."""
+    return path if is_url(path) else _alike(path, partial(normalize, "NFC")) or path
+
+
+def likely(path: Path) -> str:
+    """A hint at what a path that is not there may mean, such as "; there is Aisle.MP4"; empty where nothing is called alike."""
+    found = None if is_url(path) else _alike(path, lambda name: normalize("NFC", name).casefold())
+    return f"; there is {found}" if found and found != path else ""
+
+
+def _alike(path: Path, key: Callable[[str], str]) -> Path | None:
+    """What is there under a path, each part of which is the only one in its folder with the same key; None where there is nothing."""
+    found = Path(path.anchor)
+    for part in path.parts[bool(path.anchor) :]:
+        try:
+            if not os.path.lexists(found / part):
+                (part,) = [name for name in os.listdir(found) if key(name) == key(part)]
+        except (OSError, ValueError):
+            return None
+        found /= part
+    return found
 
 
 def is_url(path: Path) -> bool:
@@ -45,5 +78,5 @@ def is_url(path: Path) -> bool:
 
 
 def beside(folder: Path, path: Path) -> Path:
-    """A relative path taken from a folder; URLs and absolute paths are unchanged."""
-    return path if is_url(path) else folder / path
+    """A relative path taken from a folder, as the disk has it; URLs are unchanged."""
+    return path if is_url(path) else on_disk(folder / path)

@@ -13,7 +13,7 @@ from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
 from savmap.files.texts import bounded_text, is_text
-from savmap.files.urls import beside
+from savmap.files.urls import beside, likely, on_disk
 from savmap.files.validation import Location, path_of
 from savmap.site.layout import misaligned, misplaced, with_places
 from savmap.site.locations import SourceMap, empty_keys, explained, given_twice, left_out, lines_of, misspelt
@@ -203,7 +203,7 @@ def _read(path: Path, what: str) -> str:
         return bounded_text(path, yaml_text.MOST_MB)
     except FileNotFoundError:
         advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: no such {what}{advice}") from None
+        raise SiteError(f"{path}: no such {what}{likely(path) or advice}") from None
     except OSError as error:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
@@ -248,7 +248,7 @@ def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[st
     """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
     return {
         name: {
-            key: str(folder / value) if key == "model" and isinstance(value, str) else value
+            key: str(on_disk(folder / value)) if key == "model" and isinstance(value, str) else value
             for key, value in own.items()
         }
         for name, own in plugins.items()

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from savmap.errors import VideoError
+from savmap.files.urls import likely
 from savmap.types import Floats, Panorama, Planes, panorama_of
 from savmap.video.clip import (
     Clip,
@@ -47,7 +48,7 @@ STILL_WIDTH, STILL = 256, 0.7
 def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
     """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or not 2:1."""
     if not path.exists():
-        raise VideoError(f"{path}: no such file or folder")
+        raise VideoError(f"{path}: no such file or folder{likely(path)}")
     if path.is_dir():
         return probe_folder(path, images_fps)
     if not path.is_file():

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
-from savmap.cli.app import main
+from savmap.cli.app import COMMANDS, app, main
 from savmap.maps.map_file import write_map
 from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Trajectory, Verdict
 
@@ -257,26 +258,35 @@ def test_names_that_no_file_can_have_are_one_line(
 def test_a_map_is_named_by_its_folder_too(tmp_path: Path, arguments: list[str]) -> None:
     (tmp_path / "out").mkdir()
     write_map(_one_row(), tmp_path / "out" / "map.json")
-    by_file, by_folder = (savmap(*arguments, name, folder=tmp_path) for name in ("out/map.json", "out"))
+    by_file, by_folder = (
+        savmap(arguments[0], name, *arguments[1:], folder=tmp_path) for name in ("out/map.json", "out")
+    )
     assert (by_folder.stdout, by_folder.stderr, by_folder.returncode) == (
         by_file.stdout,
         by_file.stderr,
         by_file.returncode,
     )
-    missing = savmap(*arguments, ".", folder=tmp_path)
+    missing = savmap(arguments[0], ".", *arguments[1:], folder=tmp_path)
     assert "map.json: cannot be read (no such file" in missing.stderr
 
 
-@pytest.mark.parametrize("output", ["a.csv", "A.GLB", "a.building.yaml"])
+@pytest.mark.parametrize(
+    ("output", "frame"),
+    [
+        ("a.csv", "the row's own frame (metres: x along it to the right, y up, z out of the face)"),
+        ("A.GLB", "the world's frame (metres, y up, as glTF has it), which is the map's own, for it is not aligned"),
+        ("a.building.yaml", "the world's frame (metres, z up), which is the map's own, for it is not aligned"),
+    ],
+)
 def test_the_ending_of_an_exported_file_tells_its_format(
-    output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    output: str, frame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_map(_one_row(), tmp_path / "map.json")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["savmap", "export", "map.json", "-o", output])
     with pytest.raises(SystemExit) as end:
         main()
-    assert (end.value.code, capsys.readouterr().out) == (0, f"wrote {output}\n")
+    assert (end.value.code, capsys.readouterr().out) == (0, f"wrote {output}\ncoordinates are in {frame}\n")
 
 
 def test_an_export_tells_what_the_file_does_not_show(
@@ -291,9 +301,45 @@ def test_an_export_tells_what_the_file_does_not_show(
         main()
     assert capsys.readouterr().out.splitlines() == [
         "wrote posts.csv",
+        "coordinates are in the row's own frame (metres: x along it to the right, y up, z out of the face)",
         "note: 1 of 2 rows could not be mapped: B; 1 of 2 rows must be checked: A (`savmap view`, report.html)",
     ]
     assert (tmp_path / "posts.csv").read_text(encoding="utf-8").splitlines()[1].endswith(",odd")
+
+
+@pytest.mark.parametrize(
+    "command", [["find", "map.json", "post 1"], ["measure", "map.json", "post 1 / 0", "post 1 / 1"]]
+)
+def test_coordinates_name_their_frame(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_map(_one_row(), tmp_path / "map.json")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", *command])
+    with pytest.raises(SystemExit) as end:
+        main()
+    *_, line = capsys.readouterr().out.splitlines()
+    assert (end.value.code, line.startswith("x, y, z are in the row's own frame (metres: x along it")) == (0, True), (
+        line
+    )
+
+
+@pytest.mark.parametrize("name", [*COMMANDS, "plugin new"])
+def test_no_output_goes_to_the_terminal(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = typer.main.get_command(app)
+    for part in name.split():
+        command = command.commands[part]  # type: ignore[attr-defined]
+    if not any("-o" in option.opts for option in command.params):
+        pytest.skip("has no -o")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["savmap", *name.split(), "-o", "-", "a", "b"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 3
+    assert capsys.readouterr().err == "savmap: -o -: nothing is written to the terminal; give a file or a folder\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_align_writes_the_map_where_it_stands(
@@ -349,14 +395,18 @@ def test_pipes_are_refused_in_one_line(
         (["view", ".", "--against", "survey.json", "--no-open"], 9, "survey.json: is a survey, not a map"),
         (["align", "map.json", "survey.json", "-o", "made.json"], 3, "survey.json: is a survey, not a file with `align:`"),
         (["align", "map.json", "map.json", "-o", "made.json"], 3, "map.json: is a map, not a file with `align:`"),
-        (["find", "map.json"], 9, "out/map.json: cannot be read"),
-        (["find", "", "map.json"], 3, "the name to find is empty: give an id, or what is written on a structure"),
-        (["find", "  ", "map.json"], 3, "the name to find is empty"),
+        (["find", "post 1"], 9, "out/map.json: cannot be read"),
+        (["find", "map.json"], 3, "map.json: the map comes first, before what is asked for: map.json ..."),
+        (["find", "post 1", "map.json"], 3, "map.json: the map comes first, before what is asked for: map.json post 1"),
+        (["find", "map.json", "post", "1"], 3, "post: one map is expected, then what is asked for"),
+        (["measure", "post 1 / 0", "post 1 / 1", "map.json"], 3, "map.json: the map comes first, before what is asked for"),
+        (["find", "map.json", ""], 3, "the name to find is empty: give an id, or what is written on a structure"),
+        (["find", "map.json", "  "], 3, "the name to find is empty"),
         (["export", "map.json", "-o", "a.xyz"], 3, "a.xyz: its ending tells no format; give one with --format: colmap, csv, dxf"),
         (["export", "map.json", "-o", "a"], 3, "a: its ending tells no format"),
         (["export", "map.json", "-o", "a.json"], 3, "a.json: its ending tells no format"),
-        (["measure", "post 1 / 0", "post 1", "map.json"], 3, "`post 1` is no vertex of the map; nearest: post 1 / 0"),
-        (["measure", "post 1 / 0", "post 1 / 1", "survey.json"], 9, "survey.json: is a survey, not a map"),
+        (["measure", "map.json", "post 1 / 0", "post 1"], 3, "`post 1` is no vertex of the map; nearest: post 1 / 0"),
+        (["measure", "survey.json", "post 1 / 0", "post 1 / 1"], 9, "survey.json: is a survey, not a map"),
     ],
 )  # fmt: skip
 def test_wrong_uses_of_a_map_write_nothing(

@@ -85,9 +85,9 @@ def warnings(*arguments: object) -> int:
 
 def test_a_run_that_ended_well_says_so_and_nothing_warns(folder: Path) -> None:
     assert run_json(folder)["status"] == "mapped"
-    assert warnings("find", "board", folder / "out") == 0
+    assert warnings("find", folder / "out", "board") == 0
     shutil.copy(folder / "out" / "map.json", folder / "alone.json")
-    assert warnings("find", "board", folder / "alone.json") == 0
+    assert warnings("find", folder / "alone.json", "board") == 0
 
 
 def test_a_run_that_fails_says_so_in_the_folder_and_leaves_the_map(
@@ -101,13 +101,13 @@ def test_a_run_that_fails_says_so_in_the_folder_and_leaves_the_map(
     assert (folder / "out" / "map.json").read_bytes() == before
     record = run_json(folder)
     assert (record["status"], record["error"], record["rows"]) == ("failed", "row A: no upright was found", {})
-    assert warnings("find", "board", folder / "out") == 1
-    assert warnings("measure", "board / 0", "board / 1", folder / "out" / "map.json") == 1
+    assert warnings("find", folder / "out", "board") == 1
+    assert warnings("measure", folder / "out" / "map.json", "board / 0", "board / 1") == 1
     assert warnings("export", folder / "out", "--format", "csv", "-o", folder / "a.csv") == 1
     assert warnings("compare", folder / "out", folder / "out" / "map.json") == 2
     assert warnings("view", folder / "out", "--no-open") == 1
     assert warnings("evaluate", folder / "out", EXAMPLE / "survey.json") == 1
-    assert "no upright was found" in CliRunner().invoke(app, ["find", "board", str(folder / "out")]).stderr
+    assert "no upright was found" in CliRunner().invoke(app, ["find", str(folder / "out"), "board"]).stderr
 
 
 def test_the_next_run_that_ends_well_ends_the_warnings(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +116,7 @@ def test_the_next_run_that_ends_well_ends_the_warnings(folder: Path, monkeypatch
     maps(monkeypatch)
     assert run_map(folder).exit_code == 0
     assert run_json(folder)["status"] == "mapped"
-    assert warnings("find", "board", folder / "out") == 0
+    assert warnings("find", folder / "out", "board") == 0
 
 
 @pytest.mark.parametrize("cut", [KeyboardInterrupt(), SystemExit(137)])
@@ -126,7 +126,7 @@ def test_a_run_that_is_cut_off_has_not_failed(
     maps(monkeypatch, error=cut)
     run_map(folder)
     assert run_json(folder)["status"] == "mapped"
-    assert warnings("find", "board", folder / "out") == 0
+    assert warnings("find", folder / "out", "board") == 0
 
 
 def test_a_site_file_that_is_wrong_now_is_a_failed_run(folder: Path) -> None:
@@ -135,7 +135,7 @@ def test_a_site_file_that_is_wrong_now_is_a_failed_run(folder: Path) -> None:
     assert isinstance(result.exception, SavmapError)
     assert EARLIER in result.stderr
     assert "vido" in run_json(folder)["error"]
-    assert warnings("find", "board", folder / "out") == 1
+    assert warnings("find", folder / "out", "board") == 1
 
 
 def test_a_video_that_is_gone_is_a_failed_run(folder: Path) -> None:
@@ -151,7 +151,7 @@ def test_a_name_that_is_mistyped_and_a_preview_are_no_runs(folder: Path, monkeyp
     monkeypatch.setattr("savmap.cli.mapping.previews", lambda *_: 1 / 0)
     run_map(folder, "site.yaml", "--preview")
     assert run_json(folder)["status"] == "mapped"
-    assert warnings("find", "board", folder / "out") == 0
+    assert warnings("find", folder / "out", "board") == 0
 
 
 def test_a_first_run_that_fails_warns_of_no_map(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +160,7 @@ def test_a_first_run_that_fails_warns_of_no_map(folder: Path, monkeypatch: pytes
     assert EARLIER not in run_map(folder).stderr
     assert run_json(folder)["error"] == "too dark"
     write_map(SiteMap({"A": row()}, {"savmap": "0"}), folder / "out" / "map.json")
-    assert warnings("find", "board", folder / "out") == 0, "a map that came later is of no earlier run"
+    assert warnings("find", folder / "out", "board") == 0, "a map that came later is of no earlier run"
 
 
 def test_a_run_whose_map_was_written_leaves_no_earlier_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,7 +170,7 @@ def test_a_run_whose_map_was_written_leaves_no_earlier_one(folder: Path, monkeyp
     monkeypatch.setattr("savmap.jobs.map_site.write_page", full)
     assert EARLIER not in run_map(folder).stderr
     assert run_json(folder)["status"] == "failed"
-    assert warnings("find", "board", folder / "out") == 0
+    assert warnings("find", folder / "out", "board") == 0
 
 
 def test_a_run_that_mapped_some_rows_has_not_failed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

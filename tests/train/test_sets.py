@@ -239,3 +239,25 @@ def test_a_picture_that_stands_in_two_sets_is_of_one_scene(both: Path) -> None:
     assert [sample.group for sample in samples] == ["set/0", "set/1"] * 2
     training, validation = held_out(samples, 0.5)
     assert not {one.image_digest for one in training} & {one.image_digest for one in validation}
+
+
+def test_paths_of_windows_are_read(both: Path) -> None:
+    def windows(content: Any) -> None:
+        for image in content["images"]:
+            image["file_name"] = "C:\\data\\images\\" + image["file_name"]
+
+    pictures = [sample.image for sample in read_set(both / "coco.json", CLASSES).samples]
+    assert [sample.image for sample in read_set(edited(both / "coco.json", windows), CLASSES).samples] == pictures
+    (both / "train.txt").write_text("".join(f"images\\{picture.name}\n" for picture in pictures), encoding="utf-8")
+    (both / "data.yaml").write_text("names: [crossbar, column]\ntrain: .\\train.txt\n", encoding="utf-8")
+    assert [sample.image for sample in read_set(both / "data.yaml", CLASSES).samples] == sorted(pictures)
+
+
+def test_pictures_in_another_normal_form_are_found(both: Path) -> None:
+    def composed(content: Any) -> None:
+        content["images"][0]["file_name"] = "\u00fc.jpg"
+
+    first = read_set(both / "coco.json", CLASSES).samples[0].image
+    first.rename(first.with_name("u\u0308.jpg"))
+    samples = read_set(edited(both / "coco.json", composed), CLASSES).samples
+    assert any(sample.image.name == "u\u0308.jpg" for sample in samples)

@@ -17,8 +17,19 @@ Plugins = Annotated[
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE: a key of the site file, such as rows.A.fps=5.")
 ]
+
+
+def written_to(text: str) -> Path:
+    """The path of an option that names what is written. Raises SiteError for the terminal, and as `where` does."""
+    from savmap.errors import SiteError
+
+    if text == "-":
+        raise SiteError("-o -: nothing is written to the terminal; give a file or a folder")
+    return where(text)
+
+
 Output = Annotated[
-    Path, typer.Option("-o", "--output", parser=where, metavar="FOLDER", help="Folder for the results, or a URL.")
+    Path, typer.Option("-o", "--output", parser=written_to, metavar="FOLDER", help="Folder for the results, or a URL.")
 ]
 
 
@@ -44,6 +55,30 @@ def warn_of_earlier(source: Path | None) -> None:
 MapFile = Annotated[
     Path, typer.Argument(metavar="MAP", callback=map_of, help="A map.json, or the folder that holds it.")
 ]
+
+
+FirstMap = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="[MAP]", help="A map.json, or the folder that holds it.", show_default="out/map.json"),
+]
+"""A map that may be left out before other arguments."""
+
+
+def the_map(maps: list[Path] | None, last: str) -> Path:
+    """The map of a command that may be given one before its other arguments, of which `last` is the last. Raises SiteError for several, and where
+    the last argument is the map."""
+    from savmap.errors import SiteError
+
+    several = maps or [Path("out/map.json")]
+    if len(several) > 1:
+        raise SiteError(
+            f"{several[1]}: one map is expected, then what is asked for; put names with blanks in quotation marks"
+        )
+    if not several[0].exists() and Path(last).exists():
+        raise SiteError(
+            f"{last}: the map comes first, before what is asked for: {last} {several[0] if maps else '...'}"
+        )
+    return map_of(several[0]) or several[0]
 
 
 def names_of(text: str | None) -> list[str] | None:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from savmap.cli.commands.options import written_to
 from savmap.cli.speech import say
 
 app = typer.Typer(help="For those who write plugins.", no_args_is_help=True, rich_markup_mode=None)
@@ -19,7 +20,10 @@ def plugin() -> None:
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="What site files call it, such as pillars.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="A new folder (default: savmap-NAME).")
+        Path | None,
+        typer.Option(
+            "-o", "--output", parser=written_to, metavar="FOLDER", help="A new folder (default: savmap-NAME)."
+        ),
     ] = None,
     locates_camera: Annotated[
         bool,

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from savmap.cli.commands.options import MapFile, warn_of_earlier
+from savmap.cli.commands.options import FirstMap, MapFile, the_map, warn_of_earlier, written_to
 from savmap.cli.speech import say, say_all
 
 if TYPE_CHECKING:
     from savmap.types import SiteMap
+
+OF_ROW = "row's own frame (metres: x along it to the right, y up, z out of the face)"
+OF_SITE = "the site's frame (metres, y up)"
 
 
 def evaluate(
@@ -41,7 +44,9 @@ def report(
     against: Annotated[
         Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder: tell what changed since.")
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The HTML page to write.")] = Path("report.html"),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The HTML page to write.")
+    ] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
@@ -55,7 +60,10 @@ def compare(
     old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier date: a map.json, or its folder.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The later date: a map.json, or its folder.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PAGE", help="Write an HTML page that shows both dates.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", parser=written_to, metavar="PAGE", help="Write an HTML page that shows both dates."
+        ),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all that was compared as JSON.")
@@ -129,7 +137,9 @@ def view(
 
 def export(
     map_file: MapFile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The file to write.")
+    ],
     name: Annotated[
         str | None,
         typer.Option(
@@ -158,8 +168,25 @@ def export(
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
     export_map(site_map, name, output, known, broken)
     say(f"wrote {output}")
+    if frame := _frame_of(name, site_map):
+        say(f"coordinates are in {frame}")
     for note in _left_out_or_doubted(site_map, row):
         say(f"note: {note}")
+
+
+def _frame_of(name: str, site_map: "SiteMap") -> str:
+    """What the coordinates of a format of savmap's own refer to (docs/exports.md); empty of one that a plugin gives."""
+    from savmap.maps.exports import FORMATS
+
+    if name not in FORMATS:
+        return ""
+    if name in ("csv", "ply"):
+        return OF_SITE if site_map.placements else f"the {OF_ROW}"
+    if name in ("geojson", "imdf"):
+        return "longitude and latitude (WGS 84)"
+    axes = "y up, as glTF has it" if name == "glb" else "z up"
+    own = "" if site_map.alignment else ", which is the map's own, for it is not aligned"
+    return f"the world's frame (metres, {axes}){own}"
 
 
 def _left_out_or_doubted(site_map: "SiteMap", row: str | None) -> Iterator[str]:
@@ -174,7 +201,9 @@ def align(
     known: Annotated[
         Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The map.json to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The map.json to write.")
+    ],
 ) -> None:
     """Say where a finished map stands in your own world, from places that are known in both."""
     from savmap.assembly import alignment_lines
@@ -190,33 +219,42 @@ def align(
 
 
 def find(
+    map_file: FirstMap = None,
+    *,
     name: Annotated[
         str,
         typer.Argument(metavar="NAME", help="What is written on it, such as A21-03, its id, or 'bay 2 level 3'."),
     ],
-    map_file: MapFile = Path("out/map.json"),
 ) -> None:
     """Say where in a map a structure is, or a place between structures."""
     from savmap.maps.map_file import read_map
     from savmap.maps.search import find_structures, places_within
     from savmap.report.site_report import places_of
 
-    site_map = read_map(map_file)
+    site_map = read_map(the_map(map_file, name))
     for hit in find_structures(site_map, name, lambda: places_of(site_map)):
         say(hit)
         if hit.slot is not None:
             say(f"  slot: {hit.slot}")
         for part in places_within(site_map, hit, places_of(site_map)):
             say(f"  {part}")
+    say(
+        f"x, y, z are in {'each' if len(site_map.rows) > 1 else 'the'} {OF_ROW} unless another is named; +- is one standard deviation"
+    )
 
 
 def measure(
+    map_file: FirstMap = None,
+    *,
     first: Annotated[str, typer.Argument(metavar="FROM", help="A vertex, such as 'upright 1 / right / bottom'.")],
     second: Annotated[str, typer.Argument(metavar="TO", help="Another; 'A: ...' says the row.")],
-    map_file: MapFile = Path("out/map.json"),
 ) -> None:
     """Say how far two vertices of a map are apart, and how sure that is."""
     from savmap.jobs import api
     from savmap.maps.map_file import read_map
 
-    say(api.measure(read_map(map_file), first, second))
+    apart = api.measure(read_map(the_map(map_file, second)), first, second)
+    say(apart)
+    say(
+        f"x, y, z are in {f'the {OF_ROW}' if apart.first.row == apart.second.row else OF_SITE}; +- is one standard deviation"
+    )

@@ -54,7 +54,7 @@ def read_labelme(
             (values[mapping.get(shape.label, shape.label)], [outline_of(shape, f"{path}: shapes[{index}]")])
             for index, shape in enumerate(drawn.shapes)
         ]
-        picture = picture_file(path, drawn.picture.replace("\\", "/"))
+        picture = picture_file(path, drawn.picture)
         if picture in samples:
             raise OutputError(f"{path}: {picture.name} is labelled in another file too; leave one of them out")
         samples[picture] = sample_in(home_of(folder), path, picture, drawn.size, regions)

@@ -10,6 +10,7 @@ import yaml
 from savmap.errors import OutputError
 from savmap.files import yaml_text
 from savmap.files.atomic import read_json, read_text
+from savmap.files.urls import likely, on_disk
 from savmap.train.data.coco import read_coco
 from savmap.train.data.dataset import NO_MAPPING, Dataset, Sample, read_dataset
 from savmap.train.data.labelme import is_labelme, read_labelme
@@ -45,8 +46,9 @@ def samples_of(datasets: Sequence[Dataset]) -> list[Sample]:
 def read_set(source: Path, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
     """One data set: a folder, or the JSON or YAML file of one. Raises OutputError, also for a folder that holds several: labels are
     corrected in one of them, and the others are out of date."""
+    source = on_disk(source)
     if not source.exists():
-        raise OutputError(f"{source}: no such file or folder; give {KINDS} (see docs/training.md)")
+        raise OutputError(f"{source}: no such file or folder{likely(source)}; give {KINDS} (see docs/training.md)")
     readers = dict(sets_in(source)) if source.is_dir() else {source: reader_of(source)}
     if not readers:
         raise OutputError(f"{source}: no {HEADER}, nor labels of another kind; give {KINDS} (see docs/training.md)")

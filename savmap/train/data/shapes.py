@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from savmap.errors import OutputError
+from savmap.files.urls import likely, on_disk
 from savmap.files.validation import one_line
 from savmap.label.polygons import Mask, Polygon, filled
 from savmap.train.data.dataset import Sample, group_in
@@ -97,18 +98,22 @@ def picture_file(path: Path, name: str) -> Path:
     subset = path.stem.removeprefix("instances_")
     bases = (path.parent, path.parent.parent)
     folders = [base / inner for base in bases for inner in (".", "images", f"images/{subset}", subset)]
-    file = next(
-        (
-            candidate
-            for relative in (name, Path(name).name)
-            for folder in folders
-            if (candidate := folder / relative).is_file()
-        ),
-        None,
-    )
+    places = [
+        on_disk(folder / part)
+        for relative in spellings(name)
+        for part in (relative, relative.name)
+        for folder in folders
+    ]
+    file = next(filter(Path.is_file, places), None)
     if file is None:
-        raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/; put the pictures there")
+        near = next(filter(None, map(likely, places)), "; put the pictures there")
+        raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/{near}")
     return file
+
+
+def spellings(name: str) -> tuple[Path, ...]:
+    """A path that a file of another program's names, as it stands there, and with the backslashes of Windows taken for slashes."""
+    return tuple(dict.fromkeys((Path(name), Path(name.replace("\\", "/")))))
 
 
 def sample_in(

@@ -7,8 +7,9 @@ from pydantic import BaseModel
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_text
+from savmap.files.urls import likely, on_disk
 from savmap.train.data.dataset import NO_MAPPING, Dataset, Sample, require_classes
-from savmap.train.data.shapes import Region, checked, polygon_of, require_pictures, sample_in, values_of
+from savmap.train.data.shapes import Region, checked, polygon_of, require_pictures, sample_in, spellings, values_of
 from savmap.video.image_folder import SUFFIXES, picture_size
 
 RENDERER = "labelled (YOLO segments)"
@@ -50,19 +51,23 @@ def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapp
 
 def pictures_at(path: Path, base: str, place: str) -> Iterator[Path]:
     """The pictures of a folder that data.yaml names, or of a list of files. Raises OutputError where there is neither."""
-    tried = [path.parent / base / place, path.parent / place, path.parent / place.removeprefix("../")]
+    folder, part = spellings(base)[-1], spellings(place)[-1]
+    inner = Path(*part.parts[1:]) if part.parts[:1] == ("..",) else part
+    tried = [on_disk(path.parent / one) for one in (folder / part, part, inner)]
     source = next((candidate for candidate in tried if _is_there(candidate)), None)
     if source is None:
+        near = next(filter(None, map(likely, tried)), "")
         raise OutputError(
-            f"{path}: there is no {place[:MOST_SHOWN]} beside it; put the pictures there, or correct the file"
+            f"{path}: there is no {place[:MOST_SHOWN]} beside it{near}; put the pictures there, or correct the file"
         )
     if source.is_dir():
         yield from (file for file in sorted(source.iterdir()) if file.suffix.lower() in SUFFIXES)
         return
     for line in filter(None, map(str.strip, read_text(source).splitlines())):
-        picture = source.parent / line
-        if not _is_there(picture) or not picture.is_file():
-            raise OutputError(f"{source}: there is no picture {line[:MOST_SHOWN]}")
+        places = [on_disk(source.parent / name) for name in spellings(line)]
+        picture = next((place for place in places if _is_there(place) and place.is_file()), None)
+        if picture is None:
+            raise OutputError(f"{source}: there is no picture {line[:MOST_SHOWN]}{likely(places[-1])}")
         yield picture
 
 

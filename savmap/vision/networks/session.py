@@ -10,6 +10,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from savmap.errors import ModelError
+from savmap.files.urls import likely
 from savmap.vision.networks.providers import choose, file_for, options, short
 from savmap.vision.networks.signature import OnnxSignature, read_signature
 
@@ -43,7 +44,7 @@ def open_network(
     Raises ModelError for a file that is missing or is no ONNX model.
     """
     if not path.is_file():
-        raise ModelError(f"{path}: no such model file; {ADVICE}")
+        raise ModelError(f"{path}: no such model file{likely(path)}; {ADVICE}")
     choice = choose(asked, available)
     notes = [choice.note] if choice.note else []
     failure: Exception | None = None

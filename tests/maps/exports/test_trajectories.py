@@ -2,6 +2,7 @@
 
 import json
 import os
+import stat
 import subprocess
 import sys
 import zipfile
@@ -83,6 +84,9 @@ def test_passes_are_not_mixed_in_one_tum_file(tmp_path: Path) -> None:
         export(site, tmp_path / "a.tum")
     export(site, tmp_path / "a.zip", "tum")
     assert zipfile.ZipFile(tmp_path / "a.zip").namelist() == ["A/back.tum", "A/there.tum"]
+    assert {stat.filemode(file.external_attr >> 16) for file in zipfile.ZipFile(tmp_path / "a.zip").filelist} == {
+        "-rw-r--r--"
+    }
 
 
 def test_no_two_rows_share_a_folder(tmp_path: Path) -> None:
